@@ -1,0 +1,37 @@
+# Every target does its own set-up: a virtual environment in .venv, made once and made again when pyproject.toml changes.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+
+.PHONY: demo test check bench flaky format clean
+
+demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
+	$(BIN)/axisbus demo
+
+test: $(READY)            ## all tests
+	$(BIN)/python -m pytest
+
+check: $(READY)           ## lint, format, types, layers
+	$(BIN)/ruff check src tests examples
+	$(BIN)/ruff format --check src tests examples
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(READY)           ## ratios against a baseline in the same run
+	$(BIN)/python tests/bench.py
+
+flaky: $(READY)           ## the tests 20 times under CPU load, with counts
+	$(BIN)/python tests/flaky.py
+
+format: $(READY)
+	$(BIN)/ruff check --fix src tests examples
+	$(BIN)/ruff format src tests examples
+
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot]'
+	touch $(READY)
+
+clean:
+	rm -rf $(VENV) demo-output .pytest_cache .mypy_cache .ruff_cache .hypothesis

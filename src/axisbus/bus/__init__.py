@@ -1,0 +1,1 @@
+"""One CAN channel through canopen and python-can: SDO, PDO, NMT, SYNC, heartbeat, EMCY."""

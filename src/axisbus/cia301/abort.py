@@ -1,0 +1,42 @@
+"""SDO abort codes (CiA 301 table 22) as texts that a person can act on."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+from axisbus.cia301.tables import rows
+
+
+class AbortText(NamedTuple):
+    """What an abort code says, and what a CiA 402 master's user should look at (may be empty)."""
+
+    text: str
+    hint: str
+
+
+TIMED_OUT = 0x0504_0000
+OBJECT_MISSING = 0x0602_0000
+SUBINDEX_MISSING = 0x0609_0011
+READ_ONLY = 0x0601_0002
+WRITE_ONLY = 0x0601_0001
+GENERAL = 0x0800_0000
+
+
+@cache
+def _table() -> dict[int, AbortText]:
+    return {
+        int(row["code"], 16): AbortText(row["text"], row["hint"]) for row in rows(__package__, "abort.tsv")
+    }
+
+
+def explain(code: int) -> AbortText:
+    """Return the standard's text for ``code``; an unknown code is said to be the device's own."""
+    return _table().get(code) or AbortText(
+        "not in CiA 301, specific to this device", "see the drive's manual"
+    )
+
+
+def describe(code: int) -> str:
+    """Return code and text in one line, such as ``0x06020000, Object does not exist in the object dictionary``."""
+    return f"0x{code:08X}, {explain(code).text}"

@@ -1,0 +1,75 @@
+"""Emergency messages (CiA 301 7.2.7) and the texts of their error codes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+from axisbus.cia301.tables import rows
+
+
+class Emcy(NamedTuple):
+    """One emergency message: error code, error register (1001h), five bytes of the maker's, receipt time in seconds."""
+
+    code: int
+    register: int
+    data: bytes
+    stamp: float
+
+    @property
+    def is_reset(self) -> bool:
+        """Whether it says that an error is gone (codes 00xxh)."""
+        return self.code & 0xFF00 == 0
+
+
+# Bits of the error register (CiA 301 7.5.2.2).
+REGISTER_BITS = {
+    0: "generic error",
+    1: "current",
+    2: "voltage",
+    3: "temperature",
+    4: "communication",
+    5: "device profile",
+    6: "reserved",
+    7: "manufacturer-specific",
+}
+
+
+def parse(data: bytes, stamp: float) -> Emcy:
+    """Read an emergency message; one shorter than 8 bytes (seen on real drives) is filled with zeros."""
+    full = bytes(data[:8]).ljust(8, b"\0")
+    return Emcy(int.from_bytes(full[:2], "little"), full[2], full[3:8], stamp)
+
+
+@cache
+def _codes() -> tuple[dict[int, str], dict[int, str]]:
+    exact: dict[int, str] = {}
+    classes: dict[int, str] = {}
+    for row in rows(__package__, "emcy.tsv"):
+        code = int(row["code"], 16)
+        (exact if row["match"] == "exact" else classes)[code] = row["name"]
+    return exact, classes
+
+
+def explain(code: int) -> str:
+    """Return the standard's text for an error code: the exact one, else that of its class."""
+    exact, classes = _codes()
+    if code in exact:
+        return exact[code]
+    for mask in (0xFFFF, 0xFF00, 0xF000):
+        if code & mask in classes:
+            text = classes[code & mask]
+            return text if code & mask == code else f"{text} (class of this code)"
+        if code & mask in exact and mask != 0xFFFF:
+            return f"{exact[code & mask]} (class of this code)"
+    return "not in CiA 301 or CiA 402"
+
+
+def describe(code: int) -> str:
+    """Return code and text in one line, such as ``0x8611, Following error``."""
+    return f"0x{code:04X}, {explain(code)}"
+
+
+def register_words(register: int) -> list[str]:
+    """Return the names of the bits set in an error register."""
+    return [name for bit, name in REGISTER_BITS.items() if register >> bit & 1]

@@ -1,0 +1,48 @@
+"""Network management (CiA 301 7.2.8, 7.3.2): commands and node states."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class NmtCommand(IntEnum):
+    """Command specifier of the NMT message on COB-ID 0."""
+
+    START = 1
+    STOP = 2
+    ENTER_PRE_OPERATIONAL = 128
+    RESET_NODE = 129
+    RESET_COMMUNICATION = 130
+
+
+class NmtState(IntEnum):
+    """State of a node as its heartbeat says it; an unknown one is kept as a member."""
+
+    INITIALISING = 0
+    STOPPED = 4
+    OPERATIONAL = 5
+    PRE_OPERATIONAL = 127
+    UNKNOWN = -1
+
+    @classmethod
+    def _missing_(cls, value: object) -> NmtState | None:
+        if not isinstance(value, int):
+            return None
+        member = int.__new__(cls, value)
+        member._name_ = f"STATE_{value}"
+        member._value_ = value
+        return member
+
+    @property
+    def text(self) -> str:
+        """The standard's word, such as ``pre-operational``."""
+        return self.name.lower().replace("_", "-")
+
+
+RESULT = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+    NmtCommand.RESET_NODE: NmtState.INITIALISING,
+    NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
+}

@@ -1,0 +1,41 @@
+"""The communication objects of CiA 301: their indices by name, and the table of what the standard says of each."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from axisbus.cia301.tables import rows
+
+DEVICE_TYPE = 0x1000
+ERROR_REGISTER = 0x1001
+PREDEFINED_ERROR_FIELD = 0x1003
+COB_ID_SYNC = 0x1005
+CYCLE_PERIOD = 0x1006
+DEVICE_NAME = 0x1008
+HARDWARE_VERSION = 0x1009
+SOFTWARE_VERSION = 0x100A
+GUARD_TIME = 0x100C
+LIFE_TIME_FACTOR = 0x100D
+STORE_PARAMETERS = 0x1010
+RESTORE_DEFAULTS = 0x1011
+COB_ID_EMCY = 0x1014
+CONSUMER_HEARTBEAT = 0x1016
+PRODUCER_HEARTBEAT = 0x1017
+IDENTITY = 0x1018
+ERROR_BEHAVIOR = 0x1029
+RPDO_COMMUNICATION = 0x1400
+RPDO_MAPPING = 0x1600
+TPDO_COMMUNICATION = 0x1800
+TPDO_MAPPING = 0x1A00
+
+# Sub-indices of 1018h.
+VENDOR_ID, PRODUCT_CODE, REVISION_NUMBER, SERIAL_NUMBER = 1, 2, 3, 4
+
+# Sub-indices of 14xxh and 18xxh.
+PDO_COB_ID, PDO_TRANSMISSION_TYPE, PDO_INHIBIT_TIME, PDO_EVENT_TIMER, PDO_SYNC_START = 1, 2, 3, 5, 6
+
+
+@cache
+def table() -> list[dict[str, str]]:
+    """Return the standard's rows: index, subindex, name, object_type, data_type, access, pdo_mappable, category, note."""
+    return rows(__package__, "objects.tsv")

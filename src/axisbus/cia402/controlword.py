@@ -1,0 +1,76 @@
+"""The controlword 6040h (CiA 402-2 8.4.1): commands of the power stage, and the bits that each mode gives a meaning."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+SWITCH_ON = 1 << 0
+ENABLE_VOLTAGE = 1 << 1
+QUICK_STOP = 1 << 2  # active low
+ENABLE_OPERATION = 1 << 3
+FAULT_RESET = 1 << 7
+HALT = 1 << 8
+
+# Profile position mode (8.4.1, 10.2).
+NEW_SET_POINT = 1 << 4
+CHANGE_SET_IMMEDIATELY = 1 << 5
+RELATIVE = 1 << 6  # never sent: see the design's rule that the master computes absolute targets
+CHANGE_ON_SET_POINT = 1 << 9
+
+# Homing mode (11.2).
+HOMING_START = 1 << 4
+
+# Interpolated position mode (12.2).
+ENABLE_INTERPOLATION = 1 << 4
+
+MODE_BITS = NEW_SET_POINT | CHANGE_SET_IMMEDIATELY | RELATIVE | CHANGE_ON_SET_POINT
+
+
+class Command(Enum):
+    """A command of the power stage and the controlword that gives it (CiA 402-2 table 27).
+
+    Fault reset acts on the *rising edge* of bit 7.
+    """
+
+    SHUTDOWN = 0x0006
+    SWITCH_ON = 0x0007
+    ENABLE_OPERATION = 0x000F
+    DISABLE_VOLTAGE = 0x0000
+    QUICK_STOP = 0x0002
+    FAULT_RESET = 0x0080
+
+    @property
+    def word(self) -> int:
+        """The controlword, without mode-specific bits and halt."""
+        return self.value
+
+
+# "Disable operation" is the same word as "switch on"; the state it is given in makes the difference.
+DISABLE_OPERATION = Command.SWITCH_ON
+
+
+def words(controlword: int) -> str:
+    """Return the controlword's command and set bits for a person, such as ``enable operation, halt``."""
+    named = [_command_text(controlword)]
+    if controlword & HALT:
+        named.append("halt")
+    named += [f"bit {bit}" for bit in (4, 5, 6, 9) if controlword >> bit & 1]
+    return ", ".join(named)
+
+
+def _command_text(controlword: int) -> str:
+    if controlword & FAULT_RESET:
+        return "fault reset"
+    for mask, value, text in _PATTERNS:
+        if controlword & mask == value:
+            return text
+    return "no command"
+
+
+_PATTERNS = (
+    (0x02, 0x00, "disable voltage"),
+    (0x06, 0x02, "quick stop"),
+    (0x07, 0x06, "shutdown"),
+    (0x0F, 0x0F, "enable operation"),
+    (0x0F, 0x07, "switch on / disable operation"),
+)

@@ -1,0 +1,165 @@
+"""The seam between motion and a drive: what one cycle brings in and takes out, and what a bus or a simulation must offer.
+
+``bus`` implements ``Port`` and ``Cycle`` over CAN, ``sim`` over arithmetic. Everything here is a plain value in raw increments
+that can be pickled, so that the scan can run in another process than the program that commands it. The values are NamedTuples
+because they are made in every cycle, where frozen dataclasses cost three times as much.
+
+All times are seconds of the monotonic clock that ``Cycle.now`` reads; indices are those of a single-axis device, a port adds its
+axis's offset (800h each).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple, Protocol
+
+from axisbus.cia301.emcy import Emcy
+
+
+class Sample(NamedTuple):
+    """A received value and when it was received."""
+
+    value: int
+    stamp: float
+
+
+class Source(Enum):
+    """How a value travels."""
+
+    SYNC_PDO = "synchronous PDO"
+    EVENT_PDO = "event-driven PDO"
+    SDO = "SDO"
+    NONE = "not available"
+
+
+class SdoRequest(NamedTuple):
+    """An SDO transfer that motion wants: ``value`` None reads (upload), a number writes (download)."""
+
+    id: int
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    subindex: int
+    value: int | None
+
+
+class SdoReply(NamedTuple):
+    """The end of a transfer: ``abort`` is None when it succeeded, else the code (0x05040000 also for no answer)."""
+
+    id: int
+    value: int | None
+    abort: int | None
+
+
+class Inputs(NamedTuple):
+    """What is known of a drive at the beginning of a cycle; a value never received is None.
+
+    ``operational`` holds when the node's NMT state is operational and its heartbeat (where watched) is not overdue; ``nmt`` is the
+    last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle.
+    """
+
+    now: float
+    operational: bool
+    statusword: Sample | None
+    mode: Sample | None
+    position: Sample | None
+    velocity: Sample | None
+    torque: Sample | None
+    demand: Sample | None
+    emcy: tuple[Emcy, ...] = ()
+    sdo: tuple[SdoReply, ...] = ()
+    nmt: int = -1
+
+
+class Outputs(NamedTuple):
+    """What a drive is to get in this cycle; None leaves a value as it was last sent.
+
+    A ``controlword`` of None sends nothing that holds 6040h. ``cancel`` names SDO requests that are no longer wanted.
+    ``nmt_stop`` asks for the NMT command *stop*, the last rung of the stop ladder.
+    """
+
+    controlword: int | None = None
+    mode: int | None = None
+    target_position: int | None = None
+    target_velocity: int | None = None
+    target_torque: int | None = None
+    sdo: tuple[SdoRequest, ...] = ()
+    cancel: tuple[int, ...] = ()
+    nmt_stop: bool = False
+
+
+# The names that Capabilities uses, and the CiA 402 object behind each.
+INPUT_OBJECTS = {
+    "statusword": 0x6041,
+    "mode": 0x6061,
+    "position": 0x6064,
+    "velocity": 0x606C,
+    "torque": 0x6077,
+    "demand": 0x6062,
+}
+OUTPUT_OBJECTS = {
+    "controlword": 0x6040,
+    "mode": 0x6060,
+    "target_position": 0x607A,
+    "target_velocity": 0x60FF,
+    "target_torque": 0x6071,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown."""
+
+    inputs: dict[str, Source]
+    outputs: dict[str, Source]
+    remappable: bool
+    max_age: dict[str, float]
+
+
+class Port(Protocol):
+    """One axis of a drive, as motion sees it."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """How its values travel."""
+
+    def read(self, now: float) -> Inputs:
+        """Return the newest values; does not block."""
+
+    def write(self, outputs: Outputs) -> None:
+        """Take the values for this cycle; does not block, sends nothing before ``Cycle.commit``."""
+
+
+class Cycle(Protocol):
+    """One bus, as the scan drives it. Every method raises ``BusError`` when the bus fails."""
+
+    def now(self) -> float:
+        """Return the monotonic time in seconds."""
+
+    def wait_until(self, t: float) -> None:
+        """Return when ``now() >= t``; a simulated plant advances in here."""
+
+    def commit(self) -> None:
+        """Send what the ports were given since the last commit."""
+
+    def sync(self) -> None:
+        """Send SYNC, where the bus has it."""
+
+    def heartbeat(self) -> None:
+        """Send our own heartbeat when it is due."""
+
+    def quick_stop_all(self) -> None:
+        """Send the last committed frames once more with a quick stop in each controlword, and one SYNC.
+
+        Never raises; used when the scan has failed.
+        """
+
+    def close(self) -> None:
+        """Release the bus."""
+
+
+class Waiter(Protocol):
+    """How a command's owner waits for its end: a condition in real time, a pump of the scan in virtual time."""
+
+    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
+        """Block until ``done()`` is true or ``timeout`` seconds passed; return ``done()``."""

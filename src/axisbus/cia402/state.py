@@ -1,0 +1,162 @@
+"""The power-stage state machine of CiA 402 as one table, and the planner that walks it.
+
+Theory of operation
+-------------------
+Two rules:
+
+1. The drive owns the state. We only see it in the statusword (``decode``), and we only ask, with the controlword.
+2. A plan is one step: from the state seen now and the state wanted, ``plan`` gives the command to send now, or None when there is
+   nothing to send. It remembers nothing, so a drive that jumps, falls into a fault or is slow is simply planned for again.
+
+``TRANSITIONS`` is the figure of CiA 402-2 (7.2, "state machine of the power drive system") with its numbers 0 to 16. ``plan``
+takes the shortest way over the transitions that a master may ask for (``_PLANNED``), and never passes through *operation enabled*
+on the way to somewhere else: a typing error must not energise a motor. *Quick stop active* is no way station either: the way down
+from *operation enabled* is 5, 6, 7, so that the drive's own disabling ramp and brake times are kept.
+
+Left out of every plan, on purpose:
+
+- 8 and 9 leave *operation enabled* past the drive's disabling ramp (9 lets the motor coast). They must be asked for by name.
+- 15 (fault reset) is a rising edge and a decision of its own; it belongs to ``reset``.
+- 16 (quick stop active to operation enabled) only happens where *operation enabled* itself is what was asked for.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum
+from functools import cache
+from typing import NamedTuple
+
+from axisbus.cia402.controlword import DISABLE_OPERATION, Command
+
+
+class State(Enum):
+    """A state of the power stage, by the standard's name."""
+
+    NOT_READY_TO_SWITCH_ON = "not ready to switch on"
+    SWITCH_ON_DISABLED = "switch on disabled"
+    READY_TO_SWITCH_ON = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    OPERATION_ENABLED = "operation enabled"
+    QUICK_STOP_ACTIVE = "quick stop active"
+    FAULT_REACTION_ACTIVE = "fault reaction active"
+    FAULT = "fault"
+    UNKNOWN = "unknown"
+
+
+_S = State
+# (mask, value, state): CiA 402-2 table 29. The order matters to nobody, the rows exclude each other.
+STATUSWORD_PATTERNS = (
+    (0x4F, 0x00, _S.NOT_READY_TO_SWITCH_ON),
+    (0x4F, 0x40, _S.SWITCH_ON_DISABLED),
+    (0x6F, 0x21, _S.READY_TO_SWITCH_ON),
+    (0x6F, 0x23, _S.SWITCHED_ON),
+    (0x6F, 0x27, _S.OPERATION_ENABLED),
+    (0x6F, 0x07, _S.QUICK_STOP_ACTIVE),
+    (0x4F, 0x0F, _S.FAULT_REACTION_ACTIVE),
+    (0x4F, 0x08, _S.FAULT),
+)
+
+
+class Transition(NamedTuple):
+    """One arrow of the figure; ``command`` is None where only the drive itself takes it."""
+
+    number: int
+    source: State | None  # None: any state
+    target: State
+    command: Command | None
+
+
+TRANSITIONS = (
+    Transition(0, None, _S.NOT_READY_TO_SWITCH_ON, None),
+    Transition(1, _S.NOT_READY_TO_SWITCH_ON, _S.SWITCH_ON_DISABLED, None),
+    Transition(2, _S.SWITCH_ON_DISABLED, _S.READY_TO_SWITCH_ON, Command.SHUTDOWN),
+    Transition(3, _S.READY_TO_SWITCH_ON, _S.SWITCHED_ON, Command.SWITCH_ON),
+    Transition(4, _S.SWITCHED_ON, _S.OPERATION_ENABLED, Command.ENABLE_OPERATION),
+    Transition(5, _S.OPERATION_ENABLED, _S.SWITCHED_ON, DISABLE_OPERATION),
+    Transition(6, _S.SWITCHED_ON, _S.READY_TO_SWITCH_ON, Command.SHUTDOWN),
+    Transition(7, _S.READY_TO_SWITCH_ON, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),
+    Transition(8, _S.OPERATION_ENABLED, _S.READY_TO_SWITCH_ON, Command.SHUTDOWN),
+    Transition(9, _S.OPERATION_ENABLED, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),
+    Transition(10, _S.SWITCHED_ON, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),
+    Transition(11, _S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, Command.QUICK_STOP),
+    Transition(12, _S.QUICK_STOP_ACTIVE, _S.SWITCH_ON_DISABLED, Command.DISABLE_VOLTAGE),  # or by itself
+    Transition(13, None, _S.FAULT_REACTION_ACTIVE, None),
+    Transition(14, _S.FAULT_REACTION_ACTIVE, _S.FAULT, None),
+    Transition(15, _S.FAULT, _S.SWITCH_ON_DISABLED, Command.FAULT_RESET),
+    Transition(16, _S.QUICK_STOP_ACTIVE, _S.OPERATION_ENABLED, Command.ENABLE_OPERATION),
+)
+
+_PLANNED = frozenset({2, 3, 4, 5, 6, 7, 11, 12, 16})
+
+_NEVER_PASSED = frozenset({_S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE})
+
+# What a master may ask for; the other states are the drive's own affair.
+TARGETS = frozenset(
+    {
+        _S.SWITCH_ON_DISABLED,
+        _S.READY_TO_SWITCH_ON,
+        _S.SWITCHED_ON,
+        _S.OPERATION_ENABLED,
+        _S.QUICK_STOP_ACTIVE,
+    }
+)
+
+# The power stage drives the motor in these.
+ENERGISED = frozenset({_S.OPERATION_ENABLED, _S.QUICK_STOP_ACTIVE, _S.FAULT_REACTION_ACTIVE})
+
+
+def decode(statusword: int) -> State:
+    """Return the state that a statusword shows; a pattern outside the table is ``State.UNKNOWN``."""
+    return _DECODED[statusword & 0x6F]
+
+
+def _decode(statusword: int) -> State:
+    for mask, value, state in STATUSWORD_PATTERNS:
+        if statusword & mask == value:
+            return state
+    return _S.UNKNOWN
+
+
+_DECODED = tuple(_decode(word) for word in range(0x70))
+
+
+@cache
+def plan(state: State, target: State) -> Command | None:
+    """Return the command that leads from ``state`` towards ``target``; None to wait (or when it is reached).
+
+    None also comes for states in which only the drive can act (not ready to switch on, fault reaction active), for *fault*, which
+    needs a reset first, and for an unknown state: what is not understood is not commanded.
+
+    Raises:
+        ValueError: ``target`` is no state that a master may ask for.
+    """
+    if target not in TARGETS:
+        raise ValueError(f"no drive can be asked for the state {target.value!r}")
+    route = _route(state, target)
+    return route[0].command if route else None
+
+
+def _route(state: State, target: State) -> list[Transition]:
+    """Return the shortest way by breadth-first search; empty when there, or when there is none."""
+    paths: deque[tuple[State, list[Transition]]] = deque([(state, [])])
+    seen = {state}
+    while paths:
+        here, path = paths.popleft()
+        if here is target:
+            return path
+        for arrow in _arrows(here, target):
+            if arrow.target not in seen:
+                seen.add(arrow.target)
+                paths.append((arrow.target, [*path, arrow]))
+    return []
+
+
+def _arrows(here: State, target: State) -> list[Transition]:
+    return [
+        arrow
+        for arrow in TRANSITIONS
+        if arrow.number in _PLANNED
+        and arrow.source is here
+        and (arrow.target is target or arrow.target not in _NEVER_PASSED)
+    ]

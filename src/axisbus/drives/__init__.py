@@ -1,0 +1,1 @@
+"""What is particular to a make of drive: identity, fault tables, quirks."""

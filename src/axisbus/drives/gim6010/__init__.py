@@ -1,0 +1,1 @@
+"""The GIM6010-8 joint module."""

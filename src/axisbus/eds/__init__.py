@@ -1,0 +1,1 @@
+"""EDS and DCF files: what they say, with line numbers."""

@@ -1,0 +1,206 @@
+"""What an EDS or DCF says, as frozen values with the line that each came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+
+from axisbus.cia301.datatypes import DataType, Value
+
+
+class ObjectType(IntEnum):
+    """Object code of CiA 301 table 42; an unknown one is kept as a member."""
+
+    NULL = 0
+    DOMAIN = 2
+    DEFTYPE = 5
+    DEFSTRUCT = 6
+    VAR = 7
+    ARRAY = 8
+    RECORD = 9
+
+    @classmethod
+    def _missing_(cls, value: object) -> ObjectType | None:
+        if not isinstance(value, int):
+            return None
+        member = int.__new__(cls, value)
+        member._name_ = f"OBJECT_{value:02X}"
+        member._value_ = value
+        return member
+
+
+class Severity(Enum):
+    """How bad a finding is: an error makes a tool or device fail, a warning deviates, a note is only worth knowing."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong or odd: ``line`` and ``column`` count from 1 (0: the whole file)."""
+
+    rule: str
+    severity: Severity
+    line: int
+    column: int
+    message: str
+    remedy: str = ""
+    index: int | None = None
+    subindex: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """An integer as the file gives it: a plain value, or one to which the node ID is added."""
+
+    value: int
+    plus_node_id: bool = False
+
+    def resolve(self, node_id: int | None) -> int:
+        """Return the value for a node (1 to 127); without a node ID the formula's constant part."""
+        return self.value + (node_id or 0) if self.plus_node_id else self.value
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One readable or writable entry: a VAR, or a sub-index of an ARRAY or RECORD.
+
+    ``low`` and ``high`` are None where the file gives no limit. ``default`` and ``parameter_value`` (DCF) are None where absent
+    or not understood; integers are ``Number``, because they may depend on the node ID.
+    """
+
+    index: int
+    subindex: int
+    name: str
+    data_type: DataType
+    access: str
+    default: Number | float | str | bytes | None = None
+    parameter_value: Number | float | str | bytes | None = None
+    low: Number | float | None = None
+    high: Number | float | None = None
+    pdo_mapping: bool = False
+    object_flags: int = 0
+    line: int = 0
+    object_type: ObjectType = ObjectType.VAR
+
+    @property
+    def readable(self) -> bool:
+        """Whether SDO may read it (ro, rw, rwr, rww, const)."""
+        return self.access != "wo"
+
+    @property
+    def writable(self) -> bool:
+        """Whether SDO may write it (wo, rw, rwr, rww)."""
+        return self.access in ("wo", "rw", "rwr", "rww")
+
+    @property
+    def bits(self) -> int | None:
+        """Size in bits, None where it varies."""
+        return self.data_type.bits
+
+    def initial(self, node_id: int | None) -> Value | None:
+        """Return the value after power-up for a node: the DCF's parameter value, else the default, else None."""
+        value = self.parameter_value if self.parameter_value is not None else self.default
+        return value.resolve(node_id) if isinstance(value, Number) else value
+
+
+@dataclass(frozen=True, slots=True)
+class Object:
+    """One index of the dictionary; a VAR or DOMAIN holds itself as sub-index 0."""
+
+    index: int
+    name: str
+    object_type: ObjectType
+    subs: Mapping[int, Variable]
+    line: int = 0
+
+    @property
+    def is_record(self) -> bool:
+        """Whether it has sub-indices (ARRAY, RECORD, DEFSTRUCT)."""
+        return self.object_type in (ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT)
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Identity of 1018h; None where the file does not say."""
+
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+
+
+@dataclass(frozen=True)
+class Eds:
+    """One EDS or DCF file: its objects, its information sections, and what was found odd while reading it.
+
+    ``info`` maps a section's lower-case name (``fileinfo``, ``deviceinfo``, ``devicecomissioning``, …) to its entries by lower-case
+    key. ``source`` is the path or name that messages show. ``mended`` is a text that the ``canopen`` library reads as we do.
+    """
+
+    source: str
+    objects: Mapping[int, Object]
+    info: Mapping[str, Mapping[str, str]]
+    findings: tuple[Finding, ...] = ()
+    mended: str = ""
+    node_id: int | None = None
+    _names: dict[str, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
+
+    def __contains__(self, index: int) -> bool:
+        return index in self.objects
+
+    def __iter__(self) -> Iterator[Object]:
+        return iter(self.objects.values())
+
+    def get(self, index: int, subindex: int = 0) -> Variable | None:
+        """Return the entry at ``index:subindex``, None where the file has none."""
+        found = self.objects.get(index)
+        return None if found is None else found.subs.get(subindex)
+
+    def find(self, name: str) -> Variable | None:
+        """Return the first entry of this name, case-insensitive; ``"Object.Sub-index name"`` names a sub-index."""
+        if not self._names:
+            self._names.update(_name_table(self.objects))
+        key = self._names.get(name.strip().lower())
+        return None if key is None else self.get(*key)
+
+    @property
+    def device_type(self) -> int | None:
+        """Default of 1000h, None where the file gives none."""
+        return self._default(0x1000, 0)
+
+    @property
+    def identity(self) -> Identity:
+        """Identity by the defaults of 1018h, else by [DeviceInfo]."""
+        device = self.info.get("deviceinfo", {})
+        return Identity(
+            self._default(0x1018, 1) or _integer(device.get("vendornumber")),
+            self._default(0x1018, 2) or _integer(device.get("productnumber")),
+            self._default(0x1018, 3) or _integer(device.get("revisionnumber")),
+        )
+
+    def _default(self, index: int, subindex: int) -> int | None:
+        variable = self.get(index, subindex)
+        return (
+            variable.default.value if variable is not None and isinstance(variable.default, Number) else None
+        )
+
+
+def _integer(text: str | None) -> int | None:
+    try:
+        return int(text or "", 0) or None
+    except ValueError:
+        return None
+
+
+def _name_table(objects: Mapping[int, Object]) -> dict[str, tuple[int, int]]:
+    names: dict[str, tuple[int, int]] = {}
+    for index, entry in objects.items():
+        if entry.is_record:
+            for subindex, sub in entry.subs.items():
+                names.setdefault(f"{entry.name}.{sub.name}".lower(), (index, subindex))
+        else:
+            names.setdefault(entry.name.lower(), (index, 0))
+    return names

@@ -1,0 +1,229 @@
+"""Every exception of axisbus, as one tree.
+
+::
+
+    AxisbusError
+    ├── UserError                    what was written or asked cannot be; nothing was sent
+    │   ├── ArgumentError            a value of a call: NaN, infinity, wrong type, missing default (also ValueError)
+    │   │   └── LimitError           a value beyond a limit of the axis or beyond the object's type
+    │   ├── StateError               not possible in the state that the axis or machine is in
+    │   ├── ConfigError              cell.toml, with file and line
+    │   └── EdsError                 an EDS or DCF that cannot serve, with file and line
+    ├── BusError                     the adapter, the wire or a node's communication
+    │   ├── AdapterError             the CAN adapter cannot be opened, refuses to send, or stopped receiving
+    │   ├── NodeError                a node: no answer, lost, rebooted
+    │   │   └── NodeTimeout          (also TimeoutError)
+    │   ├── SdoError                 an SDO transfer that failed
+    │   │   ├── SdoAbort             the drive refused it and said why
+    │   │   └── SdoTimeout           no answer (also TimeoutError)
+    │   ├── BootError                a node that could not be brought up, with step and object
+    │   └── ScanError                the cyclic scan ended
+    ├── DriveError                   the drive answers, but not as asked
+    │   ├── DriveFault               it reports a fault (CiA 402 state Fault)
+    │   ├── TransitionError          it does not follow the controlword (also TimeoutError)
+    │   ├── ModeError                it does not take the mode of operation
+    │   ├── SetPointError            it does not take the set-point
+    │   ├── MotionTimeout            it does not arrive in time (also TimeoutError)
+    │   ├── HomingError              homing failed
+    │   └── StaleError               a value that the command needs is too old or was never received
+    └── Interrupted                  the command ended because something else was wanted
+        ├── Replaced                 a newer command on the same axis took over
+        └── Stopped                  a stop took over: asked for, by policy, or on the way out
+
+Every error has three plain texts: ``message`` (what was asked and what happened, naming the object), ``observed`` (what was
+seen) and ``remedy`` (what to do first). Printing one shows all three.
+"""
+
+from __future__ import annotations
+
+
+class AxisbusError(Exception):
+    """Base of all; ``message``, ``observed`` and ``remedy`` are plain texts, empty where there is nothing to say."""
+
+    def __init__(self, message: str, *, observed: str = "", remedy: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.observed = observed
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        lines = [self.message]
+        if self.observed:
+            lines.append(f"  observed: {self.observed}")
+        if self.remedy:
+            lines.append(f"  remedy:   {self.remedy}")
+        return "\n".join(lines)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (type(self), self.__dict__.copy())
+
+
+def _rebuild(cls: type[AxisbusError], fields: dict[str, object]) -> AxisbusError:
+    error = cls.__new__(cls, fields["message"])
+    error.__dict__.update(fields)
+    return error
+
+
+class UserError(AxisbusError):
+    """What was written or asked for cannot be; nothing was sent."""
+
+
+class ArgumentError(UserError, ValueError):
+    """A value given to a call cannot be used."""
+
+
+class LimitError(ArgumentError):
+    """A value lies beyond a limit of the axis, or beyond what the object's data type holds."""
+
+
+class StateError(UserError):
+    """The axis or machine is in a state that does not allow what was asked."""
+
+
+class ConfigError(UserError):
+    """A cell file is wrong; ``file`` and ``line`` (counted from 1, 0 if unknown) say where."""
+
+    def __init__(
+        self, message: str, *, file: str = "", line: int = 0, observed: str = "", remedy: str = ""
+    ) -> None:
+        where = f"{file}:{line}: " if file and line else f"{file}: " if file else ""
+        super().__init__(where + message, observed=observed, remedy=remedy)
+        self.file = file
+        self.line = line
+
+
+class EdsError(ConfigError):
+    """An EDS or DCF file cannot serve; ``file`` and ``line`` say where."""
+
+
+class BusError(AxisbusError):
+    """The adapter, the wire, or a node's communication failed."""
+
+
+class AdapterError(BusError):
+    """The CAN adapter cannot be opened, refuses to send, or has stopped receiving."""
+
+
+class NodeError(BusError):
+    """A node is silent, lost or restarted; ``node`` is its node ID (1 to 127)."""
+
+    def __init__(self, message: str, *, node: int, observed: str = "", remedy: str = "") -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.node = node
+
+
+class NodeTimeout(NodeError, TimeoutError):
+    """A node did not answer in time."""
+
+
+class SdoError(BusError):
+    """An SDO transfer failed; ``node``, ``index`` and ``subindex`` name the object."""
+
+    def __init__(
+        self, message: str, *, node: int, index: int, subindex: int, observed: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.node = node
+        self.index = index
+        self.subindex = subindex
+
+
+class SdoAbort(SdoError):
+    """The drive refused an SDO transfer; ``code`` is the abort code of CiA 301."""
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        node: int,
+        index: int,
+        subindex: int,
+        code: int,
+        observed: str = "",
+        remedy: str = "",
+    ) -> None:
+        super().__init__(message, node=node, index=index, subindex=subindex, observed=observed, remedy=remedy)
+        self.code = code
+
+
+class SdoTimeout(SdoError, TimeoutError):
+    """The node did not answer an SDO request in time."""
+
+
+class BootError(BusError):
+    """A node could not be brought up; the fields name the step and, where there is one, the object."""
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        node: int,
+        step: str,
+        index: int | None = None,
+        subindex: int = 0,
+        observed: str = "",
+        remedy: str = "",
+    ) -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.node = node
+        self.step = step
+        self.index = index
+        self.subindex = subindex
+
+
+class ScanError(BusError):
+    """The cyclic scan of a bus ended; nothing moves under its control any more."""
+
+
+class DriveError(AxisbusError):
+    """The drive answers, but does not do what was asked; ``axis`` is the axis's name."""
+
+    def __init__(self, message: str, *, axis: str = "", observed: str = "", remedy: str = "") -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.axis = axis
+
+
+class DriveFault(DriveError):
+    """The drive reports a fault; ``code`` is its error code (object 603Fh), None where it was not read."""
+
+    def __init__(
+        self, message: str, *, axis: str = "", code: int | None = None, observed: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(message, axis=axis, observed=observed, remedy=remedy)
+        self.code = code
+
+
+class TransitionError(DriveError, TimeoutError):
+    """The drive does not follow the controlword in time."""
+
+
+class ModeError(DriveError):
+    """The drive does not take the mode of operation (6061h does not follow 6060h)."""
+
+
+class SetPointError(DriveError):
+    """The drive does not take the set-point (handshake of CiA 402 profile position mode)."""
+
+
+class MotionTimeout(DriveError, TimeoutError):
+    """The motion did not arrive by its deadline."""
+
+
+class HomingError(DriveError):
+    """Homing failed: the drive reports an error, was interrupted, or did not finish."""
+
+
+class StaleError(DriveError):
+    """A value that is needed was never received or is older than its maximum age."""
+
+
+class Interrupted(AxisbusError):
+    """The command ended because something else took over."""
+
+
+class Replaced(Interrupted):
+    """A newer command on the same axis took over."""
+
+
+class Stopped(Interrupted):
+    """A stop took over: asked for, ordered by the fault policy, or on the way out of the program."""

@@ -1,0 +1,1 @@
+"""PLCopen motion: axes, commands, groups and the scan, as pure step functions."""

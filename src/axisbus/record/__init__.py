@@ -1,0 +1,1 @@
+"""Recordings of axes over time, as files and plots."""

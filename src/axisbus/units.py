@@ -1,0 +1,89 @@
+"""Conversion between drive increments and engineering units, by factors computed once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from axisbus.errors import ArgumentError
+
+INT32_SPAN = 1 << 32
+INT32_HALF = 1 << 31
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Increments per unit, as an exact ratio and as the float that the cycle uses.
+
+    ``factor`` may be negative: the master then turns the direction (see ``invert`` in cell.toml).
+    """
+
+    exact: Fraction
+    factor: float
+    unit: str
+
+    @classmethod
+    def of(cls, increments_per_unit: int | float | str | Fraction, unit: str) -> Scale:
+        """Make a scale from increments per unit; a text may be a ratio such as ``"131072/360"``.
+
+        Raises:
+            ArgumentError: the number is zero, not finite, or no number.
+        """
+        try:
+            exact = Fraction(increments_per_unit)
+        except (ValueError, TypeError, OverflowError, ZeroDivisionError):
+            raise ArgumentError(
+                f"{increments_per_unit!r} is no scale",
+                remedy='give increments per unit as a number, or as a ratio such as "131072/360"',
+            ) from None
+        if exact == 0:
+            raise ArgumentError("a scale of 0 increments per unit", remedy="give the increments of one unit")
+        return cls(exact, float(exact), unit)
+
+    def to_increments(self, value: float) -> int:
+        """Turn ``value`` in units into increments, rounded to the nearest (halves to even).
+
+        Raises:
+            ArgumentError: the value is NaN or infinite.
+        """
+        if not math.isfinite(value):
+            raise ArgumentError(f"{value} {self.unit} is no finite number")
+        return round(value * self.factor)
+
+    def to_units(self, increments: float) -> float:
+        """Turn increments into units."""
+        return increments / self.factor
+
+    def inverted(self) -> Scale:
+        """Return the same scale with its direction turned."""
+        return Scale(-self.exact, -self.factor, self.unit)
+
+
+def unwrap(previous: int, raw: int) -> int:
+    """Continue a position count across the wrap of its INTEGER32.
+
+    ``previous`` is the unwrapped position before, ``raw`` the value just received (−2³¹ … 2³¹−1). The result is the count
+    congruent to ``raw`` modulo 2³² that lies nearest to ``previous``.
+    """
+    step = (raw - previous + INT32_HALF) % INT32_SPAN - INT32_HALF
+    return previous + step
+
+
+def wrap(position: int) -> int:
+    """Bring an unwrapped position back into INTEGER32, as the drive counts it."""
+    return (position + INT32_HALF) % INT32_SPAN - INT32_HALF
+
+
+def modulo_target(current: float, target: float, span: float, direction: int = 0) -> float:
+    """Return the position congruent to ``target`` modulo ``span`` that a move from ``current`` should end at.
+
+    ``direction`` 0 takes the shortest way, 1 the positive, -1 the negative. All values in the same unit; ``span`` > 0.
+    """
+    forward = (target - current) % span
+    if direction > 0:
+        return current + forward
+    backward = forward - span if forward else 0.0
+    if direction < 0:
+        return current + backward
+    return current + (forward if forward <= -backward or not backward else backward)
