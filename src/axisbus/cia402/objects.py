@@ -85,4 +85,7 @@ def table() -> list[dict[str, str]]:
 @cache
 def names() -> dict[int, str]:
     """Return the standard's name of each object by its index."""
-    return {int(row["index"], 16): row["name"] for row in table() if row["subindex"] in ("", "0x00")}
+    found: dict[int, str] = {}
+    for row in table():
+        found.setdefault(int(row["index"], 16), row["name"])  # an object's own row comes before its sub-indices
+    return found

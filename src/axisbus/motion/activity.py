@@ -1,0 +1,166 @@
+"""What every command is made of: a step function that is called once per cycle until it says that it has ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from axisbus.cia301 import abort
+from axisbus.cia402 import modes, objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import DriveError, ModeError, StaleError
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+
+
+class Activity(Protocol):
+    """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``."""
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Do one cycle's work; return True when the command has ended well."""
+
+
+class Transfers:
+    """SDO transfers of one command, asked for together and awaited together; holds the outstanding request ids."""
+
+    __slots__ = ("_deadline", "_items", "_name", "_pending", "_started", "values")
+
+    def __init__(self, items: Sequence[tuple[int, int, int | None]], parameters: AxisParameters) -> None:
+        """``items`` are (index, sub-index, value to write or None to read)."""
+        self._items = items
+        self._name = parameters.name
+        self._deadline = parameters.timing.sdo
+        self._pending: dict[int, tuple[int, int]] = {}
+        self._started = False
+        self.values: dict[tuple[int, int], int] = {}
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when all have succeeded.
+
+        Raises:
+            DriveError: the drive refused one, or did not answer in time.
+        """
+        if not self._started:
+            self._start(image, order)
+        for request in [number for number in self._pending if number in image.replies]:
+            self._take(image, request)
+        if self._pending and image.now > self._deadline:
+            index, subindex = next(iter(self._pending.values()))
+            self.cancel(order)
+            raise DriveError(
+                f"{self._name}: {object_text(index, subindex)}: the drive did not answer the SDO request",
+                axis=self._name,
+                remedy="check cable and bus load; a drive that is busy storing parameters answers late",
+            )
+        return not self._pending
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is still queued."""
+        order.cancel.extend(self._pending)
+        self._pending.clear()
+
+    def _start(self, image: Image, order: Order) -> None:
+        self._started = True
+        self._deadline += image.now
+        for index, subindex, value in self._items:
+            self._pending[order.request(index, subindex, value)] = (index, subindex)
+
+    def _take(self, image: Image, request: int) -> None:
+        index, subindex = self._pending.pop(request)
+        reply = image.replies[request]
+        if reply.abort is not None:
+            raise DriveError(
+                f"{self._name}: {object_text(index, subindex)}: the drive refused the SDO transfer",
+                axis=self._name,
+                observed=f"abort code {abort.describe(reply.abort)}",
+                remedy=abort.explain(reply.abort).hint or "see what the drive's manual says of this object",
+            )
+        if reply.value is not None:
+            self.values[index, subindex] = reply.value
+
+
+class ModeSwitch:
+    """Brings the drive into a mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
+
+    Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
+    enabled), velocity and torque targets are 0.
+    """
+
+    __slots__ = ("_deadline", "_mode", "_parameters", "_reference")
+
+    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters) -> None:
+        self._mode = mode
+        self._parameters = parameters
+        self._deadline: float | None = None
+        self._reference: int | None = None
+
+    @property
+    def reference(self) -> int | None:
+        """The position that was preloaded, None before the first step."""
+        return self._reference
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive shows the mode.
+
+        Raises:
+            ModeError: 6061h does not follow in time.
+        """
+        if self._deadline is None:
+            self._deadline = image.now + self._parameters.timing.mode
+            self._reference = image.reference
+        if image.mode == self._mode:
+            return True
+        order.mode = self._mode
+        preload(order, self._reference)
+        if image.now > self._deadline:
+            raise self._refused(image)
+        return False
+
+    def _refused(self, image: Image) -> ModeError:
+        asked = f"{int(self._mode)} ({modes.short(self._mode)})"
+        name = self._parameters.name
+        claimed = self._mode in self._parameters.modes
+        shown = (
+            "is unknown"
+            if image.mode is None
+            else f"stays at {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
+        )
+        return ModeError(
+            f"{name}: the drive does not take mode {asked}",
+            axis=name,
+            observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
+            f"6502h {'says that the mode is supported' if claimed else 'does not list the mode'}",
+            remedy="use another mode, or check in the drive's manual when it takes this one (some only while enabled, "
+            "some only with a licence or a wired encoder)",
+        )
+
+
+def preload(order: Order, reference: int | None) -> None:
+    """Set targets that move nothing: the reference position, velocity 0, torque 0."""
+    order.target_position = reference
+    order.target_velocity = 0
+    order.target_torque = 0
+
+
+def object_text(index: int, subindex: int = 0) -> str:
+    """Return an object's number and name, such as ``6081h profile velocity``."""
+    name = objects.names().get(index, "")
+    number = f"{index:04X}h:{subindex:02X}" if subindex else f"{index:04X}h"
+    return f"{number} {name.lower()}".rstrip()
+
+
+def require_position(image: Image, name: str, why: str) -> int:
+    """Return the unwrapped actual position.
+
+    Raises:
+        StaleError: it is unknown.
+    """
+    if image.position is None:
+        raise StaleError(
+            f"{name}: the actual position (6064h) is unknown, and {why} needs it",
+            axis=name,
+            observed="it was never received, or the last one is too old",
+            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows how it travels)",
+        )
+    return image.position

@@ -1,0 +1,136 @@
+"""What a user can ask of an axis, as frozen values in increments that can be pickled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.motion.homing import HomingJob
+from axisbus.motion.profile import Profile
+from axisbus.motion.trajectory import Trajectory
+
+
+class Reference(Enum):
+    """What the number of a move counts from."""
+
+    ABSOLUTE = "absolute"
+    RELATIVE = "relative"  # to the actual position when the move starts
+    ADDITIVE = "additive"  # to the last commanded position
+
+
+@dataclass(frozen=True, slots=True)
+class Enable:
+    """MC_Power, on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Disable:
+    """MC_Power, off; ``coast`` cuts the power at once (transition 9)."""
+
+    coast: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """MC_Reset."""
+
+
+@dataclass(frozen=True, slots=True)
+class Halt:
+    """MC_Halt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """MC_Stop: locks the axis until ``Release``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """The end of MC_Stop's lock."""
+
+
+@dataclass(frozen=True, slots=True)
+class QuickStop:
+    """Quick stop of the drive (605Ah)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive: ``value`` in increments, from the reference."""
+
+    reference: Reference
+    value: int
+    profile: Profile
+
+
+@dataclass(frozen=True, slots=True)
+class MoveVelocity:
+    """MC_MoveVelocity; ``profile.velocity`` is signed. ``life`` in seconds: MC_Jog, ends unless renewed."""
+
+    profile: Profile
+    life: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueControl:
+    """MC_TorqueControl: ``torque`` in 0.1 % of rated torque, ``slope`` in 0.1 %/s (None: as the drive has it)."""
+
+    torque: int
+    slope: int | None
+    timeout: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """MC_Home."""
+
+    job: HomingJob
+
+
+@dataclass(frozen=True, slots=True)
+class SetPosition:
+    """MC_SetPosition: the actual position is called ``position`` (increments) from now on."""
+
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class FollowTrajectory:
+    """A trajectory in cyclic synchronous position mode."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Shutdown:
+    """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
+
+    reason: str
+    quick: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyStop:
+    """A halt that the fault policy orders because of another axis."""
+
+    reason: str
+
+
+Command = (
+    Enable
+    | Disable
+    | Reset
+    | Halt
+    | Stop
+    | Release
+    | QuickStop
+    | Move
+    | MoveVelocity
+    | TorqueControl
+    | Home
+    | SetPosition
+    | FollowTrajectory
+    | Shutdown
+    | PolicyStop
+)

@@ -1,0 +1,140 @@
+"""Why something failed: what was seen of the drive, put into words, and what to check first."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from axisbus.cia301 import emcy
+from axisbus.cia301.nmt import NmtState
+from axisbus.cia402 import modes, objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import State
+from axisbus.errors import AxisbusError, DriveFault
+from axisbus.motion.activity import Transfers
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+
+_RECENT = 5.0  # seconds that an EMCY counts as belonging to what happens now
+
+# What to check first, by class of the error code (first hex digit, then the exact ones that deserve their own).
+_REMEDY_BY_CLASS = {
+    0x2: "look for a short circuit, a blocked axis, or acceleration and torque limits that ask for too much current",
+    0x3: "measure the supply: too high while braking needs a brake chopper, too low a stronger supply or thicker cable",
+    0x4: "let it cool down; check load, duty cycle and ventilation",
+    0x5: "a hardware fault of the drive: see its manual",
+    0x6: "check the drive's parameters (a value out of range, or not stored)",
+    0x7: "check motor, encoder and brake with their cables",
+    0x8: "check load, tuning and limits",
+    0x9: "an external fault input is active: see what is wired to it",
+}
+_REMEDY_BY_CODE = {
+    0x8130: "the drive missed our heartbeat: check cable, termination and that this program was not starved of time",
+    0x8140: "the bus went off: check termination, bit rate and cable",
+    0x8611: "the axis does not follow its demand: blocked, too high acceleration, bad tuning, or a following error window (6065h) "
+    "that is too narrow",
+    0x8612: "a limit switch or software limit (607Dh) was reached: move away from it, check the limits",
+    0x7121: "the motor is blocked: look at the mechanics and the brake",
+}
+
+
+class History:
+    """The last states and emergency messages of one drive; bounded."""
+
+    __slots__ = ("emcy", "states")
+
+    def __init__(self) -> None:
+        self.states: deque[tuple[float, State]] = deque(maxlen=8)
+        self.emcy: deque[emcy.Emcy] = deque(maxlen=16)
+
+    def note(self, image: Image) -> None:
+        """Take what is new in this cycle."""
+        if not self.states or self.states[-1][1] is not image.state:
+            self.states.append((image.now, image.state))
+        if image.emcy:
+            self.emcy.extend(image.emcy)
+
+    def path(self) -> str:
+        """Return the last states in order, for a person."""
+        return " > ".join(state.value for _, state in list(self.states)[-4:])
+
+    def recent_emcy(self, now: float) -> list[emcy.Emcy]:
+        """Return the emergency messages (no resets) of the last seconds."""
+        return [entry for entry in self.emcy if now - entry.stamp < _RECENT and not entry.is_reset]
+
+
+class FaultStory:
+    """Collects what a drive says of its fault: 603Fh and the make's own objects; holds the transfers."""
+
+    __slots__ = ("_deadline", "_parameters", "_transfers", "done")
+
+    def __init__(self, parameters: AxisParameters, now: float) -> None:
+        self._parameters = parameters
+        items: list[tuple[int, int, int | None]] = [(objects.ERROR_CODE, 0, None)]
+        items += [(index, subindex, None) for index, subindex in parameters.fault_objects]
+        wanted = [item for item in items if parameters.has(item[0])]
+        self._transfers = Transfers(wanted, parameters)
+        self._deadline = now + parameters.timing.diagnosis
+        self.done = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when all is known, or no more will be."""
+        try:
+            self.done = self._transfers.step(image, order)
+        except AxisbusError:
+            self.done = True  # a drive that refuses to explain itself is still in fault: tell what is known
+        if image.now > self._deadline:
+            self._transfers.cancel(order)
+            self.done = True
+        return self.done
+
+    def tell(self, doing: str, image: Image, history: History) -> DriveFault:
+        """Return the error that explains the fault."""
+        name, values = self._parameters.name, dict(self._transfers.values)
+        recent = history.recent_emcy(image.now)
+        code = values.pop((objects.ERROR_CODE, 0), None)
+        if not code and recent:
+            code = recent[-1].code
+        texts = [f"error code {emcy.describe(code)}" if code else "no error code could be read (603Fh)"]
+        texts += self._parameters.explain_fault(code or 0, values)
+        texts += [f"EMCY {emcy.describe(entry.code)}{_register(entry)}" for entry in recent[-2:]]
+        texts.append(f"path: {history.path()}")
+        return DriveFault(
+            f"{name}: the drive went into fault{doing}",
+            axis=name,
+            code=code,
+            observed="; ".join(texts),
+            remedy=f"{remedy(code)}; then reset it: axis.reset()",
+        )
+
+
+def remedy(code: int | None) -> str:
+    """Return what to check first for an error code."""
+    if not code:
+        return "read the drive's error history (1003h)"
+    return (
+        _REMEDY_BY_CODE.get(code)
+        or _REMEDY_BY_CLASS.get(code >> 12)
+        or "see the drive's manual for this error code"
+    )
+
+
+def _register(entry: emcy.Emcy) -> str:
+    words = emcy.register_words(entry.register)
+    return f" (error register: {', '.join(words)})" if words else ""
+
+
+def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
+    """Add to ``error.observed`` what was seen of the drive and is not said yet: mode, EMCY, NMT state, age of the last word."""
+    texts = [error.observed] if error.observed else []
+    texts.append(f"drive: {history.path()}")
+    if image.mode is not None:
+        texts.append(f"mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})")
+    texts += [f"EMCY {emcy.describe(entry.code)}" for entry in history.recent_emcy(image.now)[-2:]]
+    if not image.operational:
+        texts.append(f"NMT state {NmtState(image.nmt).text}")
+    age = image.now - image.statusword_stamp
+    if 0.5 < age < 1e6:
+        texts.append(f"last statusword {age:.3g} s ago")
+    error.observed = "; ".join(texts)
+    return error

@@ -1,0 +1,234 @@
+"""The handle of a command: waitable, awaitable, and never failing in silence."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable
+from enum import Enum
+
+from axisbus.cia402.port import Waiter
+from axisbus.errors import AxisbusError, Interrupted, StateError
+
+log = logging.getLogger("axisbus")
+
+
+class Status(Enum):
+    """How far a command is."""
+
+    BUSY = "busy"  # accepted or about to be
+    ACTIVE = "active"  # it has control of the axis
+    DONE = "done"
+    ABORTED = "aborted"  # another command or a stop took over
+    ERROR = "error"
+
+
+_ENDED = frozenset({Status.DONE, Status.ABORTED, Status.ERROR})
+
+
+class Handle:
+    """One command under way.
+
+    ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise what ended the command. A handle that
+    failed and was never looked at is reported by name when it is dropped.
+    """
+
+    __slots__ = ("__weakref__", "_callbacks", "_looked", "_waiter", "error", "name", "status")
+
+    def __init__(self, name: str, waiter: Waiter) -> None:
+        """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``."""
+        self.name = name
+        self.status = Status.BUSY
+        self.error: AxisbusError | None = None
+        self._waiter = waiter
+        self._looked = False
+        self._callbacks: list[Callable[[], None]] = []
+
+    def __repr__(self) -> str:
+        return f"<Handle {self.name}: {self.status.value}>"
+
+    @property
+    def busy(self) -> bool:
+        """Whether the command has not ended."""
+        return self.status not in _ENDED
+
+    @property
+    def active(self) -> bool:
+        """Whether the command has control of the axis."""
+        return self.status is Status.ACTIVE
+
+    @property
+    def done(self) -> bool:
+        """Whether the command ended well."""
+        return self._look() is Status.DONE
+
+    @property
+    def aborted(self) -> bool:
+        """Whether something else took over."""
+        return self._look() is Status.ABORTED
+
+    def exception(self) -> AxisbusError | None:
+        """Return what ended the command badly, None if nothing did (yet)."""
+        self._look()
+        return self.error
+
+    def wait(self, timeout: float | None = None) -> Handle:
+        """Block until the command has ended, at most ``timeout`` seconds, and return the handle.
+
+        Raises:
+            TimeoutError: it has not ended; it goes on.
+            AxisbusError: what ended it badly.
+        """
+        if not self._waiter.wait(self._ended, timeout):
+            raise TimeoutError(f"{self.name}: not ended after {timeout:g} s; it goes on")
+        self._look()
+        if self.error is not None:
+            raise self.error
+        return self
+
+    def __await__(self) -> Generator[object, None, Handle]:
+        """Wait within asyncio; cancelling the task cancels the wait, not the motion."""
+        yield from _await(self, self._waiter).__await__()
+        self._look()
+        if self.error is not None:
+            raise self.error
+        return self
+
+    def finish(self, status: Status, error: AxisbusError | None = None) -> None:
+        """End the command; called once, by the scan. A second call changes nothing."""
+        if self.status in _ENDED:
+            return
+        self.error = error
+        self.status = status
+        callbacks, self._callbacks = self._callbacks, []
+        for callback in callbacks:
+            callback()
+
+    def add_done_callback(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` (in the scan's thread, so be quick) when the command has ended; at once if it has."""
+        if self._ended():
+            callback()
+        else:
+            self._callbacks.append(callback)
+            if self._ended() and callback in self._callbacks:  # it ended in between
+                self._callbacks.remove(callback)
+                callback()
+
+    def _ended(self) -> bool:
+        return self.status in _ENDED
+
+    def _look(self) -> Status:
+        if self._ended():
+            self._looked = True
+        return self.status
+
+    def __del__(self) -> None:
+        if self.status is Status.ERROR and not self._looked:
+            log.error("%s failed, and nobody looked at its handle:\n%s", self.name, self.error)
+
+
+async def _await(handle: Handle, waiter: Waiter) -> None:
+    pump = getattr(waiter, "pump", None)
+    if pump is not None:
+        while handle.busy:
+            pump()
+            await asyncio.sleep(0)
+        return
+    loop = asyncio.get_running_loop()
+    ended = loop.create_future()
+
+    def tell() -> None:
+        if not ended.done():
+            ended.set_result(None)
+
+    def tell_loop() -> None:
+        loop.call_soon_threadsafe(tell)
+
+    handle.add_done_callback(tell_loop)
+    await ended
+
+
+def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> list[Handle]:
+    """Block until all commands have ended, at most ``timeout`` seconds in all; return their handles.
+
+    Raises:
+        TimeoutError: some have not ended; they go on.
+        ExceptionGroup: all that failed, after all have ended. The first failure stops nobody by itself (the fault policy does).
+    """
+    flat = _flatten(handles)
+    deadline = None if timeout is None else time.monotonic() + timeout
+    failures: list[Exception] = []
+    for handle in flat:
+        left = None if deadline is None else max(0.0, deadline - time.monotonic())
+        try:
+            handle.wait(left)
+        except TimeoutError as error:
+            if handle.busy:
+                raise
+            failures.append(error)
+        except AxisbusError as error:
+            failures.append(error)
+    if failures:
+        raise ExceptionGroup(f"{len(failures)} of {len(flat)} commands failed", failures)
+    return flat
+
+
+def _flatten(handles: tuple[Handle | Iterable[Handle], ...]) -> list[Handle]:
+    flat: list[Handle] = []
+    for item in handles:
+        if isinstance(item, Handle):
+            flat.append(item)
+        else:
+            flat.extend(item)
+    return flat
+
+
+class ThreadWaiter:
+    """Waiting in real time: a condition that the scan signals after each cycle in which a command ended.
+
+    It sleeps in slices, so that a signal handler runs in time on every platform.
+    """
+
+    def __init__(self) -> None:
+        self._condition = threading.Condition()
+        self.scan_thread: int | None = None
+
+    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
+        """Block until ``done()``; see ``Waiter``.
+
+        Raises:
+            StateError: called in the scan's own thread, which would wait for itself.
+        """
+        if threading.get_ident() == self.scan_thread:
+            raise StateError("a command cannot be waited for in the scan's own thread")
+        deadline = None if timeout is None else time.monotonic() + timeout
+        with self._condition:
+            while not done():
+                left = 0.1 if deadline is None else min(0.1, deadline - time.monotonic())
+                if left <= 0:
+                    break
+                self._condition.wait(left)
+        return done()
+
+    def notify(self) -> None:
+        """Wake everybody who waits."""
+        with self._condition:
+            self._condition.notify_all()
+
+
+class _Nobody:
+    """Waits for nothing: for handles that the scan keeps for itself."""
+
+    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:  # noqa: ARG002  # the protocol's shape
+        """Return whether it has ended already."""
+        return done()
+
+
+NOBODY = _Nobody()
+
+
+def end_as(error: AxisbusError) -> Status:
+    """Return how a command ends that ``error`` ended."""
+    return Status.ABORTED if isinstance(error, Interrupted) else Status.ERROR

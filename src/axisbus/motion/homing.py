@@ -1,0 +1,125 @@
+"""Homing (CiA 402-2 11): the drive searches its home by one of the methods of 6098h."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402 import homing, objects
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import HomingError
+from axisbus.motion.activity import ModeSwitch, Transfers
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+
+
+@dataclass(frozen=True, slots=True)
+class HomingJob:
+    """One homing: method of 6098h, speeds and acceleration in the drive's increments (None: not written), time-out in s."""
+
+    method: int
+    speed_switch: int | None
+    speed_zero: int | None
+    acceleration: int | None
+    timeout: float
+
+    def writes(self, parameters: AxisParameters) -> list[tuple[int, int, int | None]]:
+        """Return the SDO writes that set it up, for the objects that the drive has."""
+        wanted = (
+            (objects.HOMING_METHOD, 0, self.method),
+            (objects.HOMING_SPEEDS, 1, self.speed_switch),
+            (objects.HOMING_SPEEDS, 2, self.speed_zero),
+            (objects.HOMING_ACCELERATION, 0, self.acceleration),
+        )
+        return [
+            (index, subindex, value)
+            for index, subindex, value in wanted
+            if value is not None and parameters.has(index)
+        ]
+
+
+class _Step(Enum):
+    PREPARE = 1
+    LOW = 2
+    SEARCH = 3
+
+
+class HomingRun:
+    """A homing under way: mode and objects, a real rising edge of bit 4, then *attained and reached*; holds the step."""
+
+    mode = ModeOfOperation.HOMING
+
+    def __init__(self, job: HomingJob, parameters: AxisParameters) -> None:
+        self._job = job
+        self._parameters = parameters
+        self._mode = ModeSwitch(ModeOfOperation.HOMING, parameters)
+        self._transfers = Transfers(job.writes(parameters), parameters)
+        self._step = _Step.PREPARE
+        self._since = 0.0
+        self._seen_low = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive reports home attained and stands.
+
+        Raises:
+            HomingError: the drive reports a homing error, or the time-out has passed.
+        """
+        if self._step is _Step.PREPARE:
+            self._prepare(image, order)
+        elif self._step is _Step.LOW:
+            self._edge(image)
+        if self._step is _Step.SEARCH:
+            order.bits = cw.HOMING_START
+            order.halt = False
+            return self._search(image)
+        return False
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._transfers.cancel(order)
+
+    def _prepare(self, image: Image, order: Order) -> None:
+        written = self._transfers.step(image, order)
+        if self._mode.step(image, order) and written:
+            self._step, self._since = _Step.LOW, image.now
+
+    def _edge(self, image: Image) -> None:
+        """Bit 4 has been low for two cycles in homing mode: now it may rise."""
+        if image.now >= self._since + 1.5 * self._parameters.scan_period:
+            self._step, self._since = _Step.SEARCH, image.now
+
+    def _search(self, image: Image) -> bool:
+        word = image.statusword
+        if word is not None and image.statusword_stamp > self._since:
+            if word & sw.HOMING_ERROR and self._settled(image):
+                raise self._error(image, "the drive reports a homing error (statusword bit 13)")
+            attained = word & sw.HOMING_ATTAINED and word & sw.TARGET_REACHED
+            if not word & sw.HOMING_ATTAINED:
+                self._seen_low = True
+            if attained and self._settled(image):
+                return True
+        if image.now > self._since + self._job.timeout:
+            raise self._error(image, f"home was not found within {self._job.timeout:g} s")
+        return False
+
+    def _settled(self, image: Image) -> bool:
+        """The bits speak of this run: they have been seen low, or (home in place) stand long after the edge."""
+        return self._seen_low or image.statusword_stamp > self._since + self._parameters.timing.settle
+
+    def _error(self, image: Image, why: str) -> HomingError:
+        name, method = self._parameters.name, self._job.method
+        word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
+        return HomingError(
+            f"{name}: homing by method {method} ({homing.describe(method)}) failed",
+            axis=name,
+            observed=f"{why}; {word}, attained (bit 12) {_bit(image, 12)}, reached (bit 10) {_bit(image, 10)}",
+            remedy="check the switch or index pulse that this method looks for, the homing speeds (6099h, not 0), and the "
+            "direction; the axis was halted",
+        )
+
+
+def _bit(image: Image, bit: int) -> int:
+    return 0 if image.statusword is None else image.statusword >> bit & 1

@@ -1,0 +1,44 @@
+"""Jogging: a velocity move that ends by itself unless it is renewed (dead man's handle in time)."""
+
+from __future__ import annotations
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import Stopped
+from axisbus.motion.commands import MoveVelocity
+from axisbus.motion.image import Image
+from axisbus.motion.moves import VelocityMove
+from axisbus.motion.order import Order
+
+
+class Jog:
+    """A velocity move with a life; holds when it ends."""
+
+    mode = ModeOfOperation.PROFILE_VELOCITY
+
+    def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:
+        self._move = move
+        self._profile = command.profile
+        self._until = image.now + (command.life or 0.0)
+        self.expired = False
+
+    def renew(self, command: MoveVelocity, image: Image) -> bool:
+        """Live on, if ``command`` asks for the same motion; return whether it does."""
+        if command.profile != self._profile or self.expired or command.life is None:
+            return False
+        self._until = image.now + command.life
+        return True
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the velocity is reached.
+
+        Raises:
+            Stopped: the life has ended; the core halts the axis.
+        """
+        if image.now > self._until:
+            self.expired = True
+            raise Stopped("jog was not renewed")
+        return self._move.step(image, order)
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._move.cancel(order)

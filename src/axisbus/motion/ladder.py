@@ -1,0 +1,227 @@
+"""The stop ladder: halt in the mode, quick stop, disable voltage, NMT stop; each rung with a deadline.
+
+Theory of operation
+-------------------
+Standstill on any rung ends the ladder (with the power stage taken down first, where that was asked for). A deadline only leads
+further down. A drive that no longer drives its motor (any state but *operation enabled*, *quick stop active*, *fault reaction
+active*) has stopped as far as a master can make it stop.
+
+Without a fresh statusword the ladder begins at *quick stop*: that word (0x0002) is safe in every state, whereas the word of *halt*
+contains *enable operation*. An axis that holds a load is never disabled before it stands: for it the ladder ends at *quick stop*.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402 import objects
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import ENERGISED, State
+from axisbus.motion.activity import preload
+from axisbus.motion.follow import Follow
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters, HoldsLoad
+
+
+class Rung(IntEnum):
+    """How hard the axis is being stopped."""
+
+    HALT = 0
+    QUICK_STOP = 1
+    DISABLE_VOLTAGE = 2
+    NMT_STOP = 3
+
+    @property
+    def text(self) -> str:
+        """The rung's name for a person."""
+        return self.name.lower().replace("_", " ").replace("nmt", "NMT")
+
+
+class Then(Enum):
+    """What follows standstill: stay energised and hold, or take the power stage down."""
+
+    HOLD = "hold"
+    DISABLE = "disable"
+
+
+_TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
+_HOLDING_MODES = (
+    ModeOfOperation.PROFILE_POSITION,
+    ModeOfOperation.CYCLIC_SYNC_POSITION,
+    ModeOfOperation.PROFILE_VELOCITY,
+)
+_NMT_STOP_TIME = 0.1
+
+
+class StopLadder:
+    """One axis on its way to a stop; holds the rung, its deadline, and whether the power stage is being taken down."""
+
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        then: Then,
+        *,
+        start: Rung = Rung.HALT,
+        follow: Follow | None = None,
+    ) -> None:
+        """``follow``: the trajectory that is being followed, if any; it is braked along its path."""
+        self._parameters = parameters
+        self._then = then
+        self.follow = follow
+        self._start = start
+        self._deadline: float | None = None
+        self._disabling = False
+        self._urgent_sent: Rung | None = None
+        self.rung = start
+        self.path: list[Rung] = [start]
+        self.confirmed = False
+
+    @property
+    def descended(self) -> bool:
+        """Whether a deadline led further down than where it began."""
+        return self.rung > self._start
+
+    def escalate(self, rung: Rung) -> None:
+        """Go down to ``rung`` at once, if it lies below."""
+        if rung > self.rung:
+            self._go(rung)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the axis has stopped, or nothing more can be done; ``confirmed`` tells which."""
+        if self._deadline is None:
+            self._deadline = image.now + self._time(self.rung)
+        if image.state not in ENERGISED and image.state is not State.UNKNOWN:
+            return self._unpowered(image, order)
+        if image.state is State.UNKNOWN and self.rung is Rung.HALT:
+            self._go(Rung.QUICK_STOP, image)
+        if self._disabling:
+            return self._take_down(image, order)
+        return _STEPS[self.rung](self, image, order)
+
+    def _unpowered(self, image: Image, order: Order) -> bool:
+        self.confirmed = True
+        order.goal = State.SWITCH_ON_DISABLED
+        if self._then is Then.HOLD or image.state in (State.SWITCH_ON_DISABLED, State.FAULT):
+            return True
+        return self._expired(image)
+
+    def _halt(self, image: Image, order: Order) -> bool:
+        if image.state is State.QUICK_STOP_ACTIVE:
+            self._go(Rung.QUICK_STOP, image)
+            return self._quick_stop(image, order)
+        if image.state is State.OPERATION_ENABLED:
+            order.goal = State.OPERATION_ENABLED
+            if self._halt_in_mode(image, order):
+                return self._stands(image, order)
+        return self._next_if_late(image, Rung.QUICK_STOP)
+
+    def _halt_in_mode(self, image: Image, order: Order) -> bool:
+        """Ask for a halt the way the mode wants it; return whether the axis stands."""
+        follow = self.follow
+        if follow is not None and image.mode == follow.mode and follow.begin_braking():
+            follow.step(image, order)
+            return follow.at_rest and image.standstill
+        if image.mode in _TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
+            self._hold_load(image, order)
+            return image.standstill and image.mode not in _TORQUE_MODES
+        order.halt = True
+        order.target_velocity = 0
+        order.target_torque = 0
+        return standing(image)
+
+    def _hold_load(self, image: Image, order: Order) -> None:
+        """A torque of 0 would drop the load: a mode that holds takes over."""
+        modes = [mode for mode in _HOLDING_MODES if mode in self._parameters.modes] or list(_HOLDING_MODES)
+        order.mode = modes[0]
+        preload(order, image.reference)
+        order.target_torque = None
+
+    def _stands(self, image: Image, order: Order) -> bool:
+        self.confirmed = True
+        if self._then is Then.HOLD:
+            return True
+        self._disabling = True
+        self._deadline = image.now + self._parameters.stop_times.disable
+        return self._take_down(image, order)
+
+    def _take_down(self, image: Image, order: Order) -> bool:
+        order.goal = State.SWITCH_ON_DISABLED
+        if self._expired(image):
+            self._disabling = False
+            self._go(Rung.DISABLE_VOLTAGE, image)
+        return False
+
+    def _quick_stop(self, image: Image, order: Order) -> bool:
+        order.word = cw.Command.QUICK_STOP.word
+        order.goal = State.QUICK_STOP_ACTIVE
+        order.target_velocity = 0
+        order.target_torque = 0
+        self._by_sdo(image, order)
+        if image.state is State.QUICK_STOP_ACTIVE and image.standstill:
+            return self._stands(image, order)
+        if self._must_hold(image):
+            return self._expired(image)
+        return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
+
+    def _must_hold(self, image: Image) -> bool:
+        return self._parameters.holds_load is not HoldsLoad.NO and not image.standstill
+
+    def _disable_voltage(self, image: Image, order: Order) -> bool:
+        order.word = cw.Command.DISABLE_VOLTAGE.word
+        order.goal = State.SWITCH_ON_DISABLED
+        self._by_sdo(image, order)
+        return self._next_if_late(image, Rung.NMT_STOP)
+
+    def _nmt_stop(self, image: Image, order: Order) -> bool:
+        order.word = cw.Command.DISABLE_VOLTAGE.word
+        order.nmt_stop = True
+        return self._expired(image)
+
+    def _by_sdo(self, image: Image, order: Order) -> None:
+        """A node that is not operational takes no PDO: the word goes by SDO, once per rung."""
+        if not image.operational and self._urgent_sent is not self.rung and order.word is not None:
+            self._urgent_sent = self.rung
+            order.request(objects.CONTROLWORD, 0, order.word)
+
+    def _next_if_late(self, image: Image, rung: Rung) -> bool:
+        if self._expired(image):
+            self._go(rung, image)
+        return False
+
+    def _expired(self, image: Image) -> bool:
+        return self._deadline is not None and image.now > self._deadline
+
+    def _go(self, rung: Rung, image: Image | None = None) -> None:
+        self.rung = rung
+        self.path.append(rung)
+        self._disabling = False
+        self._deadline = None if image is None else image.now + self._time(rung)
+
+    def _time(self, rung: Rung) -> float:
+        times = self._parameters.stop_times
+        return {
+            Rung.HALT: times.halt,
+            Rung.QUICK_STOP: times.quick_stop,
+            Rung.DISABLE_VOLTAGE: times.disable,
+            Rung.NMT_STOP: _NMT_STOP_TIME,
+        }[rung]
+
+
+_STEPS = {
+    Rung.HALT: StopLadder._halt,
+    Rung.QUICK_STOP: StopLadder._quick_stop,
+    Rung.DISABLE_VOLTAGE: StopLadder._disable_voltage,
+    Rung.NMT_STOP: StopLadder._nmt_stop,
+}
+
+
+def standing(image: Image) -> bool:
+    """Whether a halted axis stands: by its position, else its velocity, else the drive's word (bit 10 under halt)."""
+    if image.position is not None:
+        return image.standstill
+    if image.velocity is not None:
+        return image.velocity == 0
+    return image.statusword is not None and bool(image.statusword & sw.TARGET_REACHED)

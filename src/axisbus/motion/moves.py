@@ -1,0 +1,322 @@
+"""Moves in the profile modes: to a position (pp), at a velocity (pv), with a torque (tq)."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import objects
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import MotionTimeout, StaleError
+from axisbus.motion.activity import ModeSwitch, Transfers
+from axisbus.motion.gate import Gate
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.profile import Profile, duration
+from axisbus.motion.setpoint import Phase, SetPoint
+
+_WINDOW_FLOOR = 20  # increments
+_WINDOW_SHARE = 0.02  # of the move's distance
+
+
+class Prepare:
+    """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others."""
+
+    __slots__ = ("_gate", "_mode", "_prepared", "_transfers")
+
+    def __init__(self, mode: ModeSwitch, transfers: Transfers, gate: Gate) -> None:
+        self._mode = mode
+        self._transfers = transfers
+        self._gate = gate
+        self._prepared = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True from the cycle on in which the move may begin."""
+        if not self._prepared:
+            written = self._transfers.step(image, order)
+            self._prepared = self._mode.step(image, order) and written
+        return self._prepared and self._gate.pass_through(self)
+
+    def cancel(self, order: Order) -> None:
+        """Take back queued transfers."""
+        self._transfers.cancel(order)
+
+
+class PositionMove:
+    """A move in profile position mode: prepare, set-point handshake, arrival; holds its deadline and its progress."""
+
+    mode = ModeOfOperation.PROFILE_POSITION
+
+    def __init__(
+        self,
+        target: int,
+        profile: Profile,
+        parameters: AxisParameters,
+        prepare: Prepare,
+        before: SetPoint | None,
+    ) -> None:
+        """``target`` in unwrapped increments; ``before`` is a handshake that another move has begun."""
+        self.set_point = SetPoint(target, parameters.name, parameters.timing.acknowledge)
+        self._profile = profile
+        self._parameters = parameters
+        self._prepare = prepare
+        self._before = before
+        self._start: int | None = None
+        self._window = parameters.position_window
+        self._watch = _ArrivalWatch(target, profile, parameters)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive has arrived."""
+        if self._before is not None and self._before.begun:
+            self._before.step(image, order)
+            return False
+        if not self._prepare.step(image, order):
+            return False
+        if self._start is None:
+            self._begin(image)
+        taken = self.set_point.step(image, order)
+        order.halt = order.halt and self.set_point.phase is Phase.CLEAR
+        if not taken:
+            return False
+        if self._arrived(image):
+            return True
+        self._watch.check(image)
+        return False
+
+    @property
+    def in_flight(self) -> SetPoint | None:
+        """The handshake that is under way, for the move that replaces this one."""
+        if self._before is not None and self._before.begun:
+            return self._before
+        return self.set_point if self.set_point.begun else None
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._prepare.cancel(order)
+
+    def _begin(self, image: Image) -> None:
+        self._start = image.position if image.position is not None else self.set_point.target
+        distance = abs(self.set_point.target - self._start)
+        if self._window is None:
+            self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
+        self._watch.begin(image, distance)
+
+    def _arrived(self, image: Image) -> bool:
+        """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""
+        if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
+            return False
+        if image.position is None:
+            return True
+        assert self._window is not None
+        return abs(image.position - self.set_point.target) <= self._window
+
+
+class _ArrivalWatch:
+    """The deadline of a move: from its distance and limits, else from progress, else the caller's."""
+
+    __slots__ = ("_deadline", "_parameters", "_profile", "_progress_at", "_progress_position", "_target")
+
+    def __init__(self, target: int, profile: Profile, parameters: AxisParameters) -> None:
+        self._target = target
+        self._profile = profile
+        self._parameters = parameters
+        self._deadline: float | None = None
+        self._progress_at = 0.0
+        self._progress_position: int | None = None
+
+    def begin(self, image: Image, distance: float) -> None:
+        """Start the watch for a move of ``distance`` increments."""
+        allowed = self._allowed(distance)
+        self._deadline = None if allowed is None else image.now + allowed
+        self._progress_at = image.now
+
+    def _allowed(self, distance: float) -> float | None:
+        profile = self._profile
+        if profile.timeout is not None:
+            return profile.timeout
+        if not profile.speed or not profile.ramp:
+            return None
+        return 2.0 * duration(distance, profile.speed, profile.ramp) + 2.0
+
+    def check(self, image: Image) -> None:
+        """Raise MotionTimeout when the deadline has passed, or (without one) when 6064h no longer changes."""
+        if self._deadline is not None:
+            if image.now > self._deadline:
+                raise self._late(
+                    image, "the time that its distance, velocity and acceleration need, doubled, has passed"
+                )
+            return
+        if image.position != self._progress_position:
+            self._progress_position = image.position
+            self._progress_at = image.now
+        elif image.now - self._progress_at > self._parameters.timing.progress:
+            raise self._late(image, f"6064h has not changed for {self._parameters.timing.progress:g} s")
+
+    def _late(self, image: Image, why: str) -> MotionTimeout:
+        name, position = self._parameters.name, self._parameters.units.position
+        shown = None if image.position is None else position.to_units(image.position - image.origin)
+        where = "unknown" if shown is None else f"{shown:g} {position.unit}"
+        word = 0 if image.statusword is None else image.statusword
+        return MotionTimeout(
+            f"{name}: has not arrived at {position.to_units(self._target - image.origin):g} {position.unit}",
+            axis=name,
+            observed=f"position {where}; {why}; target reached (bit 10) is {int(bool(word & sw.TARGET_REACHED))}, "
+            f"statusword 0x{word:04X}" + "".join(f"; {hint}" for hint in sw.hints(word)),
+            remedy="look whether the axis is blocked, whether the drive limits torque or velocity, and whether its position window "
+            "(6067h) can be met; if it only stops a little short, set position_window in [axes." + name + "]",
+        )
+
+
+class VelocityMove:
+    """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and goes on moving."""
+
+    mode = ModeOfOperation.PROFILE_VELOCITY
+
+    def __init__(self, profile: Profile, parameters: AxisParameters, prepare: Prepare) -> None:
+        """``profile.velocity`` is signed here: the direction."""
+        self._profile = profile
+        self._parameters = parameters
+        self._prepare = prepare
+        self._deadline: float | None = None
+        self._commanded_at: float | None = None
+        self.reached = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the velocity is reached; to be stepped on afterwards, to keep it."""
+        if not self._prepare.step(image, order):
+            return False
+        order.target_velocity = self._profile.velocity
+        order.halt = False
+        if self._commanded_at is None:
+            self._commanded_at = image.now
+            self._deadline = image.now + self._allowed()
+        if not self.reached:
+            self.reached = self._in_velocity(image)
+            self._watch(image)
+        return self.reached
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._prepare.cancel(order)
+
+    def _in_velocity(self, image: Image) -> bool:
+        """Bit 10 in a word received well after the new target went out, or the measured velocity itself."""
+        assert self._commanded_at is not None
+        target, velocity = self._profile.velocity, image.velocity
+        if velocity is not None:
+            return abs(velocity - target) <= max(2, abs(target) * 0.05)
+        if (
+            image.statusword is None
+            or image.statusword_stamp < self._commanded_at + self._parameters.timing.settle
+        ):
+            return False
+        return bool(image.statusword & sw.TARGET_REACHED)
+
+    def _allowed(self) -> float:
+        profile = self._profile
+        if profile.timeout is not None:
+            return profile.timeout
+        if profile.speed and profile.ramp:
+            return 4.0 * profile.speed / profile.ramp + 2.0
+        return 10.0
+
+    def _watch(self, image: Image) -> None:
+        assert self._deadline is not None
+        if self.reached or image.now <= self._deadline:
+            return
+        name, velocity = self._parameters.name, self._parameters.units.velocity
+        shown = (
+            "unknown"
+            if image.velocity is None
+            else f"{velocity.to_units(image.velocity):g} {velocity.unit}/s"
+        )
+        raise MotionTimeout(
+            f"{name}: has not reached {velocity.to_units(self._profile.velocity):g} {velocity.unit}/s",
+            axis=name,
+            observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
+            remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
+        )
+
+
+class TorqueMove:
+    """A torque in profile torque mode; ends well when the drive reports it as reached, and keeps it."""
+
+    mode = ModeOfOperation.PROFILE_TORQUE
+
+    def __init__(
+        self, torque: int, timeout: float | None, parameters: AxisParameters, prepare: Prepare
+    ) -> None:
+        """``torque`` in 0.1 % of rated torque."""
+        self._torque = torque
+        self._timeout = timeout
+        self._parameters = parameters
+        self._prepare = prepare
+        self._commanded_at: float | None = None
+        self.reached = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
+        if not self._prepare.step(image, order):
+            return False
+        order.target_torque = self._torque
+        order.halt = False
+        if self._commanded_at is None:
+            self._commanded_at = image.now
+        if not self.reached:
+            self.reached = self._in_torque(image)
+            self._watch(image)
+        return self.reached
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._prepare.cancel(order)
+
+    def _in_torque(self, image: Image) -> bool:
+        assert self._commanded_at is not None
+        if (
+            image.statusword is None
+            or image.statusword_stamp < self._commanded_at + self._parameters.timing.settle
+        ):
+            return False
+        if image.torque is not None:
+            return abs(image.torque - self._torque) <= max(10, abs(self._torque) * 0.05)
+        return bool(image.statusword & sw.TARGET_REACHED)
+
+    def _watch(self, image: Image) -> None:
+        assert self._commanded_at is not None
+        if self.reached or self._timeout is None or image.now <= self._commanded_at + self._timeout:
+            return
+        shown = "unknown" if image.torque is None else f"{image.torque / 10:g} % of rated torque"
+        raise MotionTimeout(
+            f"{self._parameters.name}: has not reached {self._torque / 10:g} % of rated torque",
+            axis=self._parameters.name,
+            observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
+            remedy="look at max torque (6072h) and torque slope (6087h) of the drive",
+        )
+
+
+def profile_writes(
+    profile: Profile, parameters: AxisParameters, mode: ModeOfOperation
+) -> list[tuple[int, int, int | None]]:
+    """Return the SDO writes that a profile needs.
+
+    They are made for every move: what another tool may have written meanwhile is not trusted.
+    """
+    wanted = [
+        (objects.PROFILE_ACCELERATION, profile.acceleration),
+        (objects.PROFILE_DECELERATION, profile.deceleration),
+    ]
+    if mode is ModeOfOperation.PROFILE_POSITION:
+        wanted.insert(0, (objects.PROFILE_VELOCITY, profile.velocity))
+    return [(index, 0, value) for index, value in wanted if parameters.has(index)]
+
+
+def stale_statusword(name: str, image: Image) -> StaleError:
+    """Return the error of an axis whose statusword is no longer received."""
+    age = image.now - image.statusword_stamp
+    seen = "it was never received" if age > 1e6 else f"the last one is {age:.3g} s old"
+    return StaleError(
+        f"{name}: the statusword (6041h) is unknown",
+        axis=name,
+        observed=seen,
+        remedy="check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped",
+    )

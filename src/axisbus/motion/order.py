@@ -1,0 +1,96 @@
+"""What one axis wants its drive to get in this cycle, collected by the running command and turned into ``Outputs``."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402.port import Outputs, SdoRequest
+from axisbus.cia402.state import State, plan
+from axisbus.units import wrap
+
+# The word that keeps a drive in the state it is in. In fault nothing is asked, and bit 7 is low so that a reset is an edge.
+_HOLD = {
+    State.SWITCH_ON_DISABLED: cw.Command.DISABLE_VOLTAGE.word,
+    State.READY_TO_SWITCH_ON: cw.Command.SHUTDOWN.word,
+    State.SWITCHED_ON: cw.Command.SWITCH_ON.word,
+    State.OPERATION_ENABLED: cw.Command.ENABLE_OPERATION.word,
+    State.QUICK_STOP_ACTIVE: cw.Command.QUICK_STOP.word,
+    State.FAULT: 0,
+    State.FAULT_REACTION_ACTIVE: 0,
+    State.NOT_READY_TO_SWITCH_ON: 0,
+}
+
+
+class Order:
+    """One cycle's wishes; holds state across cycles only in ``goal`` and the request counter.
+
+    ``goal`` is the power-stage state wanted (None: nothing is asked of the drive, no frame holds a controlword). ``word`` overrides
+    the planner for one cycle. Positions are unwrapped increments.
+    """
+
+    __slots__ = (
+        "_next_id",
+        "bits",
+        "cancel",
+        "goal",
+        "halt",
+        "mode",
+        "nmt_stop",
+        "sdo",
+        "target_position",
+        "target_torque",
+        "target_velocity",
+        "word",
+    )
+
+    def __init__(self) -> None:
+        self._next_id = 0
+        self.goal: State | None = None
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the last cycle's wishes, except the goal."""
+        self.word: int | None = None
+        self.bits = 0
+        self.halt = False
+        self.mode: int | None = None
+        self.target_position: int | None = None
+        self.target_velocity: int | None = None
+        self.target_torque: int | None = None
+        self.sdo: list[SdoRequest] = []
+        self.cancel: list[int] = []
+        self.nmt_stop = False
+
+    def request(self, index: int, subindex: int, value: int | None) -> int:
+        """Ask for an SDO transfer (``value`` None reads) and return its id."""
+        self._next_id += 1
+        self.sdo.append(SdoRequest(self._next_id, index, subindex, value))
+        return self._next_id
+
+    def controlword(self, state: State) -> int | None:
+        """Return the controlword for a drive seen in ``state``; None where nothing must be sent."""
+        if self.word is not None:
+            return self.word
+        if self.goal is None or state is State.UNKNOWN:
+            return None
+        if state is self.goal:
+            word = _HOLD[state]
+        else:
+            command = plan(state, self.goal)
+            word = _HOLD[state] if command is None else command.word
+        if state is State.OPERATION_ENABLED and self.goal is State.OPERATION_ENABLED:
+            word |= self.bits | (cw.HALT if self.halt else 0)
+        return word
+
+    def outputs(self, state: State) -> Outputs:
+        """Return the values for the port."""
+        target = self.target_position
+        return Outputs(
+            self.controlword(state),
+            self.mode,
+            None if target is None else wrap(target),
+            self.target_velocity,
+            self.target_torque,
+            tuple(self.sdo) if self.sdo else (),
+            tuple(self.cancel) if self.cancel else (),
+            self.nmt_stop,
+        )

@@ -1,0 +1,130 @@
+"""What motion must know of one axis, as frozen values in increments and seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.units import Scale
+
+
+class HoldsLoad(Enum):
+    """What keeps the load of a vertical axis up: nothing needed, the drive's brake, or only the motor's torque."""
+
+    NO = "no"
+    BRAKE = "brake"
+    TORQUE = "torque"
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """How the axis's unit maps to increments.
+
+    ``velocity`` and ``acceleration`` convert unit/s and unit/s² into the drive's own velocity and acceleration increments; they are
+    None where only raw values can be given. ``ratio_known`` tells whether velocity increments can be compared with position
+    increments (deadlines and braking distances need that). ``rated_torque`` is in N·m, None where torque has no unit.
+    """
+
+    position: Scale
+    velocity: Scale
+    acceleration: Scale
+    ratio_known: bool
+    rated_torque: float | None = None
+    modulo: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none."""
+
+    position: tuple[float, float] | None = None
+    velocity: float | None = None
+    acceleration: float | None = None
+    torque: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Defaults:
+    """Values for commands that leave them out, in units; None where cell.toml gives none."""
+
+    velocity: float | None = None
+    acceleration: float | None = None
+    deceleration: float | None = None
+    torque_slope: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Homing:
+    """How the axis is homed: method of 6098h, speeds in unit/s, acceleration in unit/s², ``timeout`` in seconds."""
+
+    method: int | None = None
+    speed_switch: float | None = None
+    speed_zero: float | None = None
+    acceleration: float | None = None
+    timeout: float | None = None
+    required: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class StopTimes:
+    """Deadline of each rung of the stop ladder in seconds (DESIGN: halt, quick stop, power off)."""
+
+    halt: float = 2.0
+    quick_stop: float = 1.0
+    disable: float = 3.0  # three transitions, with a brake's time
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Time-outs of the dialogue with the drive, in seconds of the monotonic clock."""
+
+    transition: float = 2.0  # one step of the power stage; brakes take up to a second
+    mode: float = 1.0  # 6061h follows 6060h
+    acknowledge: float = 1.0  # set-point acknowledge, both edges
+    sdo: float = 3.0  # all transfers of one command
+    progress: float = 2.0  # 6064h unchanged: the motion does not get on
+    settle: float = 0.1  # bits of a former homing may still stand
+    standstill_window: float = 0.05
+    jog: float = 0.2
+    diagnosis: float = 0.4  # to read 603Fh and the maker's bits after a fault
+
+
+Explain = Callable[[int, Mapping[tuple[int, int], int]], list[str]]
+
+
+def no_explanation(_code: int, _details: Mapping[tuple[int, int], int]) -> list[str]:
+    """Explain nothing: for a drive whose make is not known."""
+    return []
+
+
+@dataclass(frozen=True, slots=True)
+class AxisParameters:
+    """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
+
+    ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``position_window`` is in increments, None for
+    the derived one. ``explain_fault`` turns 603Fh and ``fault_objects`` into sentences (the make's table).
+    """
+
+    name: str
+    units: Units
+    limits: Limits = field(default_factory=Limits)
+    defaults: Defaults = field(default_factory=Defaults)
+    homing: Homing = field(default_factory=Homing)
+    stop_times: StopTimes = field(default_factory=StopTimes)
+    timing: Timing = field(default_factory=Timing)
+    holds_load: HoldsLoad = HoldsLoad.NO
+    objects: frozenset[int] = frozenset()
+    modes: frozenset[ModeOfOperation] = frozenset()
+    quick_stop_holds: bool = False
+    position_window: int | None = None
+    standstill_speed: float | None = None  # position increments per second
+    fault_objects: tuple[tuple[int, int], ...] = ()
+    explain_fault: Explain = no_explanation
+    node: int = 0
+    scan_period: float = 0.01
+
+    def has(self, index: int) -> bool:
+        """Whether the drive's dictionary has the object."""
+        return index in self.objects

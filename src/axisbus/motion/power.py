@@ -1,0 +1,255 @@
+"""Enabling, disabling and fault reset: the power stage of one axis (MC_Power, MC_Reset)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402 import modes, statusword
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import ENERGISED, TARGETS, State
+from axisbus.errors import DriveError, ModeError, StaleError, StateError, TransitionError
+from axisbus.motion.activity import preload, require_position
+from axisbus.motion.gate import OPEN, Gate
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+
+# The mode that a drive is enabled in: the first that it has, from the one that stands still most surely.
+RESTING_MODES = (
+    ModeOfOperation.PROFILE_POSITION,
+    ModeOfOperation.CYCLIC_SYNC_POSITION,
+    ModeOfOperation.PROFILE_VELOCITY,
+    ModeOfOperation.CYCLIC_SYNC_VELOCITY,
+    ModeOfOperation.PROFILE_TORQUE,
+)
+
+
+class StateWalk:
+    """Walks the power stage to a goal and watches that every step is taken in time; holds the step's deadline."""
+
+    __slots__ = ("_deadline", "_last", "_parameters", "path")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._deadline = 0.0
+        self._last: State | None = None
+        self.path: list[State] = []
+
+    def step(self, image: Image, order: Order, goal: State) -> bool:
+        """Return True when ``goal`` is seen.
+
+        Raises:
+            TransitionError: the drive stays in one state past the deadline.
+        """
+        order.goal = goal
+        if image.state is goal:
+            return True
+        if image.state is not self._last:
+            self._last = image.state
+            self._deadline = image.now + self._parameters.timing.transition
+            self.path.append(image.state)
+        if image.now > self._deadline:
+            raise self._stuck(image, order, goal)
+        return False
+
+    def hold(self, image: Image) -> None:
+        """Start the step's time again: the walk waits for something else."""
+        self._deadline = image.now + self._parameters.timing.transition
+
+    def _stuck(self, image: Image, order: Order, goal: State) -> TransitionError:
+        name = self._parameters.name
+        if image.statusword is None:
+            word, found = "no fresh statusword", []
+        else:
+            word = f"statusword 0x{image.statusword:04X}"
+            found = statusword.hints(image.statusword)
+        sent = order.controlword(image.state)
+        command = (
+            "nothing was sent" if sent is None else f"controlword 0x{sent:04X} ({cw.words(sent)}) was sent"
+        )
+        return TransitionError(
+            f"{name}: the drive does not go on from {image.state.value!r} to {goal.value!r}",
+            axis=name,
+            observed=f"{command}, {word} for {self._parameters.timing.transition:g} s; "
+            f"path: {' > '.join(state.value for state in self.path)}",
+            remedy="; ".join(found)
+            or "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
+            "(raise transition_time)",
+        )
+
+
+class _EnableStep(Enum):
+    MODE = 1
+    SWITCH_ON = 2
+    ENABLE = 3
+
+
+class Enable:
+    """MC_Power(TRUE): choose a resting mode, preload every target, walk to *operation enabled*.
+
+    The targets follow the actual position until the drive is enabled, so that nothing jumps in whatever mode it wakes up.
+    """
+
+    def __init__(
+        self, parameters: AxisParameters, candidates: Sequence[ModeOfOperation], gate: Gate = OPEN
+    ) -> None:
+        """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other."""
+        self._parameters = parameters
+        self._mode = candidates[0] if candidates else None
+        self._walk = StateWalk(parameters)
+        self._gate = gate
+        self._mode_deadline: float | None = None
+        self._confirm_deadline: float | None = None
+        self._step = _EnableStep.MODE
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive is enabled, in the resting mode."""
+        self._refuse(image)
+        self._preload(image, order)
+        if self._step is _EnableStep.MODE and self._mode_settled(image):
+            self._step = _EnableStep.SWITCH_ON
+        if self._step is _EnableStep.MODE:
+            order.goal = image.state if image.state in TARGETS else None
+            return False
+        if self._step is _EnableStep.SWITCH_ON:
+            return self._to_switched_on(image, order)
+        if not self._walk.step(image, order, State.OPERATION_ENABLED):
+            return False
+        return self._confirmed(image)
+
+    def _refuse(self, image: Image) -> None:
+        if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            raise StateError(
+                f"{self._parameters.name}: cannot be enabled, the drive is in state {image.state.value!r}",
+                observed=_word(image),
+                remedy="reset first: axis.reset()",
+            )
+
+    def _preload(self, image: Image, order: Order) -> None:
+        if image.state in ENERGISED:
+            preload(order, image.reference)
+        else:
+            preload(order, require_position(image, self._parameters.name, "enabling"))
+        order.mode = self._mode
+
+    def _mode_settled(self, image: Image) -> bool:
+        """A drive may show its mode only when enabled (6061h = 0 until then); any other mode must have gone."""
+        if self._mode is None or image.mode == self._mode:
+            return True
+        if self._mode_deadline is None:
+            self._mode_deadline = image.now + self._parameters.timing.mode
+        if image.now <= self._mode_deadline:
+            return False
+        if image.mode in (None, ModeOfOperation.NONE):
+            return True
+        raise self._mode_refused(image)
+
+    def _to_switched_on(self, image: Image, order: Order) -> bool:
+        """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC."""
+        if image.state is not State.OPERATION_ENABLED:
+            if not self._walk.step(image, order, State.SWITCHED_ON):
+                return False
+            if not self._gate.pass_through(self):
+                self._walk.hold(image)
+                return False
+        self._step = _EnableStep.ENABLE
+        return self._walk.step(image, order, State.OPERATION_ENABLED)
+
+    def _confirmed(self, image: Image) -> bool:
+        if self._mode is None or image.mode in (self._mode, None):
+            return True
+        if self._confirm_deadline is None:
+            self._confirm_deadline = image.now + self._parameters.timing.mode
+        if image.now > self._confirm_deadline:
+            raise self._mode_refused(image)
+        return False
+
+    def _mode_refused(self, image: Image) -> ModeError:
+        assert self._mode is not None
+        shown = (
+            "unknown" if image.mode is None else f"{image.mode} ({modes.short(ModeOfOperation(image.mode))})"
+        )
+        return ModeError(
+            f"{self._parameters.name}: cannot be enabled in a mode that stands still",
+            axis=self._parameters.name,
+            observed=f"6060h was set to {int(self._mode)} ({modes.short(self._mode)}), 6061h shows {shown}",
+            remedy="check in the drive's manual when it takes the mode; name others with modes = [...] in [axes.NAME]",
+        )
+
+
+class Coast:
+    """MC_Power(FALSE) by transition 9, which must be asked for by name: power off at once, nothing brakes the motor."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._walk = StateWalk(parameters)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the power stage is off (a drive in fault counts as off)."""
+        if image.state is State.FAULT:
+            order.goal = State.SWITCH_ON_DISABLED
+            return True
+        done = self._walk.step(image, order, State.SWITCH_ON_DISABLED)
+        if image.state in ENERGISED:
+            order.word = cw.Command.DISABLE_VOLTAGE.word
+        return done
+
+
+class Reset:
+    """MC_Reset: a rising edge of bit 7 and nothing else; never enables. Harmless where there is no fault."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._low_since: float | None = None
+        self._edge_sent = False
+        self._deadline: float | None = None
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive has left *fault* (at once where it is in none)."""
+        if self._deadline is None:
+            self._deadline = image.now + self._parameters.timing.transition
+        if image.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN):
+            if self._edge_sent:
+                order.goal = State.SWITCH_ON_DISABLED
+            return True
+        if image.now > self._deadline:
+            raise self._failed(image)
+        if image.state is State.FAULT:
+            self._edge(image, order)
+        return False
+
+    def _edge(self, image: Image, order: Order) -> None:
+        """Bit 7 low until the drive has surely seen it, then high until the fault is gone, then (once) again."""
+        order.goal = State.SWITCH_ON_DISABLED
+        period = self._parameters.scan_period
+        if self._low_since is None:
+            self._low_since = image.now
+        high_from = self._low_since + 2 * period
+        if image.now < high_from:
+            order.word = 0
+        elif image.now < high_from + max(0.5 * self._parameters.timing.transition, 4 * period):
+            self._edge_sent = True
+            order.word = cw.Command.FAULT_RESET.word
+        else:
+            self._low_since = None
+
+    def _failed(self, image: Image) -> DriveError:
+        name = self._parameters.name
+        if image.state is State.UNKNOWN:
+            return StaleError(
+                f"{name}: cannot be reset, its statusword is unknown",
+                axis=name,
+                observed="no fresh 6041h",
+                remedy="check the cable and that the node is operational (axisbus scan)",
+            )
+        return TransitionError(
+            f"{name}: the fault does not go away",
+            axis=name,
+            observed=f"{_word(image)} after a rising edge of controlword bit 7",
+            remedy="its cause is still there: see the fault's own text; some faults need the supply switched off and on",
+        )
+
+
+def _word(image: Image) -> str:
+    return "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"

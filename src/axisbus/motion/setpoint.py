@@ -1,0 +1,102 @@
+"""The set-point handshake of profile position mode (CiA 402-2 10.3): bits 4 and 5 of the controlword, bit 12 of the statusword.
+
+Theory of operation
+-------------------
+A set-point is taken on the *rising edge* of bit 4; the drive answers with bit 12, and takes it back when bit 4 falls. Four phases:
+
+1. CLEAR: bit 4 is low, wait until bit 12 is low too.
+2. OFFER: target and bit 4 go out together (the port puts the target first where they travel apart). Wait for bit 12.
+3. RELEASE: bit 4 is low again. Wait for bit 12 to fall, in a word received after bit 4 went low.
+4. TAKEN: bit 10 (target reached) now speaks of *this* set-point. The word in which bit 12 fell counts already, because an
+   event-driven drive sends no other one after a move of zero length.
+
+A handshake that has begun is always finished: a replacing move lets the old one run to TAKEN (a few cycles) and then offers its own
+target. Dropping bit 4 before the acknowledge would leave open whether the drive has seen the edge.
+
+Bit 5 (change set immediately) is always set: the master keeps its own queue, and drives differ in how many they buffer.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402 import statusword as sw
+from axisbus.errors import SetPointError
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+
+
+class Phase(Enum):
+    """Where the handshake is."""
+
+    CLEAR = "clear"
+    OFFER = "offer"
+    RELEASE = "release"
+    TAKEN = "taken"
+
+
+class SetPoint:
+    """One set-point on its way into the drive; holds the phase and the deadline of the wait for bit 12."""
+
+    __slots__ = ("_deadline", "_name", "_released", "_timeout", "phase", "target")
+
+    def __init__(self, target: int, name: str, timeout: float) -> None:
+        """``target`` in unwrapped increments; ``timeout`` in seconds for each wait for bit 12."""
+        self.target = target
+        self.phase = Phase.CLEAR
+        self._name = name
+        self._timeout = timeout
+        self._released = 0.0
+        self._deadline: float | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether the drive may have seen the edge but the handshake is not finished."""
+        return self.phase in (Phase.OFFER, Phase.RELEASE)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True from the statusword on in which the handshake is complete.
+
+        Raises:
+            SetPointError: bit 12 does not follow bit 4 in time.
+        """
+        if self.phase is not Phase.TAKEN:
+            self._advance(image)
+        if self.phase is Phase.OFFER:
+            order.target_position = self.target
+            order.bits = cw.NEW_SET_POINT | cw.CHANGE_SET_IMMEDIATELY
+        return self.phase is Phase.TAKEN
+
+    def _advance(self, image: Image) -> None:
+        if self._deadline is None:
+            self._deadline = image.now + self._timeout
+        word = image.statusword
+        acknowledged = None if word is None else bool(word & sw.SET_POINT_ACKNOWLEDGE)
+        if self.phase is Phase.CLEAR and acknowledged is False:
+            self._enter(Phase.OFFER, image)
+        elif self.phase is Phase.OFFER and acknowledged:
+            self._released = image.now
+            self._enter(Phase.RELEASE, image)
+        elif (
+            self.phase is Phase.RELEASE and acknowledged is False and image.statusword_stamp > self._released
+        ):
+            self._enter(Phase.TAKEN, image)
+        elif image.now > self._deadline:
+            raise self._stuck(image)
+
+    def _enter(self, phase: Phase, image: Image) -> None:
+        self.phase = phase
+        self._deadline = image.now + self._timeout
+
+    def _stuck(self, image: Image) -> SetPointError:
+        bit = int(self.phase is Phase.OFFER)
+        word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
+        return SetPointError(
+            f"{self._name}: the drive does not take the set-point",
+            axis=self._name,
+            observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
+            f"acknowledge) stayed {1 - bit}; {word}",
+            remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
+            "(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time",
+        )

@@ -1,0 +1,28 @@
+"""What other threads may see of an axis: one consistent set of values per cycle."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from axisbus.cia402.state import State
+from axisbus.errors import AxisbusError
+from axisbus.motion.states import AxisState
+
+
+class Snapshot(NamedTuple):
+    """An axis as of the cycle at ``now`` (seconds, monotonic); unknown values are None, positions are unwrapped increments."""
+
+    now: float
+    state: AxisState
+    power: State
+    statusword: int | None
+    mode: int | None
+    position: int | None
+    position_stamp: float
+    velocity: int | None
+    torque: int | None
+    target: int | None
+    origin: int
+    homed: bool
+    operational: bool
+    error: AxisbusError | None

@@ -1,0 +1,32 @@
+"""The states of an axis in PLCopen's words, and which commands each state takes."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class AxisState(Enum):
+    """State of an axis (PLCopen motion control part 1, 2.1)."""
+
+    DISABLED = "Disabled"
+    STANDSTILL = "Standstill"
+    HOMING = "Homing"
+    STOPPING = "Stopping"
+    DISCRETE_MOTION = "DiscreteMotion"
+    CONTINUOUS_MOTION = "ContinuousMotion"
+    SYNCHRONIZED_MOTION = "SynchronizedMotion"
+    ERRORSTOP = "ErrorStop"
+
+
+_A = AxisState
+MOVING = frozenset({_A.HOMING, _A.DISCRETE_MOTION, _A.CONTINUOUS_MOTION, _A.SYNCHRONIZED_MOTION})
+# A new motion command may take over from these; homing is only ended by halt, stop, quick stop or disable.
+TAKES_MOTION = frozenset({_A.STANDSTILL, _A.DISCRETE_MOTION, _A.CONTINUOUS_MOTION, _A.SYNCHRONIZED_MOTION})
+
+# Why a motion command is refused in a state, and what to do.
+REFUSAL = {
+    _A.DISABLED: ("is Disabled", "enable it first: axis.enable()"),
+    _A.HOMING: ("is Homing", "wait for it, or halt it first: axis.halt()"),
+    _A.STOPPING: ("is Stopping", "let it stand, then release it: axis.release()"),
+    _A.ERRORSTOP: ("is in ErrorStop", "read why (axis.error), then reset it: axis.reset()"),
+}

@@ -1,0 +1,102 @@
+"""Trajectories as pure functions of time: a trapezoid from rest to rest, and sampled points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from axisbus.errors import ArgumentError
+from axisbus.motion.profile import duration
+
+
+class Trajectory(Protocol):
+    """A position over time, in the axis's unit; ``duration`` in seconds. It must begin and end at rest."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last position."""
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` (0 … ``duration``)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trapezoid:
+    """A straight move from ``start`` to ``end``: equal ramps, constant velocity between, rest at both ends.
+
+    ``velocity`` (unit/s) and ``acceleration`` (unit/s²) are positive and not exceeded.
+    """
+
+    start: float
+    end: float
+    velocity: float
+    acceleration: float
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ArgumentError: a value is not finite, or velocity or acceleration is not positive.
+        """
+        if not all(map(math.isfinite, (self.start, self.end, self.velocity, self.acceleration))):
+            raise ArgumentError("a trapezoid needs finite numbers", observed=repr(self))
+        if self.velocity <= 0 or self.acceleration <= 0:
+            raise ArgumentError("a trapezoid needs velocity and acceleration above 0", observed=repr(self))
+
+    @property
+    def duration(self) -> float:
+        """Seconds from rest to rest."""
+        return duration(self.end - self.start, self.velocity, self.acceleration)
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` seconds; before and after, the ends."""
+        distance = abs(self.end - self.start)
+        if t <= 0 or not distance:
+            return self.start
+        total = self.duration
+        if t >= total:
+            return self.end
+        way = self._way(min(t, total - t))
+        if t > total / 2:
+            way = distance - way
+        return self.start + math.copysign(way, self.end - self.start)
+
+    def _way(self, t: float) -> float:
+        """Return the distance covered ``t`` seconds after the start, in the first half."""
+        ramp = min(self.velocity / self.acceleration, self.duration / 2)
+        if t <= ramp:
+            return 0.5 * self.acceleration * t * t
+        return 0.5 * self.acceleration * ramp * ramp + self.velocity * (t - ramp)
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Positions at equal intervals of ``step`` seconds, straight lines between them; the first is where the axis stands."""
+
+    positions: Sequence[float]
+    step: float
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ArgumentError: fewer than two points, a value that is not finite, or an interval that is not positive.
+        """
+        if len(self.positions) < 2 or not self.step > 0:
+            raise ArgumentError("a sampled trajectory needs two points and a positive interval")
+        if not all(map(math.isfinite, self.positions)):
+            raise ArgumentError("a sampled trajectory needs finite positions")
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to the last point."""
+        return (len(self.positions) - 1) * self.step
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` seconds; before and after, the ends."""
+        where = min(max(t / self.step, 0.0), len(self.positions) - 1.0)
+        index = min(int(where), len(self.positions) - 2)
+        share = where - index
+        return self.positions[index] * (1.0 - share) + self.positions[index + 1] * share

@@ -1,0 +1,67 @@
+"""Statusword bits per mode, modes, option codes and homing methods as values."""
+
+from axisbus.cia402 import homing, modes, objects, options, statusword
+from axisbus.cia402.modes import ModeOfOperation
+
+
+def test_bits_12_and_13_are_read_by_the_mode():
+    word = 0x1637 | 1 << 13
+    assert "set-point acknowledge" in statusword.bit_words(word, ModeOfOperation.PROFILE_POSITION)
+    assert "following error" in statusword.bit_words(word, ModeOfOperation.PROFILE_POSITION)
+    assert "speed is zero" in statusword.bit_words(word, ModeOfOperation.PROFILE_VELOCITY)
+    assert "homing attained" in statusword.bit_words(word, ModeOfOperation.HOMING)
+    assert "homing error" in statusword.bit_words(word, ModeOfOperation.HOMING)
+    assert "bit 12" in statusword.bit_words(word, None)
+
+
+def test_hints_name_why_a_drive_refuses():
+    texts = " ".join(statusword.hints(0x0840))  # no voltage, no remote, internal limit
+    assert "bit 4 (voltage enabled) is 0" in texts
+    assert "bit 9 (remote) is 0" in texts
+    assert "bit 11 (internal limit active)" in texts
+    assert statusword.hints(0x0237) == []
+
+
+def test_supported_modes_of_6502():
+    # 0x3ED: bits 0, 2, 3, 5, 6, 7, 8, 9, typed off by hand
+    assert [modes.short(mode) for mode in modes.supported(0x3ED)] == [
+        "pp",
+        "pv",
+        "tq",
+        "hm",
+        "ip",
+        "csp",
+        "csv",
+        "cst",
+    ]
+    # what the module's 0x761 would claim by CiA 402's layout
+    assert [modes.short(mode) for mode in modes.supported(0x761)] == ["pp", "hm", "ip", "csv", "cst", "cstca"]
+
+
+def test_unknown_modes_are_members():
+    assert ModeOfOperation(-3).value == -3
+    assert modes.short(ModeOfOperation(42)) == "mode 42"
+
+
+def test_coasting_is_called_by_its_name():
+    assert "coasts" in options.QUICK_STOP.meaning(0)
+    assert "stays energised" in options.QUICK_STOP.meaning(6)
+    assert "maker" in options.QUICK_STOP.meaning(-1)
+    assert options.CONNECTION_LOSS.words["quick-stop"] == 3
+
+
+def test_every_option_word_has_a_meaning():
+    for option in options.ALL:
+        for value in option.words.values():
+            assert value in option.meanings
+
+
+def test_homing_methods_have_texts():
+    assert homing.describe(17) == "negative limit switch"
+    assert homing.describe(-5) == "specific to the maker"
+    assert homing.describe(99) == "reserved"
+
+
+def test_object_names_come_from_the_table():
+    assert objects.names()[0x6081] == "Profile velocity"
+    assert objects.names()[0x607D] == "Software position limit"
