@@ -1,3 +1,59 @@
-"""A CANopen CiA 402 master: named axes in engineering units, with EDS tools and a simulated drive."""
+"""A CANopen CiA 402 master: named axes in engineering units, with EDS tools and a simulated drive.
+
+The names below are loaded when they are first used: ``import axisbus`` alone loads neither ``can`` nor ``canopen``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from axisbus.errors import AxisbusError
+    from axisbus.machine.machine import Machine
+    from axisbus.motion.axes import Group
+    from axisbus.motion.axis import Axis
+    from axisbus.motion.handle import Handle, wait
+    from axisbus.motion.states import AxisState
+    from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
+    from axisbus.record.recorder import Recorder
+
+_HOME = {
+    "AxisbusError": "axisbus.errors",
+    "Axis": "axisbus.motion.axis",
+    "AxisState": "axisbus.motion.states",
+    "Group": "axisbus.motion.axes",
+    "Handle": "axisbus.motion.handle",
+    "Machine": "axisbus.machine.machine",
+    "Recorder": "axisbus.record.recorder",
+    "Sampled": "axisbus.motion.trajectory",
+    "Trajectory": "axisbus.motion.trajectory",
+    "Trapezoid": "axisbus.motion.trajectory",
+    "wait": "axisbus.motion.handle",
+}
+
+__all__ = [
+    "Axis",
+    "AxisState",
+    "AxisbusError",
+    "Group",
+    "Handle",
+    "Machine",
+    "Recorder",
+    "Sampled",
+    "Trajectory",
+    "Trapezoid",
+    "wait",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'axisbus' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

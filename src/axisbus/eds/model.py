@@ -68,8 +68,9 @@ class Number:
 class Variable:
     """One readable or writable entry: a VAR, or a sub-index of an ARRAY or RECORD.
 
-    ``low`` and ``high`` are None where the file gives no limit. ``default`` and ``parameter_value`` (DCF) are None where absent
-    or not understood; integers are ``Number``, because they may depend on the node ID.
+    ``low`` and ``high`` are None where the file gives no limit, or none that makes sense. ``default`` and ``parameter_value`` (DCF)
+    are None where absent or not understood; integers are ``Number``, because they may depend on the node ID. ``denotation`` is the
+    name that a DCF gives the entry beside its ``name``.
     """
 
     index: int
@@ -85,6 +86,7 @@ class Variable:
     object_flags: int = 0
     line: int = 0
     object_type: ObjectType = ObjectType.VAR
+    denotation: str = ""
 
     @property
     def readable(self) -> bool:
@@ -137,16 +139,17 @@ class Eds:
     """One EDS or DCF file: its objects, its information sections, and what was found odd while reading it.
 
     ``info`` maps a section's lower-case name (``fileinfo``, ``deviceinfo``, ``devicecomissioning``, …) to its entries by lower-case
-    key. ``source`` is the path or name that messages show. ``mended`` is a text that the ``canopen`` library reads as we do.
+    key. ``source`` is the path or name that messages show. ``node_id`` (1 to 127) is the one that a DCF is made for. Frozen, and
+    shared by all nodes that use the same file: do not change the mappings.
     """
 
     source: str
     objects: Mapping[int, Object]
     info: Mapping[str, Mapping[str, str]]
     findings: tuple[Finding, ...] = ()
-    mended: str = ""
     node_id: int | None = None
     _names: dict[str, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
+    _texts: dict[str, str] = field(default_factory=dict, compare=False, repr=False)  # made once on first use
 
     def __contains__(self, index: int) -> bool:
         return index in self.objects
@@ -165,6 +168,12 @@ class Eds:
             self._names.update(_name_table(self.objects))
         key = self._names.get(name.strip().lower())
         return None if key is None else self.get(*key)
+
+    @property
+    def dummies(self) -> frozenset[int]:
+        """Data types (1 to 7) that may fill space in a PDO, by [DummyUsage]."""
+        usage = self.info.get("dummyusage", {})
+        return frozenset(number for number in range(1, 8) if _integer(usage.get(f"dummy{number:04x}")))
 
     @property
     def device_type(self) -> int | None:

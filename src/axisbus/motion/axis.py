@@ -238,7 +238,7 @@ class Axis:
         if limit is not None and abs(torque) > limit:
             raise self._beyond(name, "torque", torque, "N·m", "max_torque", limit)
         raw = check_range(round(torque / rated * 1000), DataType.INTEGER16, f"{self.name}.{name}: 6071h")
-        raw_slope = None if slope is None else self._positive(name, "slope", slope) / rated * 1000
+        raw_slope = None if slope is None else self._positive(name, "slope", slope) / abs(rated) * 1000
         rounded = (
             None
             if raw_slope is None

@@ -16,13 +16,14 @@ it is. Once enabled by us, a drive that leaves *operation enabled* is never enab
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveError, Interrupted, NodeError, Replaced, Stopped
+from axisbus.errors import AxisbusError, DriveError, Interrupted, NodeError, Replaced, StaleError, Stopped
 from axisbus.motion.activity import Activity
 from axisbus.motion.diagnosis import FaultStory, History, enrich
 from axisbus.motion.follow import Follow
@@ -67,7 +68,9 @@ class AxisCore:
         self.capabilities = capabilities
         window = parameters.timing.standstill_window
         tolerance = max(2.0, (parameters.standstill_speed or 0.0) * window)
-        self.image = Image(capabilities, tolerance, window)
+        self.image = Image(capabilities, parameters.scan_period, tolerance, window)
+        oldest = capabilities.max_age.get("statusword", math.inf)
+        self._longest_gap = max(oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, 0.25)
         self.order = Order()
         self.history = History()
         self.guard = Guard(parameters)
@@ -157,6 +160,7 @@ class AxisCore:
         if self.ladder is not None:
             return
         if self.powered and self.state in _POWERED:
+            self._watch_time(image)
             self._watch_power(image)
         elif not self.touched and self.error is None:
             self._show_found(image)
@@ -168,7 +172,24 @@ class AxisCore:
         else:
             self.state = AxisState.STANDSTILL if image.standstill else AxisState.CONTINUOUS_MOTION
 
+    def _watch_time(self, image: Image) -> None:
+        """A program that was suspended comes back with values that look fresh and a world that has moved on."""
+        if image.gap <= self._longest_gap:
+            return
+        self.fail(
+            StaleError(
+                f"{self.parameters.name}: this program did not run for {image.gap:.3g} s",
+                axis=self.parameters.name,
+                observed=f"the scan has a period of {self.parameters.scan_period * 1000:g} ms; longer than "
+                f"{self._longest_gap:.3g} s the state of the drive cannot be trusted",
+                remedy="do not suspend the program (SIGSTOP, a debugger, a laptop's sleep) and do not starve it of time; the axis "
+                "was stopped",
+            )
+        )
+
     def _watch_power(self, image: Image) -> None:
+        if self.ladder is not None:
+            return
         if image.state is State.OPERATION_ENABLED:
             danger = self.guard.danger(image, self.state)
             if danger is not None:

@@ -21,11 +21,13 @@ class Image:
         "_anchor",
         "_anchor_stamp",
         "_max_age",
+        "_period",
         "_raw_position",
         "_tolerance",
         "_window",
         "demand",
         "emcy",
+        "gap",
         "mode",
         "nmt",
         "now",
@@ -42,19 +44,21 @@ class Image:
         "velocity",
     )
 
-    def __init__(self, capabilities: Capabilities, tolerance: float, window: float) -> None:
-        """``tolerance``: increments that a standing axis may wander within ``window`` seconds."""
+    def __init__(self, capabilities: Capabilities, period: float, tolerance: float, window: float) -> None:
+        """``period``: of the scan, in seconds; ``tolerance``: increments that a standing axis may wander within ``window`` s."""
         ages = capabilities.max_age
         self._max_age = tuple(
             ages.get(name, math.inf)
             for name in ("statusword", "mode", "position", "velocity", "torque", "demand")
         )
+        self._period = period
         self._tolerance = tolerance
         self._window = window
         self._anchor: int | None = None
         self._anchor_stamp = -math.inf
         self._raw_position: int | None = None
-        self.now = 0.0
+        self.now = -math.inf
+        self.gap = 0.0  # seconds since the cycle before
         self.origin = 0
         self.operational = False
         self.nmt = -1
@@ -74,17 +78,20 @@ class Image:
     def update(self, inputs: Inputs) -> None:
         """Take the inputs of this cycle."""
         now, ages = inputs.now, self._max_age
+        self.gap = now - self.now
         self.now = now
         self.operational = inputs.operational
         self.nmt = inputs.nmt
         self.emcy = inputs.emcy
         self.replies = {reply.id: reply for reply in inputs.sdo} if inputs.sdo else {}
-        self._take_statusword(inputs.statusword, now - ages[0])
-        self.mode = _fresh(inputs.mode, now - ages[1])
-        self._take_position(inputs.position, now - ages[2])
-        self.velocity = _fresh(inputs.velocity, now - ages[3])
-        self.torque = _fresh(inputs.torque, now - ages[4])
-        self._take_demand(_fresh(inputs.demand, now - ages[5]))
+        # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.
+        since = now - max(0.0, self.gap - self._period) if self.gap < math.inf else now
+        self._take_statusword(inputs.statusword, since - ages[0])
+        self.mode = _fresh(inputs.mode, since - ages[1])
+        self._take_position(inputs.position, since - ages[2])
+        self.velocity = _fresh(inputs.velocity, since - ages[3])
+        self.torque = _fresh(inputs.torque, since - ages[4])
+        self._take_demand(_fresh(inputs.demand, since - ages[5]))
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""

@@ -225,12 +225,10 @@ class VelocityMove:
             return
         name, velocity = self._parameters.name, self._parameters.units.velocity
         shown = (
-            "unknown"
-            if image.velocity is None
-            else f"{velocity.to_units(image.velocity):g} {velocity.unit}/s"
+            "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
         )
         raise MotionTimeout(
-            f"{name}: has not reached {velocity.to_units(self._profile.velocity):g} {velocity.unit}/s",
+            f"{name}: has not reached {velocity.to_units(self._profile.velocity):g} {velocity.unit}",
             axis=name,
             observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
             remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",

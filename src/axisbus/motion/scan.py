@@ -81,7 +81,10 @@ class Scan:
         self._policy = FaultPolicy(tuple(self.axes), groups or {})
         self._queue: deque[tuple[str, Command | GroupCommand, Handle]] = deque()
         self._next: float | None = None
-        self._stop_reason: tuple[str, bool] | None = None
+        self._stop_requests: deque[tuple[str, bool]] = deque()
+        self._stops_wanted = 0
+        self._stops_begun = 0
+        self._stopping: list[Handle] = []
         self._quitting = False
         self._lock = threading.Lock()
 
@@ -95,9 +98,22 @@ class Scan:
                 return
         handle.finish(Status.ERROR, self._end_error(handle.name))
 
+    def add_group(self, name: str, members: Sequence[str]) -> None:
+        """Make a group of axes that cell.toml does not name; the fault policy does not know it."""
+        group = GroupCore(name, {axis: self.axes[axis] for axis in members}, self.period)
+        self.groups = {**self.groups, name: group}
+
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """Ask for the stop of everything that this program has commanded; safe in a signal handler."""
-        self._stop_reason = (reason, quick)
+        """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
+        self._stop_requests.append((reason, quick))
+        self._stops_wanted += 1
+
+    @property
+    def has_stopped(self) -> bool:
+        """Whether every stop that was asked for has come to its end (or the scan has)."""
+        if self.ended:
+            return True
+        return self._stops_begun >= self._stops_wanted and not any(handle.busy for handle in self._stopping)
 
     def quit(self) -> None:
         """End ``run`` after the present cycle."""
@@ -149,6 +165,10 @@ class Scan:
         if self.waiter is not None:
             self.waiter.notify()
 
+    def stop_failures(self) -> list[AxisbusError]:
+        """Return why axes could not be stopped as asked; empty when all went well."""
+        return [error for handle in self._stopping if (error := handle.exception()) is not None]
+
     def _end_error(self, what: str) -> AxisbusError:
         if self.failure is None:
             return ScanError(f"{what} was ended: the machine was closed")
@@ -174,9 +194,9 @@ class Scan:
         return now
 
     def _take_commands(self) -> None:
-        if self._stop_reason is not None:
-            (reason, quick), self._stop_reason = self._stop_reason, None
-            self.stop_all(reason, quick)
+        while self._stop_requests:
+            self._stopping = self._stop_all(*self._stop_requests.popleft())
+            self._stops_begun += 1
         while self._queue:
             name, command, handle = self._queue.popleft()
             if name in self.axes:
@@ -184,8 +204,8 @@ class Scan:
             else:
                 self.groups[name].accept(command, handle)  # type: ignore[arg-type]
 
-    def stop_all(self, reason: str, quick: bool = False) -> list[Handle]:
-        """Let the stop ladder run on every axis that this program has commanded (scan thread only); return its handles."""
+    def _stop_all(self, reason: str, quick: bool) -> list[Handle]:
+        """Let the stop ladder run on every axis that this program has commanded; return its handles."""
         handles = []
         for name, core in self.axes.items():
             handle = Handle(f"{name}.stop ({reason})", NOBODY)

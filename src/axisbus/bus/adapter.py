@@ -1,0 +1,155 @@
+"""Opening a CAN adapter through python-can, with errors that say what to do."""
+
+from __future__ import annotations
+
+import difflib
+import errno
+from collections.abc import Callable, Mapping
+
+import can
+from can.interfaces import VALID_INTERFACES
+
+from axisbus.bus import socketcan
+from axisbus.errors import AdapterError, ArgumentError
+
+# Interfaces whose bitrate is not ours to set: the link, a daemon, or no wire at all.
+_RATE_ELSEWHERE = frozenset({"socketcan", "socketcand", "virtual", "udp_multicast"})
+
+# What python-can needs beside itself for an interface.
+_NEEDS: Mapping[str, str] = {
+    "canalystii": "pip install 'python-can[canalystii]'",
+    "cantact": "pip install 'python-can[cantact]'",
+    "etas": "install ETAS BOA",
+    "gs_usb": "pip install 'python-can[gs-usb]'; on Linux rather the kernel's driver: interface = \"socketcan\"",
+    "ixxat": "install HMS/Ixxat's VCI driver (Windows) or ECI driver (Linux)",
+    "kvaser": "install Kvaser's CANlib (Linux: linuxcan) driver",
+    "neovi": "pip install 'python-can[neovi]'",
+    "pcan": "install PEAK's PCAN-Basic (Linux: the libpcanbasic library)",
+    "robotell": "pip install pyserial",
+    "seeedstudio": "pip install pyserial",
+    "serial": "pip install pyserial",
+    "slcan": "pip install pyserial",
+    "systec": "install SYS TEC's driver package",
+    "udp_multicast": "pip install 'python-can[multicast]'",
+    "vector": "install Vector's XL driver library",
+}
+
+# Interfaces over a serial line: without a time-out of its own a write may block for ever.
+_SERIAL_SEND_TIMEOUT = {"slcan": 0.05, "robotell": 0.05}
+
+
+def send_timeout(interface: str) -> float | None:
+    """Return the time-out in seconds to give to python-can's ``send``; None where giving one would make it wait for the wire."""
+    return _SERIAL_SEND_TIMEOUT.get(interface)
+
+
+def open_adapter(
+    interface: str,
+    channel: str | int | None,
+    bitrate: int | None,
+    options: Mapping[str, object],
+    link: Callable[[str], socketcan.Link | None] = socketcan.link,
+) -> can.BusABC:
+    """Open the adapter; may block as long as its driver does (a second or so).
+
+    Args:
+        interface: python-can's name of the adapter type, such as ``socketcan`` or ``pcan``.
+        channel: which one of them, as python-can wants it, such as ``can0``.
+        bitrate: bit/s; None where the link sets it.
+        options: what else the adapter takes.
+        link: how to ask Linux for a SocketCAN link.
+
+    Raises:
+        AdapterError: unknown interface, driver or package missing, no such channel, link down, bitrate missing or different.
+    """
+    check_interface(interface)
+    if interface == "socketcan":
+        check_link(str(channel or ""), bitrate, link)
+    elif bitrate is None and interface not in _RATE_ELSEWHERE and "timing" not in options:
+        raise AdapterError(
+            f"no bitrate given for the CAN interface {interface!r}",
+            remedy="write the bus's rate, such as bitrate = 1_000_000, in [bus]; all nodes of a bus share one rate",
+        )
+    return _construct(interface, channel, bitrate, dict(options))
+
+
+def check_interface(interface: str) -> None:
+    """Check that python-can knows the interface.
+
+    Raises:
+        AdapterError: it does not; the remedy names the nearest ones.
+    """
+    if interface in VALID_INTERFACES:
+        return
+    near = difflib.get_close_matches(interface.lower(), sorted(VALID_INTERFACES), n=3, cutoff=0.5)
+    raise AdapterError(
+        f"CAN interface {interface!r} is not known to python-can",
+        observed=f"known are {', '.join(sorted(VALID_INTERFACES))}",
+        remedy=f"did you mean {' or '.join(repr(name) for name in near)}?" if near else "choose one of these",
+    )
+
+
+def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.Link | None]) -> None:
+    """Check that the SocketCAN link exists, is up, and runs at ``bitrate`` (None: at whatever it is set to).
+
+    Raises:
+        AdapterError: it does not.
+    """
+    found = ask(name)
+    if found is None:
+        others = socketcan.links()
+        raise AdapterError(
+            f"there is no CAN interface {name!r} on this computer",
+            observed=f"there are {', '.join(others)}" if others else "there is no CAN interface at all",
+            remedy="plug the adapter in and load its driver; for a virtual one: "
+            + socketcan.up_command("vcan0", None),
+        )
+    if not found.up:
+        raise AdapterError(
+            f"the CAN interface {name!r} is down", remedy=socketcan.up_command(name, bitrate or found.bitrate)
+        )
+    if bitrate is not None and found.bitrate is not None and found.bitrate != bitrate:
+        raise AdapterError(
+            f"the CAN interface {name!r} runs at {found.bitrate} bit/s, configured are {bitrate}",
+            observed=f"ip -details link show {name}: bitrate {found.bitrate}",
+            remedy=f"set the link: {socketcan.change_command(name, bitrate)}; or correct bitrate in [bus]",
+        )
+
+
+def _construct(
+    interface: str, channel: str | int | None, bitrate: int | None, options: dict[str, object]
+) -> can.BusABC:
+    arguments: dict[str, object] = dict(options)
+    if bitrate is not None and interface not in _RATE_ELSEWHERE:
+        arguments["bitrate"] = bitrate
+    try:
+        return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]
+    except TypeError as error:
+        raise ArgumentError(
+            f"the CAN interface {interface!r} does not take these options: {', '.join(map(str, options)) or 'none'}",
+            observed=str(error),
+            remedy="see python-can's manual for the options of this interface ([bus.options])",
+        ) from error
+    except Exception as error:  # drivers raise anything, NameError included
+        raise _cannot_open(interface, channel, error) from error
+
+
+def _cannot_open(interface: str, channel: str | int | None, error: Exception) -> AdapterError:
+    return AdapterError(
+        f"the CAN adapter {interface}:{channel} cannot be opened",
+        observed=f"{type(error).__name__}: {error}",
+        remedy=_remedy(interface, error),
+    )
+
+
+def _remedy(interface: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if isinstance(error, PermissionError) or number in (errno.EACCES, errno.EPERM):
+        return "your user may not use the device: join the group that owns it (often 'dialout'), or add a udev rule"
+    if interface == "socketcan" and number == errno.EAFNOSUPPORT:
+        return "this kernel has no CAN support loaded: sudo modprobe can_raw"
+    if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError, NameError)) or "library" in str(
+        error
+    ):
+        return _NEEDS.get(interface, "install the adapter's driver and its Python package")
+    return "check that the adapter is plugged in, that no other program holds it, and the name of the channel"

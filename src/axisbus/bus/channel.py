@@ -1,0 +1,398 @@
+"""One open CAN channel: paced sending, a receive thread that never dies in silence, and who is to get which frame.
+
+Theory of operation
+-------------------
+One daemon thread calls ``recv`` and hands each frame to the receivers of its COB-ID, with the monotonic time of its reception.
+Receivers store and return; they never block and never send.
+
+What goes wrong is *remembered*: an exception from ``recv``, a bus-off, or an exception from a receiver sets ``failure``, tells
+``on_failure``, and from then on every ``send`` and ``check`` raises it. So a master that has become deaf cannot go on driving.
+Stop frames are the exception: ``send_urgent`` tries in any state and never raises.
+
+The send lock is held for one attempt only, never while waiting for a full queue to drain; ``send_urgent`` does not wait for it
+longer than a few milliseconds, because the thread that holds it may be stuck in the driver for ever.
+"""
+
+from __future__ import annotations
+
+import errno
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import can
+import canopen
+
+from axisbus.bus import adapter, errorframe
+from axisbus.errors import AdapterError, BusError, StateError
+
+Receiver = Callable[[bytes, float], None]
+
+RECEIVE_SLICE = 0.05  # seconds; the longest that close() waits for the receive thread
+SEND_PATIENCE = 0.005  # seconds that a full queue may take to have room again
+SEND_PAUSE = 0.0002
+URGENT_LOCK = 0.005  # seconds that a stop frame waits for the send lock
+URGENT_TOTAL = 0.1  # seconds that all stop frames together may take
+CLOSE_PATIENCE = 1.0
+
+_LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
+
+
+@dataclass(slots=True)
+class Counters:
+    """What a channel has seen; ``full`` counts attempts refused by a full queue (the frame went out later, or was given up)."""
+
+    sent: int = 0
+    received: int = 0
+    full: int = 0
+    error_frames: int = 0
+    errors: deque[str] = field(default_factory=lambda: deque(maxlen=16))
+
+
+class Network(canopen.Network):
+    """canopen's network on our channel: its frames go out paced, and come in from our receive thread."""
+
+    def __init__(self, channel: Channel) -> None:
+        super().__init__(channel.bus)
+        self._channel = channel
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame through the channel.
+
+        Raises:
+            AdapterError: it cannot be sent.
+        """
+        if remote:
+            self._channel.send_remote(can_id)
+        else:
+            self._channel.send(can_id, bytes(data))
+
+    def check(self) -> None:
+        """Raise the channel's failure, if it has one."""
+        self._channel.check()
+
+
+class Channel:
+    """One CAN channel; holds state: the adapter, the receive thread, the receivers by COB-ID, the counters and the failure.
+
+    Everything may be called from any thread, unless it says otherwise.
+    """
+
+    def __init__(self, bus: can.BusABC, name: str, *, send_timeout: float | None = None) -> None:
+        """Take over an open python-can bus and start to receive; ``send_timeout``: see ``adapter.send_timeout``."""
+        self.bus = bus
+        self.name = name
+        self.counters = Counters()
+        self.on_failure: list[Callable[[BusError], None]] = []
+        self._failure: BusError | None = None
+        self._receivers: dict[int, tuple[Receiver, ...]] = {}
+        self._send_timeout = send_timeout
+        self._socketcan = name.startswith("socketcan:")
+        self._send_lock = threading.Lock()
+        self._state_lock = threading.Lock()
+        self._closing = False
+        self.network = Network(self)
+        self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def open(
+        cls,
+        interface: str,
+        channel: str | int | None,
+        bitrate: int | None = None,
+        **options: object,
+    ) -> Channel:
+        """Open an adapter by python-can's interface name; may block as long as its driver does.
+
+        ``bitrate`` is in bit/s; for SocketCAN it is only compared with the link's. ``options`` go to the adapter.
+
+        Raises:
+            AdapterError: see ``adapter.open_adapter``.
+        """
+        bus = adapter.open_adapter(interface, channel, bitrate, options)
+        return cls(bus, f"{interface}:{channel}", send_timeout=adapter.send_timeout(interface))
+
+    @property
+    def failure(self) -> BusError | None:
+        """What made this channel unusable, None while it works."""
+        return self._failure
+
+    @property
+    def in_receive_thread(self) -> bool:
+        """Whether the caller runs in the receive thread, where nothing may wait for a frame."""
+        return threading.current_thread() is self._thread
+
+    def check(self) -> None:
+        """Raise the failure, if there is one.
+
+        Raises:
+            BusError: the channel failed or is closed.
+        """
+        failure = self._failure
+        if (
+            failure is not None
+        ):  # a new error each time: one that is raised again and again collects tracebacks
+            raise type(failure)(
+                failure.message, observed=failure.observed, remedy=failure.remedy
+            ) from failure
+        if self._closing:
+            raise AdapterError(f"the CAN channel {self.name} is closed")
+
+    def subscribe(self, can_id: int, receiver: Receiver) -> None:
+        """Have ``receiver(data, stamp)`` called in the receive thread for each frame of this COB-ID; it must not block.
+
+        ``stamp`` is ``time.monotonic()`` at reception.
+        """
+        with self._state_lock:
+            receivers = dict(self._receivers)
+            receivers[can_id] = (*receivers.get(can_id, ()), receiver)
+            self._receivers = receivers
+
+    def unsubscribe(self, can_id: int, receiver: Receiver) -> None:
+        """End a subscription; harmless where there is none."""
+        with self._state_lock:
+            receivers = dict(self._receivers)
+            left = tuple(other for other in receivers.get(can_id, ()) if other != receiver)
+            receivers[can_id] = left
+            if not left:
+                del receivers[can_id]
+            self._receivers = receivers
+
+    def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
+        """Send a data frame; blocks up to ``patience`` seconds while the adapter's queue is full.
+
+        Raises:
+            AdapterError: the queue stayed full, or the adapter failed.
+        """
+        self._send_paced(_frame(can_id, data), patience)
+
+    def send_remote(self, can_id: int) -> None:
+        """Send a remote frame (node guarding needs it).
+
+        Raises:
+            AdapterError: as ``send``.
+        """
+        self._send_paced(_frame(can_id, b"", remote=True), SEND_PATIENCE)
+
+    def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
+        """Send stop frames in any state of the channel, and return how many the adapter took; never raises.
+
+        Each frame is tried on its own, so that one failure stops no other. Bounded to about 0.1 s unless the driver itself blocks.
+        """
+        deadline = time.monotonic() + URGENT_TOTAL
+        locked = self._send_lock.acquire(timeout=URGENT_LOCK)
+        try:
+            return sum(self._try_urgent(can_id, data, deadline) for can_id, data in frames)
+        finally:
+            if locked:
+                self._send_lock.release()
+
+    def health(self) -> str:
+        """Say what the wire looks like in one line, for the text of an error that something did not answer; may be empty."""
+        counters = self.counters
+        if not counters.error_frames:
+            return ""
+        last = counters.errors[-1] if counters.errors else ""
+        return f"{counters.error_frames} error frames on {self.name}" + (
+            f", the last: {last}" if last else ""
+        )
+
+    def close(self) -> None:
+        """Stop receiving and release the adapter; harmless when repeated; blocks about 50 ms, at most about 1 s."""
+        with self._state_lock:
+            first, self._closing = not self._closing, True
+        if not first:
+            return
+        if not self.in_receive_thread:
+            self._thread.join(CLOSE_PATIENCE)
+        try:
+            self.bus.shutdown()
+        except Exception as error:  # noqa: BLE001 - drivers raise anything; the adapter is gone either way
+            self.counters.errors.append(f"on closing: {error}")
+
+    def __enter__(self) -> Channel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- sending ------------------------------------------------------------------------------------------------------------------
+
+    def _send_paced(self, message: can.Message, patience: float) -> None:
+        self.check()
+        deadline = time.monotonic() + patience
+        while True:
+            error = self._attempt(message)
+            if error is None:
+                self.counters.sent += 1
+                return
+            if self._is_final(error):
+                self.fail(_link_gone(self.name, error))
+                self.check()
+            self.counters.full += 1
+            if time.monotonic() >= deadline:
+                raise _refused(self.name, message, patience, error) from error
+            time.sleep(SEND_PAUSE)
+
+    def _attempt(self, message: can.Message) -> Exception | None:
+        with self._send_lock:
+            try:
+                self.bus.send(message, self._send_timeout)
+            except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
+                return error
+        return None
+
+    def _is_final(self, error: Exception) -> bool:
+        """Whether no later attempt can succeed; only SocketCAN's error codes are the operating system's."""
+        code = getattr(error, "error_code", None)
+        return not isinstance(error, can.CanError) or (self._socketcan and code in _LINK_GONE)
+
+    def _try_urgent(self, can_id: int, data: bytes, deadline: float) -> bool:
+        message = _frame(can_id, data)
+        give_up = min(deadline, time.monotonic() + SEND_PATIENCE)
+        while True:
+            try:
+                self.bus.send(message, self._send_timeout)
+            except Exception as error:  # noqa: BLE001 - nothing may keep the next stop frame from being tried
+                self.counters.errors.append(f"stop frame {can_id:03X}h: {error}")
+            else:
+                self.counters.sent += 1
+                return True
+            if time.monotonic() >= give_up:
+                return False
+            time.sleep(SEND_PAUSE)
+
+    # -- receiving ----------------------------------------------------------------------------------------------------------------
+
+    def _receive(self) -> None:
+        while not self._closing:
+            try:
+                message = self.bus.recv(RECEIVE_SLICE)
+                if message is not None:
+                    self._dispatch(message, time.monotonic())
+            except Exception as error:  # noqa: BLE001 - whatever it is, it must be known and not only end this thread
+                if not self._closing:
+                    self.fail(_deaf(self.name, error))
+                return
+
+    def _dispatch(self, message: can.Message, stamp: float) -> None:
+        if message.is_error_frame:
+            self._error_frame(message)
+            return
+        if message.is_remote_frame:
+            return
+        self.counters.received += 1
+        can_id = message.arbitration_id
+        receivers = self._receivers.get(can_id)
+        if receivers is not None:
+            data = bytes(message.data)
+            for receiver in receivers:
+                self._hand_over(receiver, can_id, data, stamp)
+        if can_id in self.network.subscribers:
+            self._hand_over(
+                lambda data, _: self.network.notify(can_id, bytearray(data), message.timestamp),
+                can_id,
+                bytes(message.data),
+                stamp,
+            )
+
+    def _hand_over(self, receiver: Receiver, can_id: int, data: bytes, stamp: float) -> None:
+        try:
+            receiver(data, stamp)
+        except Exception as error:  # noqa: BLE001 - kept with its traceback and raised by every later call
+            self.fail(_receiver_failed(can_id, data, error))
+
+    def _error_frame(self, message: can.Message) -> None:
+        self.counters.error_frames += 1
+        error_class = (
+            message.arbitration_id if self._socketcan else 0
+        )  # other adapters put other things there
+        self.counters.errors.append(errorframe.describe(error_class, bytes(message.data)))
+        if errorframe.is_bus_off(error_class) or self.bus.state is can.BusState.ERROR:
+            self.fail(_bus_off(self.name))
+
+    def fail(self, error: BusError) -> None:
+        """Make the channel unusable because of ``error``; also for other threads of this package that must not fail unseen."""
+        with self._state_lock:
+            if self._failure is not None:
+                return
+            self._failure = error
+        for notice in tuple(self.on_failure):
+            try:
+                notice(error)
+            except Exception as trouble:  # noqa: BLE001 - the failure itself is what must get through
+                self.counters.errors.append(f"on telling of a failure: {trouble}")
+
+
+def require_other_thread(channel: Channel, what: str) -> None:
+    """Check that the caller may wait for a frame.
+
+    Raises:
+        StateError: it runs in the receive thread, which would wait for itself.
+    """
+    if channel.in_receive_thread:
+        raise StateError(
+            f"{what} was called in the receive thread of {channel.name}, which would have to bring the answer",
+            remedy="have the receiver store what came, and call this from another thread",
+        )
+
+
+def _frame(can_id: int, data: bytes, remote: bool = False) -> can.Message:
+    return can.Message(
+        arbitration_id=can_id, data=data, is_extended_id=can_id > 0x7FF, is_remote_frame=remote, check=False
+    )
+
+
+def _deaf(name: str, error: Exception) -> AdapterError:
+    failure = AdapterError(
+        f"the CAN adapter {name} stopped receiving",
+        observed=f"{type(error).__name__}: {error}",
+        remedy="check the adapter's plug and whether the interface was taken down, then open the machine again",
+    )
+    failure.__cause__ = error
+    return failure
+
+
+def _link_gone(name: str, error: Exception) -> AdapterError:
+    failure = AdapterError(
+        f"the CAN adapter {name} failed while sending",
+        observed=f"{type(error).__name__}: {error}",
+        remedy="check the adapter's plug and whether the interface was taken down, then open the machine again",
+    )
+    failure.__cause__ = error
+    return failure
+
+
+def _refused(name: str, message: can.Message, patience: float, error: Exception) -> AdapterError:
+    link = name.removeprefix("socketcan:")
+    remedy = "check that another node is on the bus and acknowledges (power, bitrate, termination), and the bus load"
+    if link != name:
+        remedy += f"; a longer queue helps against bursts: sudo ip link set {link} txqueuelen 1000"
+    return AdapterError(
+        f"the CAN adapter {name} refused frame {message.arbitration_id:03X}h for {patience * 1000:.0f} ms",
+        observed=str(error),
+        remedy=remedy,
+    )
+
+
+def _bus_off(name: str) -> AdapterError:
+    link = name.removeprefix("socketcan:")
+    restart = f"; then sudo ip link set {link} type can restart" if link != name else ""
+    return AdapterError(
+        f"the CAN controller of {name} went bus-off: it no longer takes part in the bus",
+        observed="its transmit error counter went past 255",
+        remedy=f"check bitrate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations{restart}",
+    )
+
+
+def _receiver_failed(can_id: int, data: bytes, error: Exception) -> BusError:
+    failure = BusError(
+        f"the receiver of frame {can_id:03X}h failed",
+        observed=f"{type(error).__name__}: {error}; data {data.hex(' ') or 'empty'}",
+        remedy="a receiver must take any frame; the traceback of the cause says where it broke",
+    )
+    failure.__cause__ = error
+    return failure

@@ -1,0 +1,159 @@
+"""The bus as the scan drives it: time, the frames of all ports, SYNC, our heartbeat, and the quick stop of everything.
+
+Theory of operation
+-------------------
+``wait_until`` sleeps to an absolute time, so that periods do not drift and a late cycle does not make the next one late. All frames
+go out from the scan's own calls: when the scan stops, SYNC, heartbeat and RPDOs stop with it, and the drives notice.
+
+``quick_stop_all`` is for when the scan has failed, perhaps stuck in the driver. It needs nothing that the scan may hold: the stop
+frames were built when the last ones were committed, they are sent by ``Channel.send_urgent`` in a thread of its own, and that
+thread is waited for only for a bounded time.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.lateness import Lateness, LatenessReport
+from axisbus.bus.port import CanPort
+from axisbus.bus.rpdo import Frame
+from axisbus.cia301 import cob
+from axisbus.cia301.nmt import NmtState
+
+QUICK_STOP_PATIENCE = 0.5  # seconds that quick_stop_all waits for its frames to be taken
+_OUR_STATE = bytes((NmtState.OPERATIONAL,))
+
+
+class CanCycle:
+    """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, and the lateness so far.
+
+    ``quick_stop_all`` may be called from any thread, the rest belongs to the scan's.
+    """
+
+    def __init__(
+        self,
+        channel: Channel,
+        ports: Sequence[CanPort],
+        *,
+        sync_cob_id: int | None = cob.SYNC,
+        master_id: int | None = None,
+        heartbeat: float = 0.0,
+        owns_channel: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Drive ``ports`` on ``channel``.
+
+        Args:
+            sync_cob_id: COB-ID of SYNC, None for a bus without it.
+            master_id: our node ID (1 to 127) for the heartbeat, None to send none.
+            heartbeat: its period in seconds, 0 to send none.
+            owns_channel: whether ``close`` closes the channel too.
+            clock: the time in seconds, which must be the clock of the channel's stamps.
+            sleep: how to wait for a number of seconds.
+        """
+        self._channel = channel
+        self._ports = tuple(ports)
+        self._sync_cob_id = sync_cob_id
+        self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
+        self._heartbeat_period = heartbeat
+        self._heartbeat_due = float("-inf")
+        self._owns_channel = owns_channel
+        self._clock = clock
+        self._sleep = sleep
+        self._lateness = Lateness()
+
+    def now(self) -> float:
+        """Return the monotonic time in seconds."""
+        return self._clock()
+
+    def wait_until(self, t: float) -> None:
+        """Return when ``now() >= t``, as soon after it as the system lets us; counts the lateness. Blocks by sleeping."""
+        left = t - self._clock()
+        while left > 0:
+            self._sleep(left)
+            left = t - self._clock()
+        self._lateness.note(-left)
+
+    def commit(self) -> None:
+        """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
+
+        Raises:
+            BusError: the channel failed, does not receive any more, or refuses to send.
+        """
+        send = self._channel.send
+        self._channel.check()
+        for port in self._ports:
+            for can_id, data in port.take_frames():
+                send(can_id, data)
+
+    def sync(self) -> None:
+        """Send SYNC, where the bus has it (CiA 301 7.2.5; without counter).
+
+        Raises:
+            BusError: as ``commit``.
+        """
+        if self._sync_cob_id is not None:
+            self._channel.send(self._sync_cob_id, b"")
+
+    def heartbeat(self) -> None:
+        """Send our heartbeat when it is due (CiA 301 7.2.8.3.2.2).
+
+        Raises:
+            BusError: as ``commit``.
+        """
+        if self._heartbeat_id is None:
+            return
+        now = self._clock()
+        if now >= self._heartbeat_due:
+            due = self._heartbeat_due + self._heartbeat_period
+            self._heartbeat_due = due if due > now else now + self._heartbeat_period
+            self._channel.send(self._heartbeat_id, _OUR_STATE)
+
+    def quick_stop_all(self) -> None:
+        """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.
+
+        Never raises; returns within about half a second even when the adapter is stuck.
+        """
+        frames = self._quick_stop_frames()
+        if not frames:
+            return
+        thread = threading.Thread(
+            target=self._channel.send_urgent, args=(frames,), name="axisbus quick stop", daemon=True
+        )
+        try:
+            thread.start()
+        except RuntimeError:  # the interpreter is ending and makes no more threads
+            self._channel.send_urgent(frames)
+            return
+        thread.join(QUICK_STOP_PATIENCE)
+
+    def lateness(self) -> LatenessReport:
+        """Return how late the cycles were so far."""
+        return self._lateness.report()
+
+    def close(self) -> None:
+        """Have the ports stop listening, and close the channel if it is ours; harmless when repeated."""
+        for port in self._ports:
+            port.close()
+        if self._owns_channel:
+            self._channel.close()
+
+    def _quick_stop_frames(self) -> list[Frame]:
+        by_pdo: list[Frame] = []
+        by_sdo: list[Frame] = []
+        for port in self._ports:
+            try:
+                pdo, sdo = port.stop_frames()
+            except Exception as error:  # noqa: BLE001 - nothing may keep the other axes from being stopped
+                self._channel.counters.errors.append(f"stop frames of node {port.node.node_id}: {error}")
+            else:
+                by_pdo += pdo
+                by_sdo += sdo
+        return [*by_pdo, *self._sync_frame(bool(by_pdo)), *by_sdo]
+
+    def _sync_frame(self, needed: bool) -> Iterable[Frame]:
+        return ((self._sync_cob_id, b""),) if needed and self._sync_cob_id is not None else ()

@@ -1,0 +1,212 @@
+"""What the master knows of a node's objects: by the EDS, and where that is silent by the standard.
+
+The standard's signedness wins over the file's for the objects of CiA 402, because files that type a target velocity as unsigned are
+common and a negative speed is real; the file's size wins over the standard's, because the device decides how many bytes it takes.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from functools import cache
+
+from axisbus.cia301 import objects as cia301
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia402 import objects as cia402
+from axisbus.eds.model import Eds, Number, Variable
+from axisbus.errors import ArgumentError
+
+PROFILE_AREA = range(0x6000, 0xA000)  # eight axes of 800h each (CiA 402-2 5)
+
+_ADDRESS = re.compile(
+    r"(?:0x(?P<a>[0-9a-f]{1,4})|(?P<b>[0-9a-f]{4})h|(?P<c>[0-9][0-9a-f]{3}))(?:[:/.](?:0x)?(?P<sub>[0-9a-f]{1,2})h?)?",
+    re.IGNORECASE,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One object as the master sees it; ``data_type`` is None where neither file nor standard gives it; limits likewise."""
+
+    index: int
+    subindex: int
+    name: str = ""
+    data_type: DataType | None = None
+    low: int | float | None = None
+    high: int | float | None = None
+
+    def __str__(self) -> str:
+        where = f"{self.index:04X}h:{self.subindex:02X}"
+        return f"{where} ({self.name})" if self.name else where
+
+
+class Dictionary:
+    """The objects of one node, from its EDS (None: only the standard's); frozen after construction."""
+
+    def __init__(self, eds: Eds | None = None, node_id: int | None = None) -> None:
+        self.eds = eds
+        self._node_id = node_id
+
+    def has(self, index: int, subindex: int = 0) -> bool | None:
+        """Whether the EDS has the entry; None where there is no EDS to ask."""
+        return None if self.eds is None else self.eds.get(index, subindex) is not None
+
+    def entry(self, index: int, subindex: int = 0) -> Entry:
+        """Return what is known of an entry, also where that is nothing."""
+        variable = self.eds.get(index, subindex) if self.eds is not None else None
+        name, standard_type = standard(index, subindex)
+        if variable is None:
+            return Entry(index, subindex, name, standard_type)
+        data_type = merged_type(variable.data_type, standard_type)
+        low, high = _limits(variable, data_type, self._node_id)
+        return Entry(index, subindex, variable.name or name, data_type, low, high)
+
+    def resolve(self, key: int | str, subindex: int = 0) -> Entry:
+        """Return the entry meant by an index (0 to FFFFh) or a text.
+
+        A text is a name of the EDS or of the standard (``"Profile velocity"``), or hexadecimal digits with an optional sub-index,
+        also hexadecimal: ``"6081h"``, ``"0x6099:01"``.
+
+        Raises:
+            ArgumentError: no such name; the remedy names similar ones.
+        """
+        if isinstance(key, int):
+            return self.entry(*_checked(key, subindex))
+        named = self._named(key)
+        if named is not None:
+            return self.entry(*named)
+        found = _ADDRESS.fullmatch(key.strip())
+        if found is None:
+            raise self._unknown(key)
+        index = int(found["a"] or found["b"] or found["c"], 16)
+        return self.entry(*_checked(index, int(found["sub"], 16) if found["sub"] else subindex))
+
+    def _named(self, name: str) -> tuple[int, int] | None:
+        if self.eds is not None:
+            variable = self.eds.find(name)
+            if variable is not None:
+                return variable.index, variable.subindex
+        return _standard_names().get(name.strip().lower())
+
+    def _unknown(self, key: str) -> ArgumentError:
+        known = list(_standard_names())
+        if self.eds is not None:
+            known += [sub.name.lower() for entry in self.eds for sub in entry.subs.values()]
+        near = difflib.get_close_matches(key.strip().lower(), known, n=3)
+        where = (
+            f"in {self.eds.source} or in CiA 301 and 402" if self.eds is not None else "in CiA 301 and 402"
+        )
+        return ArgumentError(
+            f"there is no object {key!r} {where}",
+            remedy=(f"did you mean {' or '.join(repr(name) for name in near)}? " if near else "")
+            + "an index is written 6081h or 0x6081, a sub-index after a colon: 6099h:01",
+        )
+
+
+def merged_type(file_type: DataType, standard_type: DataType | None) -> DataType:
+    """Return the type to read and write with: the file's size, with the standard's signedness where both are integers."""
+    if standard_type is None or not file_type.integer or not standard_type.integer:
+        return file_type
+    if file_type.signed is standard_type.signed or file_type is DataType.BOOLEAN:
+        return file_type
+    return _BY_SHAPE[standard_type.signed, file_type.bits or 0]
+
+
+def standard(index: int, subindex: int) -> tuple[str, DataType | None]:
+    """Return the standard's name and type of an entry; ``""`` and None where it has none."""
+    if index in PROFILE_AREA:
+        index = 0x6000 + (index - 0x6000) % cia402.AXIS_OFFSET
+    found = _standard_table().get((index, subindex))
+    if found is not None:
+        return found
+    for indices, sub, name, data_type in _standard_ranges():
+        if index in indices and sub == subindex:
+            return name, data_type
+    name, element = _standard_groups().get(index, ("", None))
+    return name, DataType.UNSIGNED8 if name and subindex == 0 else element
+
+
+_BY_SHAPE = {
+    (data_type.signed, data_type.bits): data_type
+    for data_type in DataType
+    if data_type.integer and data_type is not DataType.BOOLEAN
+}
+
+
+def _checked(index: int, subindex: int) -> tuple[int, int]:
+    if not 0 <= index <= 0xFFFF or not 0 <= subindex <= 0xFF:
+        raise ArgumentError(
+            f"{index:X}h:{subindex:X} is no object",
+            remedy="an index has 16 bits, a sub-index 8",
+        )
+    return index, subindex
+
+
+def _limits(
+    variable: Variable, data_type: DataType, node_id: int | None
+) -> tuple[int | float | None, int | float | None]:
+    """Return the file's limits, None where they limit nothing: both 0 (often meant as "none"), or low above high."""
+    low, high = (_limit(value, data_type, node_id) for value in (variable.low, variable.high))
+    if low is not None and high is not None and (low > high or low == high == 0):
+        return None, None
+    return low, high
+
+
+def _limit(value: Number | float | None, data_type: DataType, node_id: int | None) -> int | float | None:
+    if not isinstance(value, Number):
+        return value
+    number = value.resolve(node_id)
+    if data_type.integer and data_type.signed and number > data_type.range[1]:
+        return number - (1 << (data_type.bits or 0))  # written as two's complement
+    return number
+
+
+def _type(name: str) -> DataType | None:
+    return DataType.__members__.get(name)
+
+
+def _rows() -> list[dict[str, str]]:
+    return [*cia301.table(), *cia402.table()]
+
+
+@cache
+def _standard_table() -> dict[tuple[int, int], tuple[str, DataType | None]]:
+    """Return name and type by index and sub-index; a record itself (no sub-index in the table) is left out."""
+    found: dict[tuple[int, int], tuple[str, DataType | None]] = {}
+    for row in _rows():
+        if "-" in row["index"] or row["object_type"].startswith(("ARRAY", "RECORD")):
+            continue
+        key = int(row["index"], 16), int(row["subindex"] or "0", 16)
+        found[key] = row["name"], _type(row["data_type"])
+    return found
+
+
+@cache
+def _standard_groups() -> dict[int, tuple[str, DataType | None]]:
+    """Return name and element type (None where they differ or are not given) of each ARRAY and RECORD."""
+    return {
+        int(row["index"], 16): (row["name"], _type(row["data_type"]))
+        for row in _rows()
+        if row["object_type"].startswith(("ARRAY", "RECORD")) and "-" not in row["index"]
+    }
+
+
+@cache
+def _standard_ranges() -> list[tuple[range, int, str, DataType | None]]:
+    found = []
+    for row in _rows():
+        low, dash, high = row["index"].partition("-")
+        if dash and row["subindex"] and "-" not in row["subindex"]:
+            indices = range(int(low, 16), int(high, 16) + 1)
+            found.append((indices, int(row["subindex"], 16), row["name"], _type(row["data_type"])))
+    return found
+
+
+@cache
+def _standard_names() -> dict[str, tuple[int, int]]:
+    names: dict[str, tuple[int, int]] = {}
+    for (index, subindex), (name, _) in _standard_table().items():
+        if subindex == 0 and index not in _standard_groups():
+            names.setdefault(name.lower(), (index, subindex))
+    return names

@@ -1,0 +1,70 @@
+"""Emergency messages of one node: received in any length, kept in a bounded history, and fed to each axis of the node."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from axisbus.bus.channel import Channel
+from axisbus.cia301 import cob
+from axisbus.cia301.emcy import Emcy, parse
+
+HISTORY = 64
+FEED = 64
+_SHORTEST = 2  # bytes: the error code
+
+
+class EmcyFeed:
+    """What has come since one reader looked last; holds state: at most the newest 64 messages, ``lost`` counts older ones."""
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._waiting: deque[Emcy] = deque()
+
+    def put(self, emcy: Emcy) -> None:
+        """Add one; called in the receive thread."""
+        if len(self._waiting) >= FEED:
+            self._waiting.popleft()
+            self.lost += 1
+        self._waiting.append(emcy)
+
+    def take(self) -> tuple[Emcy, ...]:
+        """Return and forget what waits; called by the one reader."""
+        if not self._waiting:
+            return ()
+        count = len(self._waiting)
+        return tuple(self._waiting.popleft() for _ in range(count))
+
+
+class EmcyMonitor:
+    """Receives a node's emergency messages; holds state: the newest 64 (``history``, oldest first), and the feeds.
+
+    Frames shorter than 8 bytes are read as if filled with zeros; one without an error code is counted in ``malformed``.
+    """
+
+    def __init__(self, channel: Channel, node_id: int, cob_id: int | None = None) -> None:
+        """``cob_id`` is that of object 1014h, None for the predefined 80h + node ID."""
+        self.history: deque[Emcy] = deque(maxlen=HISTORY)
+        self.malformed = 0
+        self._feeds: tuple[EmcyFeed, ...] = ()
+        self._channel = channel
+        self._cob_id = cob.EMCY + node_id if cob_id is None else cob_id
+        channel.subscribe(self._cob_id, self._on_frame)
+
+    def feed(self) -> EmcyFeed:
+        """Return a new feed, which gets every message from now on."""
+        feed = EmcyFeed()
+        self._feeds = (*self._feeds, feed)
+        return feed
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._channel.unsubscribe(self._cob_id, self._on_frame)
+
+    def _on_frame(self, data: bytes, stamp: float) -> None:
+        if len(data) < _SHORTEST:
+            self.malformed += 1
+            return
+        emcy = parse(data, stamp)
+        self.history.append(emcy)
+        for feed in self._feeds:
+            feed.put(emcy)

@@ -1,0 +1,110 @@
+"""What of a drive's objects may travel in its PDOs, by its dictionary and by the standard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from axisbus.bus.dictionary import Dictionary, merged_type, standard
+from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia402 import objects as cia402
+from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS
+
+_RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
+_TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
+
+
+@dataclass(frozen=True, slots=True)
+class MapEntry:
+    """One object as it may be mapped; ``index`` is the device's own (the axis's offset included)."""
+
+    index: int
+    subindex: int
+    bits: int
+    signed: bool
+    receive: bool
+    transmit: bool
+
+    @property
+    def mapped(self) -> MappedObject:
+        """The entry for a mapping parameter."""
+        return MappedObject(self.index, self.subindex, self.bits)
+
+
+@dataclass(frozen=True, slots=True)
+class DevicePdos:
+    """The PDOs that a device has, as its parameters say now."""
+
+    rpdos: tuple[Pdo, ...]
+    tpdos: tuple[Pdo, ...]
+
+    @property
+    def mapped(self) -> Iterable[MappedObject]:
+        """Every mapped entry."""
+        return (entry for pdo in (*self.rpdos, *self.tpdos) for entry in pdo.mapping)
+
+
+def axis_index(index: int, axis: int) -> int:
+    """Return the index of a first-axis object for the axis ``axis`` (1 to 8) of a device."""
+    return index + cia402.AXIS_OFFSET * (axis - 1)
+
+
+def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> dict[int, MapEntry]:
+    """Return the objects of motion's values that the axis has, by their index in the device.
+
+    An object exists where the EDS has it, or where the drive maps it already; without an EDS the standard's objects are taken to
+    exist, and the drive is asked when they are mapped.
+    """
+    wanted = {*INPUT_OBJECTS.values(), *OUTPUT_OBJECTS.values()}
+    mapped = {(entry.index, entry.subindex): entry.bits for entry in device.mapped}
+    found = {}
+    for first in sorted(wanted):
+        index = axis_index(first, axis)
+        entry = _entry(dictionary, index) or _mapped_entry(index, mapped.get((index, 0)))
+        if entry is not None:
+            found[index] = entry
+    return found
+
+
+def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:
+    _, standard_type = standard(index, 0)
+    if dictionary.eds is None:
+        direction = _standard_direction()[_first_axis(index)]
+        bits = standard_type.bits if standard_type is not None else None
+        return None if bits is None else MapEntry(index, 0, bits, _signed(index), *direction)
+    variable = dictionary.eds.get(index, 0)
+    if variable is None:
+        return None
+    data_type = merged_type(variable.data_type, standard_type)
+    if data_type.bits is None:
+        return None
+    return MapEntry(
+        index,
+        0,
+        data_type.bits,
+        data_type.signed,
+        receive=variable.pdo_mapping and variable.access in _RECEIVES,
+        transmit=variable.pdo_mapping and variable.access in _TRANSMITS,
+    )
+
+
+def _mapped_entry(index: int, bits: int | None) -> MapEntry | None:
+    """An object that the file forgot but the drive maps: its size is the drive's, and it stays where it is."""
+    return None if bits is None else MapEntry(index, 0, bits, _signed(index), receive=False, transmit=False)
+
+
+def _signed(index: int) -> bool:
+    data_type = standard(index, 0)[1]
+    return data_type is not None and data_type.signed
+
+
+def _first_axis(index: int) -> int:
+    return 0x6000 + (index - 0x6000) % cia402.AXIS_OFFSET
+
+
+def _standard_direction() -> dict[int, tuple[bool, bool]]:
+    return {
+        int(row["index"], 16): ("RPDO" in row["pdo_mappable"], "TPDO" in row["pdo_mappable"])
+        for row in cia402.table()
+        if row["subindex"] in ("", "0x00")
+    }

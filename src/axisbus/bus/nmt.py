@@ -1,0 +1,253 @@
+"""Network management of one node: what it reports of itself, and commands that are confirmed (CiA 301 7.2.8).
+
+An NMT command has no answer of its own. What confirms it is the next heartbeat; where a node sends none, the answer to a guarding
+request; where it has neither, that it answers SDO (or, once stopped, no longer does), after which its state is *assumed*.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from enum import Enum
+
+from axisbus.bus.channel import Channel, require_other_thread
+from axisbus.cia301 import cob
+from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.errors import NodeTimeout
+
+CONFIRM_TIMEOUT = 2.0  # longer than the usual heartbeat of 1 s
+_GUARD_WAIT = 0.1
+_GUARD_TRIES = 2
+_TOGGLE_BIT = 0x80
+_RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+
+
+class Confirmation(Enum):
+    """What showed that a node took a command."""
+
+    HEARTBEAT = "its heartbeat"
+    BOOT_UP = "its boot-up message"
+    GUARDING = "its answer to node guarding"
+    SDO = "its SDO server; the state itself is assumed"
+
+
+class NodeMonitor:
+    """What a node said of itself; holds state: last NMT state with its time, latched boot-ups, the watch on its heartbeat.
+
+    Boot-ups are counted, so that none is lost between two looks. Times are seconds of ``time.monotonic()``. May be used from any
+    thread; the waiting calls not from the receive thread.
+    """
+
+    def __init__(self, channel: Channel, node_id: int) -> None:
+        self.node_id = node_id
+        self.state = NmtState.UNKNOWN
+        self.stamp: float | None = None
+        self.assumed = False
+        self.reports = 0
+        self.bootups = 0
+        self.bootup_stamp: float | None = None
+        self.asking = False  # while node guarding asks, a report is an answer and no heartbeat
+        self._heartbeats = 0
+        self._channel = channel
+        self._changed = threading.Condition()
+        self._watch: float | None = None
+        self._watched_since = 0.0
+        channel.subscribe(cob.HEARTBEAT + node_id, self._on_report)
+        channel.subscribe(cob.NMT, self._on_command)
+        channel.on_failure.append(self._wake)
+
+    # -- what it says -------------------------------------------------------------------------------------------------------------
+
+    def watch(self, timeout: float | None) -> None:
+        """Expect a heartbeat every ``timeout`` seconds from now on (None: expect none)."""
+        self._watched_since = time.monotonic()
+        self._watch = timeout
+
+    @property
+    def watched(self) -> float | None:
+        """The consumer time in seconds, None where no heartbeat is expected."""
+        return self._watch
+
+    @property
+    def has_heartbeat(self) -> bool:
+        """Whether it has sent a heartbeat since its last boot-up."""
+        return self._heartbeats > 0
+
+    def overdue(self, now: float) -> bool:
+        """Whether the expected heartbeat is missing at the time ``now``."""
+        watch = self._watch
+        if watch is None:
+            return False
+        return now - max(self.stamp or 0.0, self._watched_since) > watch
+
+    def operational(self, now: float) -> bool:
+        """Whether its last word was *operational* and its heartbeat is not overdue."""
+        return self.state == NmtState.OPERATIONAL and not self.overdue(now)
+
+    def describe(self, now: float) -> str:
+        """Return state and age in words, for the text of an error."""
+        if self.stamp is None:
+            return "it has never reported its NMT state"
+        kind = "assumed" if self.assumed else f"last reported {now - self.stamp:.2f} s ago"
+        return f"NMT state {self.state.text} ({kind}), {self.bootups} boot-ups seen"
+
+    def assume(self, state: NmtState) -> None:
+        """Take ``state`` for the node's, where it cannot say so itself."""
+        with self._changed:
+            self.state, self.assumed = state, True
+            self._changed.notify_all()
+
+    # -- waiting ------------------------------------------------------------------------------------------------------------------
+
+    def wait_state(self, state: NmtState, timeout: float, after: int = -1) -> bool:
+        """Wait until the node reports ``state``, in report number ``after`` + 1 or later; return whether it did.
+
+        Raises:
+            BusError: the channel failed.
+            StateError: called in the receive thread.
+        """
+        return self._wait(lambda: self.reports > after and self.state == state and not self.assumed, timeout)
+
+    def wait_report(self, after: int, timeout: float) -> bool:
+        """Wait until more than ``after`` reports have come; return whether they did (raises as ``wait_state``)."""
+        return self._wait(lambda: self.reports > after, timeout)
+
+    def wait_bootup(self, timeout: float, after: int = 0) -> None:
+        """Wait until more than ``after`` boot-ups have been seen since this monitor was made.
+
+        Raises:
+            NodeTimeout: they have not within ``timeout`` seconds.
+            others as ``wait_state``.
+        """
+        if self._wait(lambda: self.bootups > after, timeout):
+            return
+        raise NodeTimeout(
+            f"node {self.node_id} sent no boot-up message within {timeout:g} s",
+            node=self.node_id,
+            observed=self.describe(time.monotonic()),
+            remedy="check its power, node ID and bitrate; some drives need seconds to restart",
+        )
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._channel.unsubscribe(cob.HEARTBEAT + self.node_id, self._on_report)
+        self._channel.unsubscribe(cob.NMT, self._on_command)
+        if self._wake in self._channel.on_failure:
+            self._channel.on_failure.remove(self._wake)
+
+    def _wait(self, done: Callable[[], bool], timeout: float) -> bool:
+        require_other_thread(self._channel, "waiting for a node")
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while not done():
+                self._channel.check()
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    return False
+                self._changed.wait(left)
+            return True
+
+    # -- receive thread -----------------------------------------------------------------------------------------------------------
+
+    def _on_report(self, data: bytes, stamp: float) -> None:
+        if not data:
+            return
+        value = data[0] & ~_TOGGLE_BIT
+        with self._changed:
+            if value == NmtState.INITIALISING:  # boot-up; the node then enters pre-operational by itself
+                self.bootups += 1
+                self.bootup_stamp = stamp
+                self._heartbeats = 0
+                value = NmtState.PRE_OPERATIONAL
+            elif not self.asking:
+                self._heartbeats += 1
+            self.state, self.stamp, self.assumed = NmtState(value), stamp, False
+            self.reports += 1
+            self._changed.notify_all()
+
+    def _on_command(self, data: bytes, _: float) -> None:
+        """Another master commands this node: where no heartbeat will tell the result, it is assumed."""
+        if len(data) < 2 or data[1] not in (0, self.node_id) or self.has_heartbeat:
+            return
+        if data[0] in NmtCommand.__members__.values():
+            self.assume(RESULT[NmtCommand(data[0])])
+
+    def _wake(self, _: object) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+
+def send(channel: Channel, command: NmtCommand, node_id: int = 0) -> None:
+    """Send an NMT command to one node (1 to 127) or to all (0), without a confirmation.
+
+    Raises:
+        AdapterError: it cannot be sent.
+    """
+    channel.send(cob.NMT, bytes((command, node_id)))
+
+
+def command(
+    channel: Channel,
+    monitor: NodeMonitor,
+    wanted: NmtCommand,
+    *,
+    timeout: float = CONFIRM_TIMEOUT,
+    answers_sdo: Callable[[], bool] | None = None,
+) -> Confirmation:
+    """Send an NMT command to one node and wait until it is confirmed; blocks up to ``timeout`` seconds and one SDO transfer.
+
+    ``answers_sdo`` tries the node's SDO server once; it serves where a node has neither heartbeat nor guarding.
+
+    Raises:
+        NodeTimeout: nothing confirms it.
+        AdapterError: the channel failed.
+        StateError: called in the receive thread.
+    """
+    require_other_thread(channel, "a confirmed NMT command")
+    reports, bootups = monitor.reports, monitor.bootups
+    send(channel, wanted, monitor.node_id)
+    if wanted in _RESETS:
+        monitor.wait_bootup(timeout, after=bootups)
+        return Confirmation.BOOT_UP
+    state = RESULT[wanted]
+    if monitor.has_heartbeat:
+        if monitor.wait_state(state, timeout, after=reports):
+            return Confirmation.HEARTBEAT
+    elif _guarded(channel, monitor, state, timeout):
+        return Confirmation.GUARDING
+    elif monitor.reports == reports and answers_sdo is not None and answers_sdo() is _serves_sdo(state):
+        monitor.assume(state)
+        return Confirmation.SDO
+    raise _unconfirmed(monitor, wanted, state, timeout)
+
+
+def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: float) -> bool:
+    """Ask by remote frame until the node says ``state``; give up early if it does not answer at all."""
+    deadline = time.monotonic() + timeout
+    unanswered = 0
+    monitor.asking = True
+    try:
+        while time.monotonic() < deadline and unanswered < _GUARD_TRIES:
+            asked = monitor.reports
+            channel.send_remote(cob.HEARTBEAT + monitor.node_id)
+            if monitor.wait_state(state, _GUARD_WAIT, after=asked):
+                return True
+            unanswered = unanswered + 1 if monitor.reports == asked else 0
+        return False
+    finally:
+        monitor.asking = False
+
+
+def _serves_sdo(state: NmtState) -> bool:
+    return state is not NmtState.STOPPED
+
+
+def _unconfirmed(monitor: NodeMonitor, wanted: NmtCommand, state: NmtState, timeout: float) -> NodeTimeout:
+    name = wanted.name.lower().replace("_", " ")
+    return NodeTimeout(
+        f"node {monitor.node_id} did not confirm the NMT command {name!r} within {timeout:g} s",
+        node=monitor.node_id,
+        observed=f"expected {state.text}; {monitor.describe(time.monotonic())}",
+        remedy="check its power, node ID and wiring, and whether another NMT master is on the bus",
+    )

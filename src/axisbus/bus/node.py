@@ -1,0 +1,135 @@
+"""One device on the channel: its SDO client and worker, its NMT state, its emergency messages, and who it says it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from axisbus.bus import nmt
+from axisbus.bus.channel import Channel
+from axisbus.bus.emcy import EmcyMonitor
+from axisbus.bus.nmt import Confirmation, NodeMonitor
+from axisbus.bus.sdo import TIMEOUT, TRIES, SdoClient
+from axisbus.bus.worker import SdoWorker
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError, SdoAbort, SdoError
+
+_PROBE_TIMEOUT = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class NodeIdentity:
+    """Who a device says it is; None where it has no such object."""
+
+    device_type: int | None = None
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    device_name: str | None = None
+    hardware_version: str | None = None
+    software_version: str | None = None
+
+    @property
+    def profile(self) -> int | None:
+        """Number of the device profile (402 for drives), the low word of 1000h."""
+        return None if self.device_type is None else self.device_type & 0xFFFF
+
+
+def read_identity(sdo: SdoClient) -> NodeIdentity:
+    """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. What the device refuses is None.
+
+    Raises:
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    return NodeIdentity(
+        device_type=_number(sdo, o.DEVICE_TYPE, 0),
+        vendor_id=_number(sdo, o.IDENTITY, o.VENDOR_ID),
+        product_code=_number(sdo, o.IDENTITY, o.PRODUCT_CODE),
+        revision=_number(sdo, o.IDENTITY, o.REVISION_NUMBER),
+        serial=_number(sdo, o.IDENTITY, o.SERIAL_NUMBER),
+        device_name=_text(sdo, o.DEVICE_NAME),
+        hardware_version=_text(sdo, o.HARDWARE_VERSION),
+        software_version=_text(sdo, o.SOFTWARE_VERSION),
+    )
+
+
+def _number(sdo: SdoClient, index: int, subindex: int) -> int | None:
+    try:
+        value = sdo.read(index, subindex, data_type=DataType.UNSIGNED32)
+    except SdoAbort:
+        return None
+    return value if isinstance(value, int) else None
+
+
+def _text(sdo: SdoClient, index: int) -> str | None:
+    try:
+        return str(sdo.read(index, data_type=DataType.VISIBLE_STRING)).strip("\0 ")
+    except SdoAbort:
+        return None
+
+
+class Node:
+    """One device; holds state: the listeners and the worker thread that belong to it. ``eds`` is None where no file is given."""
+
+    def __init__(
+        self,
+        channel: Channel,
+        node_id: int,
+        eds: Eds | None = None,
+        *,
+        sdo_timeout: float = TIMEOUT,
+        sdo_tries: int = TRIES,
+    ) -> None:
+        """Listen to the node; sends nothing.
+
+        Raises:
+            ArgumentError: the node ID is not 1 to 127.
+        """
+        if node_id not in cob.NODE_IDS:
+            raise ArgumentError(f"{node_id} is no node ID", remedy="CANopen node IDs are 1 to 127")
+        self.channel = channel
+        self.node_id = node_id
+        self.eds = eds
+        self.sdo = SdoClient(channel, node_id, eds, timeout=sdo_timeout, tries=sdo_tries)
+        self.nmt = NodeMonitor(channel, node_id)
+        self.emcy = EmcyMonitor(channel, node_id)
+        self.worker = SdoWorker(channel, self.sdo)
+
+    def identity(self) -> NodeIdentity:
+        """Read who the device is; blocks, raises as ``read_identity``."""
+        return read_identity(self.sdo)
+
+    def command(self, wanted: NmtCommand, timeout: float = nmt.CONFIRM_TIMEOUT) -> Confirmation:
+        """Send an NMT command and wait until it is confirmed; blocks, raises as ``nmt.command``."""
+        return nmt.command(self.channel, self.nmt, wanted, timeout=timeout, answers_sdo=self.answers_sdo)
+
+    def answers_sdo(self) -> bool:
+        """Try once whether the SDO server answers, a refusal included; blocks up to 0.5 s.
+
+        Raises:
+            AdapterError: the channel failed.
+        """
+        try:
+            self.sdo.upload(o.DEVICE_TYPE, timeout=_PROBE_TIMEOUT, tries=1)
+        except SdoAbort:
+            return True
+        except SdoError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """End the worker and stop listening; harmless when repeated."""
+        self.worker.close()
+        self.sdo.close()
+        self.nmt.close()
+        self.emcy.close()
+
+    def __enter__(self) -> Node:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

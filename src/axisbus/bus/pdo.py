@@ -1,0 +1,244 @@
+"""Bringing a live drive's PDOs where a plan wants them, by the procedure of CiA 301, with everything read back.
+
+Theory of operation
+-------------------
+``configure`` reads what is there, has a plan made, applies it, and where the drive refuses makes the next plan from what that
+taught: an object that cannot be mapped is left out, a mapping that cannot be changed is kept as it is, and so are communication
+parameters.
+Before every new attempt the drive has back what it had, so that a refusal half-way never leaves a PDO switched off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from axisbus.bus.mapping import axis_objects
+from axisbus.bus.pdo_read import Indices, read_number, read_pdo, read_pdos
+from axisbus.bus.plan import Change, Plan, PlannedPdo, Policy, Wanted, make_plan
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.errors import BootError, SdoAbort
+
+_STEP = "PDO configuration"
+
+# Abort codes on a mapping entry that speak of the object; any other means that the mapping cannot be changed at all.
+_OBJECT_REFUSED = frozenset({0x0602_0000, 0x0604_0041, 0x0604_0043, 0x0609_0011, 0x0609_0030})
+
+_ATTEMPTS = 16
+
+
+class _Refusal(Exception):
+    """The drive refused a step; says what the next plan must leave alone."""
+
+    def __init__(self, what: str, abort: SdoAbort, index: int | None = None) -> None:
+        super().__init__(what)
+        self.what = what
+        self.abort = abort
+        self.index = index
+
+
+def configure(
+    sdo: SdoClient,
+    wanted: Wanted | None = None,
+    policy: Policy | None = None,
+    axis: int = 1,
+    on_plan: Callable[[Plan], None] | None = None,
+) -> Plan:
+    """Plan the PDOs of one axis and bring the drive there, which should be pre-operational; blocks for some dozen transfers.
+
+    Returns the plan that holds now, with what the drive reads back. ``on_plan`` sees each plan before it is applied.
+
+    Raises:
+        BootError: a step failed in a way that no other plan avoids; the drive has back what it had, as far as it lets us.
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    policy = policy or Policy()
+    learnt: list[str] = []
+    for _ in range(_ATTEMPTS):
+        device = read_pdos(sdo)
+        plan = make_plan(
+            sdo.node_id, device, axis_objects(sdo.dictionary, device, axis), wanted, policy, axis
+        )
+        plan = replace(plan, notes=(*learnt, *plan.notes))
+        if on_plan is not None:
+            on_plan(plan)
+        try:
+            return _apply(sdo, plan)
+        except _Refusal as refusal:
+            policy = _less(sdo, policy, refusal)
+            learnt.append(f"{refusal.what} (abort code {refusal.abort.code:08X}h)")
+    raise BootError(f"node {sdo.node_id}: no PDO plan that the drive takes", node=sdo.node_id, step=_STEP)
+
+
+def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
+    """Return what may still be tried after a refusal."""
+    about_object = refusal.abort.code in _OBJECT_REFUSED and refusal.index not in policy.refused
+    if refusal.index is not None and about_object:
+        return replace(policy, refused=policy.refused | {refusal.index})
+    if policy.remap:
+        return replace(policy, remap=False)
+    if policy.communication:
+        return replace(policy, communication=False)
+    raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
+
+
+# -- applying ---------------------------------------------------------------------------------------------------------------------
+
+
+def _apply(sdo: SdoClient, plan: Plan) -> Plan:
+    """Bring the drive where the plan says; return the plan with what was read back; raises ``_Refusal`` after restoring."""
+    changed = [pdo for pdo in plan.pdos if pdo.change is not Change.KEEP]
+    touched: list[PlannedPdo] = []
+    try:
+        for pdo in changed:
+            touched.append(pdo)
+            _switch_off(sdo, pdo)
+        for pdo in changed:
+            _write(sdo, pdo)
+        for pdo in changed:
+            _switch_on(sdo, pdo)
+    except _Refusal:
+        for pdo in reversed(touched):
+            _restore(sdo, pdo)
+        raise
+    checked = tuple(_checked(sdo, pdo) if pdo in changed else pdo for pdo in plan.pdos)
+    return replace(plan, pdos=checked)
+
+
+def _switch_off(sdo: SdoClient, pdo: PlannedPdo) -> None:
+    """Step 1 of CiA 301 7.5.2.36: bit 31 of the COB-ID."""
+    at = Indices.of(pdo.receive, pdo.before.number)
+    _step(
+        sdo,
+        f"{pdo.name} cannot be switched off, so nothing of it can be changed",
+        at.communication,
+        o.PDO_COB_ID,
+        _raw_cob_id(sdo, at, pdo.before.cob_id) | cob.INVALID,
+        4,
+    )
+
+
+def _write(sdo: SdoClient, pdo: PlannedPdo) -> None:
+    at = Indices.of(pdo.receive, pdo.before.number)
+    if pdo.change is Change.MAPPING:
+        _write_mapping(sdo, pdo.name, at.mapping, pdo.target.mapping)
+    if pdo.change is not Change.DISABLE:
+        _write_communication(sdo, pdo.name, at.communication, pdo.before, pdo.target)
+
+
+def _write_mapping(sdo: SdoClient, name: str, index: int, mapping: tuple[MappedObject, ...]) -> None:
+    """Steps 2 to 4: no entries, the entries, their count."""
+    _step(sdo, f"the mapping of {name} is fixed", index, 0, 0, 1)
+    for subindex, mapped in enumerate(mapping, start=1):
+        what = f"{mapped.index:04X}h cannot be mapped into {name}"
+        _step(sdo, what, index, subindex, mapped.entry, 4, refused=mapped.index)
+    _step(sdo, f"{name} does not take {len(mapping)} entries", index, 0, len(mapping), 1)
+
+
+def _write_communication(sdo: SdoClient, name: str, index: int, before: Pdo, target: Pdo) -> None:
+    if target.transmission_type != before.transmission_type:
+        what = f"{name} does not take transmission type {target.transmission_type}"
+        _step(sdo, what, index, o.PDO_TRANSMISSION_TYPE, target.transmission_type, 1)
+    timers = (
+        (o.PDO_INHIBIT_TIME, before.inhibit_time, target.inhibit_time),
+        (o.PDO_EVENT_TIMER, before.event_timer, target.event_timer),
+    )
+    for subindex, old, new in timers:
+        if new is not None and new != old:
+            with suppress(_Refusal):  # what the drive then has is read back, and freshness is judged by that
+                _step(sdo, f"{name}: timer {subindex}", index, subindex, new, 2)
+
+
+def _switch_on(sdo: SdoClient, pdo: PlannedPdo) -> None:
+    """Step 5: the COB-ID without bit 31."""
+    if pdo.target.valid:
+        at = Indices.of(pdo.receive, pdo.before.number)
+        value = _raw_cob_id(sdo, at, pdo.target.cob_id)
+        _step(sdo, f"{pdo.name} cannot be switched on", at.communication, o.PDO_COB_ID, value, 4)
+
+
+def _raw_cob_id(sdo: SdoClient, at: Indices, cob_id: int) -> int:
+    """The UNSIGNED32 of a valid PDO: the drive's own "no RTR" bit is kept."""
+    flags = (read_number(sdo, at.communication, o.PDO_COB_ID) or 0) & cob.NO_RTR
+    return cob_id | flags | (cob.EXTENDED if cob_id > cob.ID_MASK_11 else 0)
+
+
+def _step(
+    sdo: SdoClient, what: str, index: int, subindex: int, value: int, size: int, refused: int | None = None
+) -> None:
+    try:
+        sdo.download(index, subindex, value.to_bytes(size, "little"))
+    except SdoAbort as error:
+        raise _Refusal(what, error, refused) from error
+
+
+def _restore(sdo: SdoClient, pdo: PlannedPdo) -> None:
+    """Give a PDO back what it had, as far as the drive lets us; the refusal that led here is what will be told."""
+    at = Indices.of(pdo.receive, pdo.before.number)
+    now = read_pdo(sdo, pdo.receive, pdo.before.number)
+    if now is None or now == pdo.before:
+        return
+    back = replace(pdo, before=now, target=pdo.before)
+    with suppress(_Refusal):
+        _switch_off(sdo, back)
+    with suppress(_Refusal):
+        if now.mapping != pdo.before.mapping:
+            _write_mapping(sdo, pdo.name, at.mapping, pdo.before.mapping)
+    with suppress(_Refusal):
+        _write_communication(sdo, pdo.name, at.communication, now, pdo.before)
+    with suppress(_Refusal):
+        _switch_on(sdo, back)
+
+
+def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
+    """Read a PDO back; timers may come back rounded, everything else must be as written."""
+    now = read_pdo(sdo, pdo.receive, pdo.target.number)
+    if now is None:
+        raise _unlike(sdo, pdo, "its COB-ID", "a value", "nothing")
+    checks: list[tuple[str, object, object]] = [("switched on", pdo.target.valid, now.valid)]
+    if pdo.target.valid:
+        checks += [
+            ("its COB-ID", pdo.target.cob_id, now.cob_id),
+            ("its transmission type", pdo.target.transmission_type, now.transmission_type),
+            ("its mapping", pdo.target.mapping, now.mapping),
+        ]
+    for what, expected, got in checks:
+        if expected != got:
+            raise _unlike(sdo, pdo, what, expected, got)
+    return replace(pdo, target=now)
+
+
+def _unlike(sdo: SdoClient, pdo: PlannedPdo, what: str, expected: object, got: object) -> BootError:
+    at = Indices.of(pdo.receive, pdo.target.number)
+    index = at.mapping if what == "its mapping" else at.communication
+    return BootError(
+        f"node {sdo.node_id}: {pdo.name} took {what} without an error but reads back another",
+        node=sdo.node_id,
+        step=_STEP,
+        index=index,
+        observed=f"{index:04X}h: written {_words(expected)}, read back {_words(got)}",
+        remedy='set remap = "never" for this node, so that the mapping stays as the drive has it',
+    )
+
+
+def _words(value: object) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value)) or "no entries"
+    return f"{value:X}h" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+
+
+def _boot_error(sdo: SdoClient, what: str, abort: SdoAbort) -> BootError:
+    return BootError(
+        f"node {sdo.node_id}: {what}",
+        node=sdo.node_id,
+        step=_STEP,
+        index=abort.index,
+        subindex=abort.subindex,
+        observed=f"{abort.message}; {abort.observed}",
+        remedy=abort.remedy
+        or "bring the node to pre-operational first; some drives lock their PDO parameters",
+    )

@@ -1,0 +1,108 @@
+"""The PDO parameters that a live drive has, read by SDO with tolerance for what real drives lack."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.bus.mapping import DevicePdos
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo
+from axisbus.errors import SdoAbort
+
+_LAST = 512
+_PROBED = (*range(1, 9), *range(65, 69))  # where no EDS says which PDOs there are
+_MULTIPLEXED = 0xFE  # sub-index 0 of an MPDO (CiA 301 7.5.2.36): FEh and FFh are no counts
+
+
+@dataclass(frozen=True, slots=True)
+class Indices:
+    """Where the parameters of one PDO are."""
+
+    communication: int
+    mapping: int
+
+    @classmethod
+    def of(cls, receive: bool, number: int) -> Indices:
+        """Return those of RPDO or TPDO ``number`` (from 1)."""
+        if receive:
+            return cls(o.RPDO_COMMUNICATION + number - 1, o.RPDO_MAPPING + number - 1)
+        return cls(o.TPDO_COMMUNICATION + number - 1, o.TPDO_MAPPING + number - 1)
+
+
+def read_pdos(sdo: SdoClient) -> DevicePdos:
+    """Read every PDO of the device by SDO; blocks for a dozen transfers each.
+
+    Entries that a device lacks are None or left out; a PDO without COB-ID or transmission type is not there. The parameters are
+    read by number, so that it does not matter how an EDS types them.
+
+    Raises:
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    return DevicePdos(
+        tuple(_read_existing(sdo, receive=True)),
+        tuple(_read_existing(sdo, receive=False)),
+    )
+
+
+def read_pdo(sdo: SdoClient, receive: bool, number: int) -> Pdo | None:
+    """Read one PDO (number from 1); None where the device has none of that number. Blocks, raises as ``read_pdos``."""
+    at = Indices.of(receive, number)
+    cob_id = read_number(sdo, at.communication, o.PDO_COB_ID)
+    transmission = read_number(sdo, at.communication, o.PDO_TRANSMISSION_TYPE)
+    if cob_id is None or transmission is None:
+        return None
+    return Pdo(
+        number,
+        cob_id & (cob.ID_MASK_29 if cob_id & cob.EXTENDED else cob.ID_MASK_11),
+        not cob_id & cob.INVALID,
+        transmission,
+        _read_mapping(sdo, at.mapping),
+        read_number(sdo, at.communication, o.PDO_INHIBIT_TIME) if not receive else None,
+        read_number(sdo, at.communication, o.PDO_EVENT_TIMER),
+    )
+
+
+def _read_existing(sdo: SdoClient, receive: bool) -> Iterable[Pdo]:
+    for number in _numbers(sdo.dictionary, receive):
+        pdo = read_pdo(sdo, receive, number)
+        if pdo is not None:
+            yield pdo
+
+
+def _numbers(dictionary: Dictionary, receive: bool) -> list[int]:
+    """PDO numbers worth asking for: the first eight that the EDS has in each axis's block of 64."""
+    if dictionary.eds is None:
+        return list(_PROBED)
+    numbers = [
+        number
+        for number in range(1, _LAST + 1)
+        if Indices.of(receive, number).communication in dictionary.eds
+    ]
+    blocks: dict[int, list[int]] = {}
+    for number in numbers:
+        blocks.setdefault((number - 1) // 64, []).append(number)
+    return [number for block in blocks.values() for number in block[:8]]
+
+
+def _read_mapping(sdo: SdoClient, index: int) -> tuple[MappedObject, ...]:
+    count = read_number(sdo, index, 0)
+    if count is None or count >= _MULTIPLEXED:
+        return ()
+    entries = []
+    for subindex in range(1, min(count, MAX_BITS) + 1):
+        entry = read_number(sdo, index, subindex)
+        if entry is None:
+            break
+        entries.append(MappedObject.from_entry(entry))
+    return tuple(entries)
+
+
+def read_number(sdo: SdoClient, index: int, subindex: int) -> int | None:
+    try:
+        return int.from_bytes(sdo.upload(index, subindex), "little")
+    except SdoAbort:
+        return None

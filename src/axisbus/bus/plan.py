@@ -1,0 +1,321 @@
+"""The PDO plan: from what a drive has and what motion wants, which value travels where, and what must be changed for it.
+
+Theory of operation
+-------------------
+Everything is decided here, from values, and nothing is sent: the plan can be printed, tested, and made again with another policy
+after the drive has refused something. Each direction is planned on its own:
+
+1. *Keep*: the PDOs that the drive maps now and that together carry most of what is wanted.
+2. *Remap*: the mappable objects laid out by ``LAYOUT_OUTPUTS`` and ``LAYOUT_INPUTS``.
+3. Keep wins unless remapping is allowed and carries more.
+
+Then every chosen PDO gets its COB-ID, transmission type, event timer and inhibit time. What no PDO carries falls back to SDO, with
+the reason in ``notes``; what must be synchronous and is not is ``impossible``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import chain
+
+from axisbus.bus import choose
+from axisbus.bus.dictionary import PROFILE_AREA
+from axisbus.bus.mapping import DevicePdos, MapEntry, axis_index
+from axisbus.cia301 import cob
+from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia402.objects import names as standard_names
+from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
+
+SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
+EVENT_PROFILE = 255  # transmission type: event-driven by the device profile
+_EVENT_TYPES = (254, 255)
+_PDO_COB_IDS = range(0x181, 0x580)
+_NODE_BITS = 0x7F
+
+LAYOUT_OUTPUTS = (("controlword", "mode", "target_position"), ("target_velocity", "target_torque"))
+LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
+
+
+class Change(Enum):
+    """What is to be done with one PDO."""
+
+    KEEP = "as the drive has it"
+    COMMUNICATION = "communication parameters set"
+    MAPPING = "remapped"
+    DISABLE = "switched off, others carry the same"
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """How the plan may be made.
+
+    ``sync``: PDOs are tied to SYNC, else event-driven. ``remap``: mappings may be changed. ``communication``: communication
+    parameters may be changed. ``event_timer`` (ms) and ``inhibit_time`` (100 µs) are for event-driven TPDOs. ``refused`` holds the
+    indices that the drive would not map. ``taken`` are COB-IDs of other nodes, ``spare`` those that PDOs past the fourth may take.
+    """
+
+    sync: bool = True
+    remap: bool = True
+    communication: bool = True
+    event_timer: int = 20
+    inhibit_time: int = 50
+    refused: frozenset[int] = frozenset()
+    taken: frozenset[int] = frozenset()
+    spare: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which values motion wants (names of ``cia402.port``), and which of them must travel with SYNC."""
+
+    inputs: tuple[str, ...] = tuple(INPUT_OBJECTS)
+    outputs: tuple[str, ...] = tuple(OUTPUT_OBJECTS)
+    synchronous_inputs: frozenset[str] = frozenset()
+    synchronous_outputs: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedPdo:
+    """One PDO as it is and as it shall be; ``values`` names what each mapping entry carries (None: nothing of motion's)."""
+
+    receive: bool
+    before: Pdo
+    target: Pdo
+    change: Change
+    values: tuple[str | None, ...]
+    signed: tuple[bool, ...]
+
+    @property
+    def name(self) -> str:
+        """``RPDO1`` and so on."""
+        return f"{'RPDO' if self.receive else 'TPDO'}{self.target.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The plan of one axis: its PDOs, how each value travels, why some travel by SDO, and what cannot be had."""
+
+    node_id: int
+    axis: int
+    pdos: tuple[PlannedPdo, ...]
+    inputs: dict[str, Source]
+    outputs: dict[str, Source]
+    notes: tuple[str, ...] = ()
+    impossible: tuple[str, ...] = ()
+
+    @property
+    def active(self) -> tuple[PlannedPdo, ...]:
+        """The PDOs that carry values."""
+        return tuple(pdo for pdo in self.pdos if pdo.change is not Change.DISABLE)
+
+    @property
+    def remapped(self) -> bool:
+        """Whether a mapping changes."""
+        return any(pdo.change is Change.MAPPING for pdo in self.pdos)
+
+
+def make_plan(
+    node_id: int,
+    device: DevicePdos,
+    objects: Mapping[int, MapEntry],
+    wanted: Wanted | None = None,
+    policy: Policy | None = None,
+    axis: int = 1,
+) -> Plan:
+    """Plan one axis (1 to 8); ``objects``: see ``mapping.axis_objects``. Raises nothing: what is wrong stands in the plan."""
+    wanted = wanted or Wanted()
+    policy = policy or Policy()
+    ids = _CobIds(node_id, device, policy)
+    outputs = _Side(True, _entries(OUTPUT_OBJECTS, wanted.outputs, objects, axis), policy)
+    inputs = _Side(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
+    pdos = (*outputs.plan(device.rpdos, axis, ids), *inputs.plan(device.tpdos, axis, ids))
+    sources_out = outputs.sources(wanted.outputs, pdos)
+    sources_in = inputs.sources(wanted.inputs, pdos)
+    return Plan(
+        node_id,
+        axis,
+        pdos,
+        sources_in,
+        sources_out,
+        notes=(*outputs.notes(sources_out, axis), *inputs.notes(sources_in, axis)),
+        impossible=(
+            *_not_synchronous(wanted.synchronous_outputs, sources_out, policy),
+            *_not_synchronous(wanted.synchronous_inputs, sources_in, policy),
+        ),
+    )
+
+
+def spare_cob_ids(used_nodes: frozenset[int]) -> tuple[int, ...]:
+    """Return COB-IDs of the predefined connection set that no node of the bus has, for PDOs past the fourth of a node."""
+    bases = (*cob.RPDO, *cob.TPDO)
+    return tuple(base + node for node in reversed(cob.NODE_IDS) if node not in used_nodes for base in bases)
+
+
+def _entries(
+    table: Mapping[str, int], wanted: tuple[str, ...], objects: Mapping[int, MapEntry], axis: int
+) -> dict[str, MapEntry]:
+    indices = {name: axis_index(table[name], axis) for name in wanted}
+    return {name: objects[index] for name, index in indices.items() if index in objects}
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """One direction: the wanted objects that the axis has, by the value's name."""
+
+    receive: bool
+    entries: dict[str, MapEntry]
+    policy: Policy
+
+    def plan(self, pdos: tuple[Pdo, ...], axis: int, ids: _CobIds) -> tuple[PlannedPdo, ...]:
+        usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
+        kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
+        layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
+        if self.policy.remap and self.policy.communication:
+            laid = choose.lay_out(choose.slots(pdos, axis), self._mappable(), layout)
+            if laid.carried - kept.carried and len(laid.carried) > len(kept.carried):
+                kept = laid
+        planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
+        chosen = [pdo for pdo in planned if pdo is not None]
+        return (*chosen, *self._redundant(pdos, chosen))
+
+    def sources(self, wanted: tuple[str, ...], pdos: tuple[PlannedPdo, ...]) -> dict[str, Source]:
+        found = {name: Source.SDO if name in self.entries else Source.NONE for name in wanted}
+        for pdo in pdos:
+            if pdo.receive is self.receive and pdo.change is not Change.DISABLE:
+                found.update((name, _source(pdo)) for name in pdo.values if name is not None)
+        return found
+
+    def notes(self, sources: Mapping[str, Source], axis: int) -> list[str]:
+        table = OUTPUT_OBJECTS if self.receive else INPUT_OBJECTS
+        texts = []
+        for name, source in sources.items():
+            index = table[name]
+            what = f"{axis_index(index, axis):04X}h ({standard_names()[index]})"
+            if source is Source.NONE:
+                texts.append(f"{what} is not in the drive's dictionary")
+            elif source is Source.SDO:
+                texts.append(f"{what} travels by SDO: {self._reason(self.entries[name])}")
+        return texts
+
+    def _usable(self, pdo: Pdo, axis: int) -> bool:
+        """Whether its present mapping may serve: no other axis's targets beside ours, and sent or taken without being asked for."""
+        if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
+            return False
+        return self.policy.communication or pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
+
+    def _mappable(self) -> dict[str, MapEntry]:
+        return {name: entry for name, entry in self.entries.items() if self._may_map(entry)}
+
+    def _may_map(self, entry: MapEntry) -> bool:
+        return (entry.receive if self.receive else entry.transmit) and entry.index not in self.policy.refused
+
+    def _reason(self, entry: MapEntry) -> str:
+        direction = "an RPDO" if self.receive else "a TPDO"
+        if entry.index in self.policy.refused:
+            return f"the drive refuses to map it into {direction}"
+        if not self._may_map(entry):
+            return f"its dictionary does not let it be mapped into {direction}, and no present mapping has it"
+        if not (self.policy.remap and self.policy.communication):
+            return "the mapping is fixed and does not hold it"
+        return f"{direction} with room for it is not there"
+
+    def _planned(self, pdo: Pdo, mapping: tuple[MappedObject, ...], ids: _CobIds) -> PlannedPdo | None:
+        target = replace(pdo, mapping=mapping)
+        if self.policy.communication:
+            cob_id = ids.choose(pdo, self.receive)
+            if cob_id is None:
+                return None
+            target = self._communication(replace(target, cob_id=cob_id, valid=True))
+        change = Change.KEEP if target == pdo else Change.COMMUNICATION
+        return PlannedPdo(
+            self.receive,
+            pdo,
+            target,
+            change if mapping == pdo.mapping else Change.MAPPING,
+            choose.names_in(mapping, self.entries),
+            tuple(self._signed(mapped) for mapped in mapping),
+        )
+
+    def _communication(self, pdo: Pdo) -> Pdo:
+        if self.policy.sync:
+            keeps = pdo.synchronous if self.receive else pdo.transmission_type == SYNC_EVERY
+            return pdo if keeps else replace(pdo, transmission_type=SYNC_EVERY)
+        if pdo.transmission_type not in _EVENT_TYPES:
+            pdo = replace(pdo, transmission_type=EVENT_PROFILE)
+        return pdo if self.receive else self._timers(pdo)
+
+    def _timers(self, pdo: Pdo) -> Pdo:
+        """Event timer and inhibit time of an event-driven TPDO, where the drive has them and they are not set tighter."""
+        event, inhibit = pdo.event_timer, pdo.inhibit_time
+        if event is not None and not 0 < event <= self.policy.event_timer:
+            event = self.policy.event_timer
+        if inhibit == 0:
+            inhibit = self.policy.inhibit_time
+        return replace(pdo, event_timer=event, inhibit_time=inhibit)
+
+    def _signed(self, mapped: MappedObject) -> bool:
+        return any(entry.mapped == mapped and entry.signed for entry in self.entries.values())
+
+    def _redundant(self, pdos: tuple[Pdo, ...], chosen: list[PlannedPdo]) -> list[PlannedPdo]:
+        """TPDOs that are on, are not chosen and hold only what the chosen ones carry: they would only load the bus."""
+        if self.receive or not self.policy.communication:
+            return []
+        carried = {mapped for planned in chosen for mapped in planned.target.mapping}
+        numbers = {planned.target.number for planned in chosen}
+        return [
+            PlannedPdo(False, pdo, replace(pdo, valid=False), Change.DISABLE, (), ())
+            for pdo in pdos
+            if pdo.valid and pdo.number not in numbers and pdo.mapping and carried.issuperset(pdo.mapping)
+        ]
+
+
+class _CobIds:
+    """Hands out COB-IDs while one plan is made; holds state: those that the plan has used."""
+
+    def __init__(self, node_id: int, device: DevicePdos, policy: Policy) -> None:
+        self._node_id = node_id
+        self._used = set(policy.taken)
+        self._spare: Iterator[int] = iter(policy.spare)
+        self._owners = {pdo.cob_id: pdo for pdo in (*device.rpdos, *device.tpdos) if pdo.valid}
+
+    def choose(self, pdo: Pdo, receive: bool) -> int | None:
+        """Return the PDO's own COB-ID where it is one and free, else the predefined one, else a spare one, else None."""
+        bases = cob.RPDO if receive else cob.TPDO
+        predefined = (bases[pdo.number - 1] + self._node_id,) if pdo.number <= len(bases) else ()
+        for candidate in chain((pdo.cob_id,), predefined, self._spare):
+            if _is_pdo_cob_id(candidate) and self._is_free(candidate, pdo):
+                self._used.add(candidate)
+                return candidate
+        return None
+
+    def _is_free(self, cob_id: int, pdo: Pdo) -> bool:
+        return cob_id not in self._used and self._owners.get(cob_id, pdo) is pdo
+
+
+def _is_of_other_axis(mapped: MappedObject, axis: int) -> bool:
+    own = range(axis_index(0x6000, axis), axis_index(0x6000, axis + 1))
+    return mapped.index in PROFILE_AREA and mapped.index not in own
+
+
+def _source(pdo: PlannedPdo) -> Source:
+    """How its values travel; a TPDO of type 0 comes at SYNC, but only when something changed: its silence means nothing."""
+    on_change = not pdo.receive and pdo.target.transmission_type == 0
+    return Source.SYNC_PDO if pdo.target.synchronous and not on_change else Source.EVENT_PDO
+
+
+def _is_pdo_cob_id(cob_id: int) -> bool:
+    """Whether it may be a PDO's (CiA 301 7.3.5); one without node ID was written without ``$NODEID`` and is every node's."""
+    if cob_id > cob.ID_MASK_11:
+        return True  # 29 bits: nothing is reserved there
+    return cob_id in _PDO_COB_IDS and cob_id & _NODE_BITS != 0
+
+
+def _not_synchronous(names: frozenset[str], sources: Mapping[str, Source], policy: Policy) -> list[str]:
+    return [
+        f"{name.replace('_', ' ')} must travel in a synchronous PDO, but "
+        + (f"travels by {sources[name].value}" if policy.sync else "the bus has no SYNC (sync = false)")
+        for name in sorted(names)
+        if sources.get(name, Source.NONE) is not Source.SYNC_PDO
+    ]

@@ -1,0 +1,48 @@
+"""The PDO plan in words, as ``boot`` prints it."""
+
+from __future__ import annotations
+
+from axisbus.bus.plan import Change, Plan, PlannedPdo
+from axisbus.cia402.port import Source
+
+
+def describe(plan: Plan) -> str:
+    """Return the plan as lines: each PDO with what it carries, what travels by SDO and why, and what is impossible."""
+    lines = [f"node {plan.node_id}, axis {plan.axis}: {_summary(plan)}"]
+    lines += [f"  {_pdo(pdo)}" for pdo in plan.pdos]
+    lines += [f"  note: {note}" for note in plan.notes]
+    lines += [f"  NOT POSSIBLE: {text}" for text in plan.impossible]
+    return "\n".join(lines)
+
+
+def _summary(plan: Plan) -> str:
+    changed = [pdo.name for pdo in plan.pdos if pdo.change is not Change.KEEP]
+    return f"PDOs to be changed: {', '.join(changed)}" if changed else "PDOs as the drive has them"
+
+
+def _pdo(pdo: PlannedPdo) -> str:
+    target = pdo.target
+    if pdo.change is Change.DISABLE:
+        return f"{pdo.name} {target.cob_id:03X}h {pdo.change.value}"
+    entries = ", ".join(
+        f"{mapped}{' ' + name.replace('_', ' ') if name else ' (not used)'}"
+        for mapped, name in zip(target.mapping, pdo.values, strict=True)
+    )
+    return f"{pdo.name} {target.cob_id:03X}h {_timing(pdo)}: {entries} ({pdo.change.value})"
+
+
+def _timing(pdo: PlannedPdo) -> str:
+    target = pdo.target
+    if target.synchronous:
+        return f"with SYNC (type {target.transmission_type})"
+    timer = target.event_timer
+    if pdo.receive:
+        return f"on arrival (type {target.transmission_type})"
+    return f"on change (type {target.transmission_type})" + (
+        f" and every {timer} ms" if timer else ", silent otherwise"
+    )
+
+
+def source_words(sources: dict[str, Source]) -> str:
+    """Return how values travel in one line, such as ``statusword: synchronous PDO, torque: SDO``."""
+    return ", ".join(f"{name.replace('_', ' ')}: {source.value}" for name, source in sources.items())

@@ -1,0 +1,57 @@
+"""Slow SDO polling of the inputs that no PDO brings, through the node's worker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+from axisbus.bus.worker import Job, SdoWorker
+from axisbus.cia402.port import INPUT_OBJECTS, Sample
+
+
+class Poller:
+    """Polls some inputs; holds state: when each is due, which are under way, and the newest answers.
+
+    A polled value counts only if no PDO brought the same one since the poll began: the answer may have waited in the drive while a
+    newer TPDO overtook it.
+    """
+
+    def __init__(
+        self,
+        worker: SdoWorker,
+        periods: Mapping[str, float],
+        index_of: Callable[[int], int],
+    ) -> None:
+        """``periods`` in seconds by the input's name; ``index_of`` turns a first-axis index into the axis's."""
+        self._worker = worker
+        self._periods = dict(periods)
+        self._index_of = index_of
+        self._due = dict.fromkeys(periods, float("-inf"))
+        self._under_way: set[str] = set()
+        self._answers: dict[str, tuple[Sample, float]] = {}
+
+    def poll(self, now: float) -> None:
+        """Ask for what is due; does not block."""
+        for name, period in self._periods.items():
+            if now >= self._due[name] and name not in self._under_way:
+                self._due[name] = now + period
+                self._under_way.add(name)
+                self._worker.submit(self._job(name))
+
+    def read_into(self, samples: dict[str, Sample]) -> None:
+        """Put the answers that have come into ``samples``."""
+        for name in tuple(self._answers):
+            sample, began = self._answers.pop(name)
+            known = samples.get(name)
+            if known is None or known.stamp <= began:
+                samples[name] = sample
+
+    def _job(self, name: str) -> Job:
+        began = time.monotonic()
+
+        def done(value: int | None, abort: int | None) -> None:
+            if abort is None and value is not None:
+                self._answers[name] = Sample(value, time.monotonic()), began
+            self._under_way.discard(name)
+
+        return Job((self, name), self._index_of(INPUT_OBJECTS[name]), 0, None, done)

@@ -1,0 +1,224 @@
+"""One axis of a drive on the bus, as motion sees it: its newest values in, its outputs as RPDO frames and SDO writes out."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from axisbus.bus import freshness
+from axisbus.bus.mapping import axis_index
+from axisbus.bus.node import Node
+from axisbus.bus.plan import Plan
+from axisbus.bus.poller import Poller
+from axisbus.bus.prime import prime_inputs, prime_outputs
+from axisbus.bus.rpdo import CONTROLWORD, Frame, RpdoImage, arrange
+from axisbus.bus.sdo_output import SdoOutputs, is_motion
+from axisbus.bus.tpdo import TpdoSlot
+from axisbus.bus.worker import Job
+from axisbus.cia301 import abort, cob
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia402.controlword import Command
+from axisbus.cia402.port import (
+    OUTPUT_OBJECTS,
+    Capabilities,
+    Inputs,
+    Outputs,
+    Sample,
+    SdoReply,
+    SdoRequest,
+)
+
+_QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
+
+
+class CanPort:
+    """One axis over CAN (``cia402.port.Port``); holds state: the PDO images, the samples, and what is under way by SDO.
+
+    ``read``, ``write`` and ``take_frames`` belong to the scan's thread, ``stop_frames`` may be called from any. A node that has
+    rebooted has lost its PDO configuration: from then on its values are unknown and nothing is sent to it, until a new port is
+    made.
+    """
+
+    def __init__(self, node: Node, plan: Plan, *, scan_period: float, remappable: bool = True) -> None:
+        """Listen to the TPDOs of ``plan``, which holds in the drive; ``scan_period`` in seconds. Sends nothing."""
+        self.node = node
+        self.plan = plan
+        self.axis = plan.axis
+        self._capabilities = Capabilities(
+            inputs=dict(plan.inputs),
+            outputs=dict(plan.outputs),
+            remappable=remappable,
+            max_age=freshness.max_ages(plan, scan_period),
+        )
+        self._bootups = node.nmt.bootups
+        self._samples: dict[str, Sample] = {}
+        self._slots = [TpdoSlot(pdo) for pdo in plan.active if not pdo.receive]
+        self._images = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]
+        self._poller = Poller(node.worker, freshness.polls(plan), self.index)
+        self._sdo_outputs = SdoOutputs(node.worker, plan.outputs, self.index)
+        self._emcy = node.emcy.feed()
+        self._replies: deque[SdoReply] = deque()
+        self._controlword: int | None = None
+        self._frames: list[Frame] = []
+        self._stop_frames: tuple[Frame, ...] = ()
+        self._nmt_stopped = False
+        for slot in self._slots:
+            node.channel.subscribe(slot.cob_id, slot.on_frame)
+
+    # -- the seam -----------------------------------------------------------------------------------------------------------------
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """How the axis's values travel."""
+        return self._capabilities
+
+    @property
+    def rebooted(self) -> bool:
+        """Whether the node has sent a boot-up message since this port was made."""
+        return self.node.nmt.bootups != self._bootups
+
+    def read(self, now: float) -> Inputs:
+        """Return the newest values and start what polling is due; does not block."""
+        nmt = self.node.nmt
+        emcy, replies = self._emcy.take(), self._take_replies()
+        if self.rebooted:
+            return Inputs(now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state))
+        samples = self._samples
+        for slot in self._slots:
+            slot.read_into(samples)
+        self._poller.read_into(samples)
+        self._poller.poll(now)
+        get = samples.get
+        return Inputs(
+            now,
+            nmt.operational(now),
+            get("statusword"),
+            get("mode"),
+            get("position"),
+            get("velocity"),
+            get("torque"),
+            get("demand"),
+            emcy,
+            replies,
+            int(nmt.state),
+        )
+
+    def write(self, outputs: Outputs) -> None:
+        """Take the outputs of this cycle; what travels by PDO is sent by ``Cycle.commit``. Does not block.
+
+        Raises:
+            StateError: an RPDO would have to be sent although the port was not primed.
+        """
+        if self.rebooted:
+            self._refuse(outputs.sdo)
+            return
+        if outputs.cancel:
+            self.node.worker.cancel({(self, number) for number in outputs.cancel})
+        for request in outputs.sdo:
+            self._submit(request)
+        given = _given(outputs)
+        controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
+        self._frames = arrange(self._images, given, controlword, self._controlword)
+        if controlword is not None:
+            self._controlword = controlword
+        if outputs.nmt_stop and not self._nmt_stopped:
+            self._frames.append((cob.NMT, bytes((NmtCommand.STOP, self.node.node_id))))
+        self._nmt_stopped = outputs.nmt_stop
+
+    # -- for the cycle ------------------------------------------------------------------------------------------------------------
+
+    def index(self, first_axis: int) -> int:
+        """Return the index of a first-axis object for this axis."""
+        return axis_index(first_axis, self.axis)
+
+    def take_frames(self) -> list[Frame]:
+        """Return the frames given since the last call, in the order in which they must go out."""
+        frames, self._frames = self._frames, []
+        if self._controlword is not None and frames:
+            self._stop_frames = tuple(self._quick_stops())
+        return frames
+
+    def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
+        """Return the frames of a quick stop, by PDO and by SDO; none for an axis that never got a controlword.
+
+        The PDO frames are those that were last committed, with the controlword replaced.
+        """
+        if self._controlword is None and not self._sdo_outputs.commanded:
+            return (), ()
+        index = self.index(OUTPUT_OBJECTS[CONTROLWORD]).to_bytes(2, "little")
+        sdo = _QUICK_STOP_SDO[:1] + index + _QUICK_STOP_SDO[3:]
+        return self._stop_frames, ((cob.SDO_RX + self.node.node_id, sdo),)
+
+    def prime(self) -> None:
+        """Read by SDO what no TPDO may bring soon, and what an RPDO would otherwise overwrite; blocks for a dozen transfers.
+
+        To be called once the plan holds and before the scan starts.
+
+        Raises:
+            BootError: an RPDO holds an object that cannot be read.
+            SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+        """
+        self._samples.update(prime_inputs(self.node.sdo, self.plan, self.index))
+        prime_outputs(self.node.sdo, self.plan, self._images, self._samples)
+
+    def close(self) -> None:
+        """Stop listening; harmless when repeated."""
+        for slot in self._slots:
+            self.node.channel.unsubscribe(slot.cob_id, slot.on_frame)
+
+    @property
+    def short_frames(self) -> int:
+        """How many TPDO frames came with less data than their mapping."""
+        return sum(slot.short for slot in self._slots)
+
+    # -- details ------------------------------------------------------------------------------------------------------------------
+
+    def _quick_stops(self) -> list[Frame]:
+        word = Command.QUICK_STOP.word
+        return [image.frame(word) for image in self._images if image.holds_controlword and not image.unknown]
+
+    def _held_back(self, controlword: int | None) -> int | None:
+        """Keep a controlword that may start a motion until the values that travel by SDO have arrived."""
+        if controlword is None or not is_motion(controlword) or not self._sdo_outputs.pending:
+            return controlword
+        return self._controlword
+
+    def _take_replies(self) -> tuple[SdoReply, ...]:
+        replies = self._replies
+        return tuple(replies.popleft() for _ in range(len(replies))) if replies else ()
+
+    def _refuse(self, requests: tuple[SdoRequest, ...]) -> None:
+        self._replies.extend(SdoReply(request.id, None, abort.TIMED_OUT) for request in requests)
+        self._frames = []
+
+    def _submit(self, request: SdoRequest) -> None:
+        index = self.index(request.index) if 0x6000 <= request.index < 0x6800 else request.index
+        undo = self._into_images(index, request)
+
+        def done(value: int | None, code: int | None) -> None:
+            if code is not None:
+                for image, old in undo:
+                    image.put(index, request.subindex, old)
+            self._replies.append(SdoReply(request.id, value, code))
+
+        self.node.worker.submit(Job((self, request.id), index, request.subindex, request.value, done))
+
+    def _into_images(self, index: int, request: SdoRequest) -> list[tuple[RpdoImage, int]]:
+        """An object that is also in an RPDO must have its new value there first, or the next frame would bring back the old one."""
+        undo: list[tuple[RpdoImage, int]] = []
+        if request.value is None:
+            return undo
+        for image in self._images:
+            old = image.value(index, request.subindex)
+            if old is not None and image.put(index, request.subindex, request.value):
+                undo.append((image, old))
+        return undo
+
+
+def _given(outputs: Outputs) -> dict[str, int]:
+    values = (
+        ("mode", outputs.mode),
+        ("target_position", outputs.target_position),
+        ("target_velocity", outputs.target_velocity),
+        ("target_torque", outputs.target_torque),
+    )
+    return {name: value for name, value in values if value is not None}

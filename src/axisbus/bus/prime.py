@@ -1,0 +1,76 @@
+"""First values of a port, read by SDO: inputs that no TPDO may bring soon, and everything that an RPDO would overwrite."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from axisbus.bus.plan import Plan
+from axisbus.bus.rpdo import RpdoImage
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301.pdo import MappedObject
+from axisbus.cia402.port import INPUT_OBJECTS, Sample, Source
+from axisbus.errors import BootError, SdoAbort
+
+_STEP = "priming"
+
+# What an output starts with where the drive does not let it be read: the input that shows the same, or 0 where that means rest.
+_INSTEAD = {"target_position": "position", "mode": "mode"}
+_REST = frozenset({"target_velocity", "target_torque"})
+
+
+def prime_inputs(sdo: SdoClient, plan: Plan, index_of: Callable[[int], int]) -> dict[str, Sample]:
+    """Read every input that the axis has; one that cannot be read is left out. Blocks, raises as ``SdoClient.read``."""
+    samples = {}
+    for name, source in plan.inputs.items():
+        if source is Source.NONE:
+            continue
+        try:
+            value = sdo.read(index_of(INPUT_OBJECTS[name]))
+        except SdoAbort:
+            continue
+        if isinstance(value, int):
+            samples[name] = Sample(value, time.monotonic())
+    return samples
+
+
+def prime_outputs(
+    sdo: SdoClient, plan: Plan, images: Sequence[RpdoImage], samples: Mapping[str, Sample]
+) -> None:
+    """Give every entry of every RPDO the value that the drive has now; blocks.
+
+    Raises:
+        BootError: an entry that is not motion's own cannot be read, and zeroing it could do anything.
+        others as ``SdoClient.upload``.
+    """
+    for image in images:
+        for mapped, name in image.unknown:
+            image.put(mapped.index, mapped.subindex, _first_value(sdo, plan, image, mapped, name, samples))
+
+
+def _first_value(
+    sdo: SdoClient,
+    plan: Plan,
+    image: RpdoImage,
+    mapped: MappedObject,
+    name: str | None,
+    samples: Mapping[str, Sample],
+) -> int:
+    try:
+        return int.from_bytes(sdo.upload(mapped.index, mapped.subindex), "little")
+    except SdoAbort as abort:
+        shown = samples.get(_INSTEAD.get(name or "", ""))
+        if shown is not None:
+            return shown.value
+        if name in _REST:
+            return 0
+        raise BootError(
+            f"node {plan.node_id}: {image.name} holds {sdo.dictionary.entry(mapped.index, mapped.subindex)}, which cannot be read,"
+            " so sending it could change it to anything",
+            node=plan.node_id,
+            step=_STEP,
+            index=mapped.index,
+            subindex=mapped.subindex,
+            observed=abort.observed,
+            remedy="let the mapping be changed, or take this RPDO out of use in the node's [pdo] table",
+        ) from abort

@@ -1,0 +1,145 @@
+"""The RPDOs of one axis as their images of values, and in which order their frames go out.
+
+Theory of operation
+-------------------
+Drives with fixed mappings carry the controlword in several RPDOs, each with one other value. A frame with a new controlword that
+comes before the frame with its target would start a move to the old target. So:
+
+- a frame whose other values changed goes before those whose did not;
+- where several such frames hold the controlword, all but the last still carry the *previous* controlword, so that its edge comes
+  with or after every new value.
+
+An image holds every entry of its mapping. Entries that are not motion's own (a profile velocity beside the target position, say)
+keep what the drive had, or what was last written to them by SDO: an RPDO must never zero them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from axisbus.bus.plan import PlannedPdo
+from axisbus.cia301.pdo import MappedObject, PdoCodec
+from axisbus.errors import StateError
+
+Frame = tuple[int, bytes]
+CONTROLWORD = "controlword"
+
+
+class RpdoImage:
+    """The values of one RPDO, by the position of their mapping entries; holds state (the controlword's place holds nothing)."""
+
+    __slots__ = ("_codec", "_controlword_at", "_signed", "_values", "cob_id", "mapping", "name", "names")
+
+    def __init__(self, pdo: PlannedPdo) -> None:
+        self.name = pdo.name
+        self.cob_id = pdo.target.cob_id
+        self.mapping: tuple[MappedObject, ...] = pdo.target.mapping
+        self.names = pdo.values
+        self._codec = PdoCodec(self.mapping, pdo.signed)
+        self._controlword_at = self.names.index(CONTROLWORD) if CONTROLWORD in self.names else None
+        self._signed = pdo.signed
+        self._values: list[int | None] = [
+            0 if mapped.is_dummy or name == CONTROLWORD else None
+            for mapped, name in zip(self.mapping, self.names, strict=True)
+        ]
+
+    @property
+    def holds_controlword(self) -> bool:
+        """Whether 6040h is mapped into it."""
+        return self._controlword_at is not None
+
+    @property
+    def unknown(self) -> list[tuple[MappedObject, str | None]]:
+        """The entries that have no value yet, each with its name (None: not motion's)."""
+        return [
+            (mapped, name)
+            for mapped, name, value in zip(self.mapping, self.names, self._values, strict=True)
+            if value is None
+        ]
+
+    def take(self, given: Mapping[str, int]) -> bool:
+        """Put values in by name (not the controlword); return whether one changed."""
+        changed = False
+        for position, name in enumerate(self.names):
+            value = given.get(name) if name is not None else None
+            if value is not None and value != self._values[position]:
+                self._values[position] = value
+                changed = True
+        return changed
+
+    def put(self, index: int, subindex: int, value: int) -> bool:
+        """Put a value in by object, cut to the bits that are mapped; return whether the object is mapped here."""
+        found = False
+        for position, mapped in enumerate(self.mapping):
+            if (mapped.index, mapped.subindex) == (index, subindex):
+                self._values[position] = _cut(value, mapped.bits, self._signed[position])
+                found = True
+        return found
+
+    def value(self, index: int, subindex: int) -> int | None:
+        """Return the value of an object, None where it is unknown or not mapped here."""
+        for mapped, value in zip(self.mapping, self._values, strict=True):
+            if (mapped.index, mapped.subindex) == (index, subindex):
+                return value
+        return None
+
+    def frame(self, controlword: int | None) -> Frame:
+        """Return COB-ID and data with this controlword.
+
+        Raises:
+            StateError: an entry has no value yet, which sending would zero in the drive.
+        """
+        values = list(self._values)
+        if self._controlword_at is not None:
+            values[self._controlword_at] = controlword
+        if None in values:
+            missing = ", ".join(str(mapped) for mapped, _ in self.unknown)
+            raise StateError(
+                f"{self.name} cannot be sent: not all of its values are known",
+                observed=f"without a value: {missing or '6040h (Controlword)'}",
+                remedy="prime the port from the drive before the scan starts",
+            )
+        return self.cob_id, self._codec.pack(values)  # type: ignore[arg-type]  # None is excluded above
+
+
+def _cut(value: int, bits: int, signed: bool) -> int:
+    value &= (1 << bits) - 1
+    return value - (1 << bits) if signed and value >> (bits - 1) else value
+
+
+def arrange(
+    images: Sequence[RpdoImage], given: Mapping[str, int], controlword: int | None, previous: int | None
+) -> list[Frame]:
+    """Put what is ``given`` into the images and return this cycle's frames in the order in which they must go out.
+
+    Frames that hold a given value are sent; a ``controlword`` goes with them, or with the first RPDO that holds it. None sends
+    nothing that holds 6040h. ``previous`` is the controlword of the last cycle that had one.
+    """
+    changed = {image.cob_id for image in images if image.take(given)}
+    used = _used(images, given, controlword)
+    first = [image for image in used if image.cob_id in changed]
+    rest = [image for image in used if image.cob_id not in changed]
+    held_back = {image.cob_id for image in first if image.holds_controlword and previous is not None}
+    if first:
+        first.sort(
+            key=lambda image: image.holds_controlword
+        )  # frames of targets alone before those with the controlword
+        held_back.discard(first[-1].cob_id)
+    frames = [
+        image.frame(previous if image.cob_id in held_back else controlword) for image in (*first, *rest)
+    ]
+    if controlword != previous and held_back:
+        frames += [image.frame(controlword) for image in first if image.cob_id in held_back]
+    return frames
+
+
+def _used(images: Sequence[RpdoImage], given: Mapping[str, int], controlword: int | None) -> list[RpdoImage]:
+    used = [
+        image
+        for image in images
+        if any(name in given for name in image.names)
+        and not (image.holds_controlword and controlword is None)
+    ]
+    if controlword is not None and not any(image.holds_controlword for image in used):
+        used += [image for image in images if image.holds_controlword][:1]
+    return used

@@ -1,0 +1,92 @@
+"""Outputs that no RPDO carries: written by SDO when they change, the controlword at once when it stops the drive."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+from axisbus.bus.worker import Job, SdoWorker
+from axisbus.cia402 import controlword as cw
+from axisbus.cia402.port import OUTPUT_OBJECTS, Source
+
+RETRY = 0.25  # seconds after a refusal before the same value is written again
+_ENABLED = cw.SWITCH_ON | cw.ENABLE_VOLTAGE | cw.QUICK_STOP | cw.ENABLE_OPERATION
+
+
+def is_motion(controlword: int) -> bool:
+    """Whether a controlword may let the motor move: operation enabled and not halted."""
+    return controlword & _ENABLED == _ENABLED and not controlword & cw.HALT
+
+
+def is_stop(controlword: int) -> bool:
+    """Whether a controlword takes the drive out of operation at once: quick stop or disable voltage."""
+    return not controlword & cw.ENABLE_VOLTAGE or not controlword & cw.QUICK_STOP
+
+
+class _Output:
+    """One such output; holds state: what was last written, whether that is under way, and when a value was refused."""
+
+    __slots__ = ("index", "pending", "refused_at", "written")
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+        self.written: int | None = None
+        self.pending = 0
+        self.refused_at = float("-inf")
+
+    def wants(self, value: int) -> bool:
+        return value != self.written and time.monotonic() - self.refused_at >= RETRY
+
+    def job(self, owner: object, value: int) -> Job:
+        self.written = value
+        self.pending += 1
+
+        def done(_value: int | None, abort: int | None) -> None:
+            self.pending -= 1
+            if abort is not None and self.written == value:
+                self.written = None
+                self.refused_at = time.monotonic()
+
+        return Job((owner, self.index), self.index, 0, value, done)
+
+
+class SdoOutputs:
+    """All outputs of an axis that travel by SDO; holds state. Used by the scan's thread; the answers come in the worker's."""
+
+    def __init__(
+        self, worker: SdoWorker, outputs: Mapping[str, Source], index_of: Callable[[int], int]
+    ) -> None:
+        self._worker = worker
+        self._outputs = {
+            name: _Output(index_of(OUTPUT_OBJECTS[name]))
+            for name, source in outputs.items()
+            if source is Source.SDO
+        }
+        self._controlword = self._outputs.pop("controlword", None)
+        self.commanded = False  # whether a controlword was ever written by SDO
+
+    @property
+    def pending(self) -> bool:
+        """Whether a value other than the controlword is still on its way."""
+        return any(output.pending for output in self._outputs.values())
+
+    def take(self, given: Mapping[str, int], controlword: int | None) -> int | None:
+        """Write what changed; return the controlword that is left for the RPDOs (None where it travels by SDO)."""
+        for name, value in given.items():
+            output = self._outputs.get(name)
+            if output is not None and output.wants(value):
+                self._worker.submit(output.job(self, value))
+        if self._controlword is None:
+            return controlword
+        if controlword is not None and self._controlword.wants(controlword):
+            self._write_controlword(self._controlword, controlword)
+        return None
+
+    def _write_controlword(self, output: _Output, controlword: int) -> None:
+        """Behind the targets in the queue, or before everything where it stops the drive."""
+        self.commanded = True
+        job = output.job(self, controlword)
+        if is_stop(controlword):
+            self._worker.urgent(job)
+        else:
+            self._worker.submit(job)

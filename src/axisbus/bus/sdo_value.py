@@ -1,0 +1,62 @@
+"""Turning a value into an object's bytes, checked against the object's type and limits before anything is sent."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.bus.dictionary import Entry
+from axisbus.cia301.datatypes import DataType, Value, check_range, encode
+from axisbus.errors import ArgumentError, LimitError
+
+_REALS = (DataType.REAL32, DataType.REAL64)
+_REAL32_MAX = 3.4028234663852886e38
+
+
+def checked_bytes(entry: Entry, value: Value, data_type: DataType | None = None) -> bytes:
+    """Return ``value`` as the object's bytes, if the type and the limits allow it.
+
+    Raises:
+        ArgumentError: wrong kind, or no type known.
+        LimitError: out of range.
+    """
+    known = data_type or entry.data_type
+    if known is None:
+        if isinstance(value, (bytes, bytearray)):
+            return bytes(value)
+        raise ArgumentError(
+            f"{entry}: its data type is not known, so {value!r} cannot be encoded",
+            remedy="give the node's EDS, or say the data type, or give bytes",
+        )
+    _check_kind(entry, value, known)
+    if isinstance(value, (int, float)):
+        _check_limits(entry, value, known)
+    return encode(value, known, str(entry))
+
+
+def _check_kind(entry: Entry, value: Value, data_type: DataType) -> None:
+    kind = data_type.name
+    if not isinstance(value, (int, float)):
+        if data_type.integer or data_type in _REALS:
+            raise ArgumentError(f"{entry}: {value!r} is no number, the object is {kind}")
+        return
+    if not data_type.integer and data_type not in _REALS:
+        raise ArgumentError(f"{entry}: {value!r} is a number, the object is {kind}")
+    if not math.isfinite(value):
+        raise ArgumentError(f"{entry}: {value} is no finite number")
+    if data_type.integer and value != int(value):
+        raise ArgumentError(f"{entry}: {value} is no whole number, the object is {kind}")
+
+
+def _check_limits(entry: Entry, value: float, data_type: DataType) -> None:
+    if data_type.integer:
+        check_range(int(value), data_type, str(entry))
+    if data_type is DataType.REAL32 and abs(value) > _REAL32_MAX:
+        raise LimitError(f"{entry}: {value} does not fit REAL32")
+    low, high = entry.low, entry.high
+    if (low is None or value >= low) and (high is None or value <= high):
+        return
+    raise LimitError(
+        f"{entry}: {value} is out of its limits",
+        observed=f"the EDS says LowLimit {low}, HighLimit {high} (None: no limit)",
+        remedy="give a value within the limits, or correct the EDS if the drive allows more",
+    )

@@ -1,0 +1,183 @@
+"""One thread per node that carries out SDO transfers in the order they were asked for, and gives way to an urgent one.
+
+Theory of operation
+-------------------
+The scan must not wait for SDO, so a port hands its transfers over here and gets each one's end by a callback, in this thread. The
+queue is first in, first out, shared by all axes of the node, and bounded. ``urgent`` is for a quick stop by SDO: it empties the
+queue, has the running transfer aborted, and goes first. Every job ends with its callback called exactly once, unless cancelled.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Hashable
+from typing import NamedTuple
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo_value import checked_bytes
+from axisbus.cia301 import abort
+from axisbus.errors import ArgumentError, BusError, Interrupted, LimitError, SdoAbort
+
+QUEUE_LIMIT = 256
+CLOSE_PATIENCE = 2.0
+OUT_OF_MEMORY = 0x0504_0005
+WRONG_TYPE = 0x0607_0010
+INVALID_VALUE = 0x0609_0030
+
+Done = Callable[[int | None, int | None], None]
+
+
+class Job(NamedTuple):
+    """One transfer: ``value`` None reads; ``done(value, abort)`` tells its end; ``key`` is by what it can be cancelled."""
+
+    key: Hashable
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    subindex: int
+    value: int | None
+    done: Done
+
+
+class SdoWorker:
+    """Carries out jobs; holds state: the queue, what runs, and the thread (a daemon, started with the first job)."""
+
+    def __init__(self, channel: Channel, sdo: SdoClient) -> None:
+        self._channel = channel
+        self._sdo = sdo
+        self._queue: deque[Job] = deque()
+        self._running: Job | None = None
+        self._urgent: deque[Job] = deque()
+        self._wanted = threading.Condition()
+        self._closing = False
+        self._thread: threading.Thread | None = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing runs or waits."""
+        return self._running is None and not self._urgent and not self._queue
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; does not block. With 256 waiting it ends at once, with the abort code *out of memory*."""
+        with self._wanted:
+            accepted = len(self._queue) < QUEUE_LIMIT and not self._closing
+            if accepted:
+                self._queue.append(job)
+                self._start()
+                self._wanted.notify()
+        if not accepted:
+            job.done(None, OUT_OF_MEMORY)
+
+    def urgent(self, job: Job) -> None:
+        """Run ``job`` before all others but earlier urgent ones; does not block.
+
+        The queue is emptied and the running transfer aborted; those jobs end with *timed out*.
+        """
+        with self._wanted:
+            dropped = list(self._queue)
+            self._queue.clear()
+            self._urgent.append(job)
+            self._start()
+            self._wanted.notify()
+        self._sdo.cancel()
+        for other in dropped:
+            other.done(None, abort.TIMED_OUT)
+
+    def cancel(self, keys: set[Hashable]) -> None:
+        """Forget the jobs with these keys: those that wait never run, the one that runs is aborted; ``done`` is not called."""
+        with self._wanted:
+            self._queue = deque(job for job in self._queue if job.key not in keys)
+            running = self._running
+            if running is not None and running.key in keys:
+                self._running = running._replace(done=_forget)
+                self._sdo.cancel(self._thread.ident if self._thread is not None else None)
+
+    def close(self) -> None:
+        """End the running transfer and the thread; what waits ends with *timed out*. Blocks up to about 2 s, usually not at all."""
+        with self._wanted:
+            self._closing = True
+            dropped = [*self._urgent, *self._queue]
+            self._urgent.clear()
+            self._queue.clear()
+            self._wanted.notify()
+        self._sdo.cancel()
+        for job in dropped:
+            job.done(None, abort.TIMED_OUT)
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(CLOSE_PATIENCE)
+
+    # -- the thread ---------------------------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        if self._thread is None and not self._closing:
+            name = f"axisbus SDO node {self._sdo.node_id}"
+            self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+            self._thread.start()
+
+    def _work(self) -> None:
+        while True:
+            job, urgent = self._next()
+            if job is None:
+                return
+            value, code = self._carry_out(job, urgent)
+            with self._wanted:
+                done = self._running.done if self._running is not None else _forget
+                self._running = None
+            try:
+                done(value, code)
+            except Exception as error:  # noqa: BLE001 - a fault of ours must stop the machine, not only this thread
+                self._channel.fail(_worker_failed(self._sdo.node_id, error))
+
+    def _next(self) -> tuple[Job | None, bool]:
+        with self._wanted:
+            while not self._queue and not self._urgent:
+                if self._closing:
+                    return None, False
+                self._wanted.wait()
+            urgent = bool(self._urgent)
+            job = self._urgent.popleft() if urgent else self._queue.popleft()
+            self._running = job
+            return job, urgent
+
+    def _carry_out(self, job: Job, urgent: bool) -> tuple[int | None, int | None]:
+        """Run one transfer and return its value and abort code."""
+        try:
+            return self._transfer(job, urgent), None
+        except SdoAbort as error:
+            return None, error.code
+        except LimitError:
+            return None, INVALID_VALUE
+        except ArgumentError:
+            return None, WRONG_TYPE
+        except (BusError, Interrupted):
+            return None, abort.TIMED_OUT
+        except Exception as error:  # noqa: BLE001 - a fault of ours must stop the machine, not only this thread
+            self._channel.fail(_worker_failed(self._sdo.node_id, error))
+            return None, abort.GENERAL
+
+    def _transfer(self, job: Job, urgent: bool) -> int | None:
+        if job.value is None:
+            value = self._sdo.read(job.index, job.subindex)
+            if not isinstance(value, (int, float)):
+                raise ArgumentError(f"{self._sdo.describe(job.index, job.subindex)} is no number")
+            return int(value)
+        data = checked_bytes(self._sdo.dictionary.entry(job.index, job.subindex), job.value)
+        if urgent:
+            self._sdo.download_urgent(job.index, job.subindex, data)
+        else:
+            self._sdo.download(job.index, job.subindex, data)
+        return None
+
+
+def _forget(_value: int | None, _abort: int | None) -> None:
+    """Take the end of a job that nobody waits for any more."""
+
+
+def _worker_failed(node_id: int, error: Exception) -> BusError:
+    failure = BusError(
+        f"the SDO worker of node {node_id} failed",
+        observed=f"{type(error).__name__}: {error}",
+        remedy="this is a fault of the library: please report it with the traceback of the cause",
+    )
+    failure.__cause__ = error
+    return failure

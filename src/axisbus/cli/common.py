@@ -1,0 +1,71 @@
+"""What all subcommands share: exit codes, errors as text, JSON, and the hint what to type next."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import click
+
+from axisbus.errors import ArgumentError, AxisbusError, UserError
+
+OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
+
+
+def run(command: click.Command) -> int:
+    """Run ``command`` with the arguments of the process; return the exit code."""
+    try:
+        result = command.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        say_error("stopped")
+        return 130
+    except click.ClickException as error:
+        error.show()
+        return MISUSE
+    except ExceptionGroup as group:
+        return _report(group.exceptions)
+    except AxisbusError as error:
+        return _report([error])
+    except KeyboardInterrupt:
+        say_error("stopped by Ctrl-C")
+        return 130
+    return result if isinstance(result, int) else OK
+
+
+def _report(errors: Any) -> int:
+    code = OK
+    for error in errors:
+        if not isinstance(error, AxisbusError):
+            raise error
+        say_error(str(error))
+        code = max(code, exit_code(error))
+    return code
+
+
+def exit_code(error: AxisbusError) -> int:
+    """Return the exit code for an error."""
+    if isinstance(error, ArgumentError):
+        return MISUSE
+    return WRONG if isinstance(error, UserError) else FAILURE
+
+
+def say(text: str = "") -> None:
+    """Print a line for the user, at once."""
+    click.echo(text)
+
+
+def say_error(text: str) -> None:
+    """Print an error to standard error."""
+    click.echo(f"axisbus: {text}", err=True)
+
+
+def say_next(text: str) -> None:
+    """Print what to type next."""
+    if sys.stdout.isatty() or not sys.stdout.closed:
+        click.echo(f"next: {text}")
+
+
+def say_json(value: Any) -> None:
+    """Print a value as JSON."""
+    click.echo(json.dumps(value, indent=2, default=str))

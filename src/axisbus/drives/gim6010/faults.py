@@ -1,0 +1,103 @@
+"""The faults of the GIM6010-8 and what they mean.
+
+Theory of operation. 603Fh holds a code of CiA 402, or FF00h for "see the module's own bits", which are in 203Fh (low) and 203Eh
+(high). Each part of the firmware (system, axis, motor, controller, encoder) numbers its bits from the lowest, so a bit alone may
+mean up to five faults. The code belongs to one of them and narrows it, and so does the error register (1001h). What stays ambiguous
+is said so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from axisbus.cia301.tables import rows
+
+ERROR_BITS_LOW = (0x203F, 0)
+ERROR_BITS_HIGH = (0x203E, 0)
+ERROR_REGISTER = (0x1001, 0)
+OBJECTS = (ERROR_BITS_LOW, ERROR_BITS_HIGH, ERROR_REGISTER)
+
+SEE_BITS = 0xFF00
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: the part of the firmware, its bit (one bit of 36), the code in 603Fh, and the bit of 1001h that goes with it."""
+
+    category: str
+    name: str
+    bits: int
+    code: int
+    register_bit: int
+    meaning: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.category} {self.name}: {self.meaning}" + (f" ({self.remedy})" if self.remedy else "")
+
+
+@cache
+def table() -> tuple[Fault, ...]:
+    """Return the module's faults as they are in ``faults.tsv``."""
+    return tuple(
+        Fault(
+            row["category"],
+            row["name"],
+            int(row["bits"], 16),
+            int(row["code"], 16),
+            int(row["register_bit"]),
+            row["meaning"],
+            row["remedy"],
+        )
+        for row in rows(__package__, "faults.tsv")
+    )
+
+
+def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
+    """Return what the module reports, one sentence for each fault bit; ambiguous ones name every candidate.
+
+    ``code`` is that of 603Fh (0: not read); ``details`` holds what could be read of ``OBJECTS``.
+    """
+    bits = _bits(details)
+    register = details.get(ERROR_REGISTER)
+    if not bits:
+        named = [fault for fault in table() if fault.code == code and code != SEE_BITS]
+        return (
+            [_sentence(_narrowed(named, code, register), f"code 0x{code:04X} without its bits")]
+            if named
+            else []
+        )
+    by_bit = {bit: [fault for fault in table() if fault.bits == bit] for bit in _single(bits)}
+    # The code says which bit came first; those that it does not fit came with it.
+    order = sorted(by_bit, key=lambda bit: all(fault.code != code for fault in by_bit[bit]))
+    return [_sentence(_narrowed(by_bit[bit], code, register), f"bit 0x{bit:08X}") for bit in order]
+
+
+def _bits(details: Mapping[tuple[int, int], int]) -> int:
+    low, high = details.get(ERROR_BITS_LOW, 0), details.get(ERROR_BITS_HIGH, 0)
+    return (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
+
+
+def _single(bits: int) -> list[int]:
+    """Return the bits that are set, each as a number of its own."""
+    return [1 << place for place in range(bits.bit_length()) if bits >> place & 1]
+
+
+def _narrowed(faults: Iterable[Fault], code: int, register: int | None) -> list[Fault]:
+    """Return the faults that fit the code, and of them those that fit the error register, as far as any do."""
+    left = list(faults)
+    if code:
+        left = [fault for fault in left if fault.code == code] or left
+    if register:
+        left = [fault for fault in left if register >> fault.register_bit & 1] or left
+    return left
+
+
+def _sentence(faults: list[Fault], what: str) -> str:
+    if not faults:
+        return f"{what} is not in the module's fault table"
+    if len(faults) == 1:
+        return f"{faults[0]} [{what}]"
+    return f"{what} is ambiguous, one of: {'; '.join(map(str, faults))}"

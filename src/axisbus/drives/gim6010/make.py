@@ -1,0 +1,32 @@
+"""The identity, scale facts and quirks of the GIM6010-8 joint module (manual v2.2; facts that users published)."""
+
+from __future__ import annotations
+
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.make import Make
+
+VENDOR_ID = 0x000C0B00  # CyberBeast
+
+COUNTS_PER_ROTOR_TURN = 16384  # 14-bit absolute encoder on the rotor (manual 1.3)
+GEAR_RATIO = 8  # turns of the rotor per turn of the output (manual 1.2)
+POLE_PAIRS = 14
+COUNTS_PER_OUTPUT_TURN = COUNTS_PER_ROTOR_TURN * GEAR_RATIO
+
+# Product codes are not published: every drive of this vendor is taken for this make.
+GIM6010 = Make(
+    name="GIM6010-8",
+    vendor_id=VENDOR_ID,
+    fault_objects=faults.OBJECTS,
+    explain=faults.explain,
+    store_restarts=True,  # manual 3.1.6: it reboots, and unsaved communication settings are lost
+    calibration_objects=(),  # none is published: over CANopen there is no known way to start one
+    scale_proposal=(
+        f"GIM6010-8: {COUNTS_PER_ROTOR_TURN} counts per turn of the rotor, gear {GEAR_RATIO}:1; if 6064h counts the rotor, "
+        f"{COUNTS_PER_OUTPUT_TURN} per turn of the output, {COUNTS_PER_OUTPUT_TURN / 360:.4f} per degree"
+    ),
+    notes=(
+        "its 6502h (0x761) does not agree with CiA 402: judge a mode by 6061h",
+        "its protection against a dead master is off from the factory",
+        "its multi-turn position may be off by a part of a turn after power-up: home it, or confirm the position",
+    ),
+)

@@ -1,0 +1,45 @@
+"""What the library needs to know of a make of drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+Details = Mapping[tuple[int, int], int]
+Explain = Callable[[int, Details], list[str]]
+
+
+def no_explanation(code: int, details: Details) -> list[str]:  # noqa: ARG001  the shape of every ``explain``
+    """Explain nothing beyond what CiA 301 and CiA 402 say of an error code."""
+    return []
+
+
+@dataclass(frozen=True, slots=True)
+class Make:
+    """One make of drive; the defaults are those of a drive of which nothing is known.
+
+    ``vendor_id`` is that of 1018h:01 and ``product_codes`` those of 1018h:02 (None: any). ``fault_objects`` are to be read, where
+    the drive has them, when it is in fault; ``explain(code, details)`` turns 603Fh and their values into sentences.
+    ``store_restarts`` says that storing parameters (1010h) reboots the drive. ``calibration_objects`` are those whose writing makes
+    the motor move to calibrate; they are written only on the user's explicit word. ``scale_proposal`` is a text for a person: the
+    position scale is a setting, never taken from here.
+    """
+
+    name: str
+    vendor_id: int | None = None
+    product_codes: frozenset[int] | None = None
+    fault_objects: tuple[tuple[int, int], ...] = ()
+    explain: Explain = no_explanation
+    store_restarts: bool = False
+    calibration_objects: tuple[tuple[int, int], ...] = ()
+    scale_proposal: str = ""
+    notes: tuple[str, ...] = ()
+
+    def matches(self, vendor_id: int | None, product_code: int | None) -> bool:
+        """Whether a drive of this identity (None: unknown) is of this make."""
+        if self.vendor_id is None or vendor_id != self.vendor_id:
+            return False
+        return self.product_codes is None or product_code in self.product_codes
+
+
+GENERIC = Make("CiA 402 drive")

@@ -1,0 +1,253 @@
+"""From the sections of an EDS to the objects of the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds import compact, values
+from axisbus.eds.findings import Findings
+from axisbus.eds.model import Object, ObjectType, Variable
+from axisbus.eds.sections import Sorted
+from axisbus.eds.text import Document, Section
+from axisbus.eds.values import Default, Problem
+
+ACCESS_TYPES = frozenset(("ro", "wo", "rw", "rwr", "rww", "const"))
+
+_WITH_SUBS = frozenset((ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT))
+_KNOWN_TYPES = frozenset(ObjectType)
+_KNOWN_DATA_TYPES = frozenset(DataType)
+_FIRST_OWN_TYPE = 0x40  # from here lie the types that a maker or a file defines (CiA 301 table 44)
+_SPELLED = {
+    key.lower(): key
+    for key in (
+        *("ObjectType", "DataType", "AccessType", "DefaultValue", "ParameterValue"),
+        *("LowLimit", "HighLimit", "PDOMapping", "ObjFlags"),
+    )
+}
+_NOTHING = Section("", 0, {})
+
+
+def build_objects(document: Document, parts: Sorted, findings: Findings) -> dict[int, Object]:
+    """Return the objects by index, ascending; whatever cannot be understood goes to ``findings``."""
+    builder = _Builder(document, parts, findings)
+    return {index: builder.object(index) for index in sorted(parts.heads.keys() | parts.subs.keys())}
+
+
+class _Builder:
+    """Builds objects one by one; it holds what one file's objects share, and changes only ``findings``."""
+
+    def __init__(self, document: Document, parts: Sorted, findings: Findings) -> None:
+        self._document = document
+        self._parts = parts
+        self._findings = findings
+
+    def object(self, index: int) -> Object:
+        """Return the object at ``index``, a RECORD where only its sub-indices are described."""
+        head = self._parts.heads.get(index)
+        sub_sections = self._parts.subs.get(index, {})
+        if head is None:
+            head = next(iter(sub_sections.values()))
+            self._note("O005", f"[{head.name}] has no parent [{index:04X}]", head, "", index)
+            name, object_type = f"{index:04X}", ObjectType.RECORD
+        else:
+            name = self._name(head, index)
+            object_type = self._object_type(head, index, bool(sub_sections))
+        if object_type not in _WITH_SUBS:
+            if sub_sections:
+                text = f"[{head.name}] is a {object_type.name}, but has sub-indices"
+                self._note("O011", text, head, "objecttype", index)
+            return Object(
+                index, name, object_type, {0: self._variable(head, index, 0, name, object_type)}, head.line
+            )
+        return Object(index, name, object_type, self._subs(head, index, name, sub_sections), head.line)
+
+    def _subs(
+        self, head: Section, index: int, name: str, sub_sections: Mapping[int, Section]
+    ) -> dict[int, Variable]:
+        subs = self._compact_subs(head, index, name) if "compactsubobj" in head.entries else {}
+        for subindex, section in sub_sections.items():
+            sub_name = self._name(section, index, subindex)
+            kind = self._sub_type(section, index, subindex)
+            subs[subindex] = self._variable(section, index, subindex, sub_name, kind)
+        beside = self._parts.beside
+        for kind_of_list in ("value", "denotation"):
+            listed = beside.get((index, kind_of_list))
+            if listed is not None:
+                self._apply(subs, listed, kind_of_list, index)
+        return dict(sorted(subs.items()))
+
+    def _compact_subs(self, head: Section, index: int, name: str) -> dict[int, Variable]:
+        text = head.entries["compactsubobj"]
+        count = values.plain(text) if text else 0
+        if count is None or not 0 <= count <= compact.MAX_ENTRIES:
+            self._note("O013", f"CompactSubObj={text} is no number of entries", head, "compactsubobj", index)
+            count = compact.MAX_ENTRIES if count == compact.MAX_ENTRIES + 1 else 0
+        if count == 0:
+            return {}
+        template = self._variable(head, index, 1, name, ObjectType.VAR)
+        names = self._parts.beside.get((index, "name"), _NOTHING).entries
+        return compact.sub_indices(template, count, names)
+
+    def _apply(self, subs: dict[int, Variable], listed: Section, kind: str, index: int) -> None:
+        """Enter what ``[xxxxValue]`` or ``[xxxxDenotation]`` says of sub-indices, whose numbers are decimal there (DS 306 5)."""
+        for key, text in listed.entries.items():
+            subindex = values.plain(key)
+            entry = subs.get(subindex) if subindex is not None else None
+            if entry is None or subindex is None:
+                if key != "nrofentries":
+                    self._note("O013", f"[{listed.name}] names sub-index {key[:20]}", listed, key, index)
+            elif kind == "denotation":
+                subs[subindex] = compact.denoted(entry, text)
+            else:
+                value, problems = values.parse(text, entry.data_type)
+                self._problems(problems, listed, key, index, subindex)
+                subs[subindex] = compact.valued(entry, value)
+
+    def _variable(
+        self, section: Section, index: int, subindex: int, name: str, object_type: ObjectType
+    ) -> Variable:
+        get = section.entries.get
+        data_type = self._data_type(section, index, subindex, object_type)
+        low, high = self._limits(section, data_type, index, subindex)
+        return Variable(
+            index,
+            subindex,
+            name,
+            data_type,
+            self._access(section, index, subindex, object_type),
+            self._value(section, "defaultvalue", data_type, index, subindex),
+            self._value(section, "parametervalue", data_type, index, subindex),
+            low,
+            high,
+            bool(self._flag(section, "pdomapping", index, subindex)),
+            self._flag(section, "objflags", index, subindex),
+            section.line,
+            object_type,
+            get("denotation", ""),
+        )
+
+    def _name(self, section: Section, index: int, subindex: int | None = None) -> str:
+        name = section.entries.get("parametername")
+        if name is None:
+            self._note("O001", f"[{section.name}] has no ParameterName", section, "", index, subindex)
+            return section.name
+        return name
+
+    def _object_type(self, head: Section, index: int, has_subs: bool) -> ObjectType:
+        text = head.entries.get("objecttype")
+        if text:
+            return self._given_type(head, text, index, None)
+        if has_subs or "compactsubobj" in head.entries:
+            self._note("O006", f"[{head.name}] has no ObjectType", head, "", index)
+            return ObjectType.RECORD
+        return ObjectType.VAR  # DS 306 4.6.3.2
+
+    def _sub_type(self, section: Section, index: int, subindex: int) -> ObjectType:
+        text = section.entries.get("objecttype")
+        kind = self._given_type(section, text, index, subindex) if text else ObjectType.VAR
+        return ObjectType.VAR if kind in _WITH_SUBS else kind
+
+    def _given_type(self, section: Section, text: str, index: int, subindex: int | None) -> ObjectType:
+        found, problems = _object_type(text)
+        if problems:
+            self._problems(problems, section, "objecttype", index, subindex)
+        return found
+
+    def _data_type(self, section: Section, index: int, subindex: int, object_type: ObjectType) -> DataType:
+        text = section.entries.get("datatype", "")
+        if not text and object_type is ObjectType.DOMAIN:
+            return DataType.DOMAIN
+        found, problems = _data_type(text)
+        if found >= _FIRST_OWN_TYPE and found in self._parts.types:
+            found, problems = _data_type(self._parts.types[found].entries.get("defaultvalue", ""))
+        if problems:
+            self._problems(problems, section, "datatype", index, subindex)
+        return found
+
+    def _access(self, section: Section, index: int, subindex: int, object_type: ObjectType) -> str:
+        text = section.entries.get("accesstype")
+        if text in ACCESS_TYPES:
+            return text
+        if text is None and object_type is ObjectType.DOMAIN:
+            return "rw"  # DS 306 4.6.3.2
+        found, problems = _access(text or "")
+        self._problems(problems, section, "accesstype", index, subindex)
+        return found
+
+    def _value(self, section: Section, key: str, data_type: DataType, index: int, subindex: int) -> Default:
+        text = section.entries.get(key)
+        if not text:
+            return None
+        value, problems = values.parse(text, data_type)
+        if problems:
+            self._problems(problems, section, key, index, subindex)
+        return value
+
+    def _limits(
+        self, section: Section, data_type: DataType, index: int, subindex: int
+    ) -> tuple[values.Limit, values.Limit]:
+        low, high = section.entries.get("lowlimit"), section.entries.get("highlimit")
+        if not low and not high:
+            return None, None
+        bottom, top, problems = values.limits(low or "", high or "", data_type)
+        if problems:
+            self._problems(problems, section, "lowlimit" if low else "highlimit", index, subindex)
+        return bottom, top
+
+    def _flag(self, section: Section, key: str, index: int, subindex: int) -> int:
+        text = section.entries.get(key)
+        if not text or text == "0":
+            return 0
+        number, problems = values.integer(text)
+        if problems:
+            self._problems(problems, section, key, index, subindex)
+        return number.value if number is not None else 0
+
+    def _problems(
+        self, problems: tuple[Problem, ...], section: Section, key: str, index: int, subindex: int | None
+    ) -> None:
+        for problem in problems:
+            found = problem.key or key
+            message = f"[{section.name}] {_SPELLED.get(found, found)}: {problem.text}"
+            self._note(problem.rule, message, section, found, index, subindex)
+
+    def _note(
+        self, rule: str, message: str, section: Section, key: str, index: int, subindex: int | None = None
+    ) -> None:
+        line, column = self._document.place(section, key) if key else (section.line, 1)
+        self._findings.add(rule, message, line=line, column=column, index=index, subindex=subindex)
+
+
+@lru_cache(maxsize=256)
+def _object_type(text: str) -> tuple[ObjectType, tuple[Problem, ...]]:
+    number, problems = values.integer(text)
+    if number is None or not 0 <= number.value <= 0xFF:
+        return ObjectType.VAR, (Problem("O004", f"{text[:40]} is no object type"),)
+    if ObjectType(number.value) not in _KNOWN_TYPES:
+        problems = (*problems, Problem("O004", f"{text[:40]} is an unknown object type"))
+    return ObjectType(number.value), problems
+
+
+@lru_cache(maxsize=256)
+def _data_type(text: str) -> tuple[DataType, tuple[Problem, ...]]:
+    number, problems = values.integer(text)
+    if number is None or not 0 < number.value <= 0xFFFF:
+        what = f"{text[:40]} is no data type" if text else "it is missing"
+        return DataType(0), (Problem("O002", what),)
+    if number.value < _FIRST_OWN_TYPE and DataType(number.value) not in _KNOWN_DATA_TYPES:
+        problems = (*problems, Problem("O002", f"{text[:40]} is no data type of CiA 301"))
+    return DataType(number.value), problems
+
+
+@lru_cache(maxsize=256)
+def _access(text: str) -> tuple[str, tuple[Problem, ...]]:
+    """Read an access type in any case, also one with a comment behind it."""
+    words = text.lower().replace(";", " ").split()
+    first = words[0] if words else ""
+    if first not in ACCESS_TYPES:
+        return "rw", (Problem("O003", f"{text[:40]} is no access type" if text else "it is missing"),)
+    if len(words) > 1:
+        return first, (Problem("S011", f"text follows the access type: {text[:40]}"),)
+    return first, ()

@@ -1,0 +1,41 @@
+"""The EDS files that come with axisbus, by name."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from axisbus.errors import EdsError
+
+PREFIX = "builtin:"
+
+# In an installed package the files lie beside this module; in a checkout, at its top.
+_FOLDERS = (Path(__file__).parent / "builtin", Path(__file__).parents[3] / "eds")
+
+
+def names() -> list[str]:
+    """Return the names that may follow ``builtin:``."""
+    return sorted({file.stem for folder in _FOLDERS for file in folder.glob("*.eds")})
+
+
+def resolve(spec: str, base: Path) -> Path:
+    """Return the path that ``spec`` means: ``builtin:gim6010-8``, or a path relative to the folder ``base``.
+
+    Whether a path exists is left to ``load``, which says what is there instead.
+
+    Raises:
+        EdsError: there is no built-in file of this name.
+    """
+    if not spec.startswith(PREFIX):
+        return base / Path(spec).expanduser()
+    name = spec[len(PREFIX) :].strip()
+    known = names()
+    if name not in known:
+        near = difflib.get_close_matches(name.lower(), known, n=1)
+        hint = f"did you mean {PREFIX}{near[0]}? " if near else ""
+        raise EdsError(
+            f"there is no built-in EDS {name!r}",
+            observed=f"there are: {', '.join(PREFIX + each for each in known)}",
+            remedy=f"{hint}take one of these, or give the path of the drive's own EDS",
+        )
+    return next(file for folder in _FOLDERS if (file := folder / f"{name}.eds").is_file())

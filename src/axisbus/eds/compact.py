@@ -1,0 +1,115 @@
+"""What DS 306 lets a file say in short: sub-indices by CompactSubObj (4.6.3.2), PDO parameters by CompactPDO (4.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from axisbus.cia301 import objects
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.model import Number, Object, ObjectType, Variable
+from axisbus.eds.values import Default
+
+MAX_ENTRIES = 254  # sub-index 0 holds their number, FFh is reserved (CiA 301 7.4.4)
+MAX_PDOS = 512  # of one direction (CiA 301 table 40)
+MAPPED_OBJECTS = 8  # entries of an implicit mapping: one per byte of the frame
+
+_U8, _U16, _U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
+
+# Bit of CompactPDO, by sub-index of the communication parameter, with its name and type (CiA 301 7.5.2.35, 7.5.2.37).
+_COMMUNICATION = (
+    (1, "COB-ID used by PDO", _U32),
+    (2, "Transmission type", _U8),
+    (3, "Inhibit time", _U16),
+    (4, "Compatibility entry", _U8),
+    (5, "Event-timer", _U16),
+    (6, "SYNC start value", _U8),
+)
+_INVALID_PDO = 0x80000000
+_EVENT_DRIVEN = 255
+
+
+def sub_indices(template: Variable, count: int, names: Mapping[str, str]) -> dict[int, Variable]:
+    """Return sub-index 0 and ``count`` copies of ``template``, named by ``names`` (decimal sub-index) or by number."""
+    subs = {0: _count(template.index, count, template.line, "NrOfObjects")}
+    for subindex in range(1, count + 1):
+        subs[subindex] = Variable(
+            template.index,
+            subindex,
+            names.get(str(subindex)) or f"{template.name}{subindex}",
+            template.data_type,
+            template.access,
+            template.default,
+            template.parameter_value,
+            template.low,
+            template.high,
+            template.pdo_mapping,
+            template.object_flags,
+            template.line,
+        )  # written out: ``replace`` takes several times as long, and there may be thousands
+    return subs
+
+
+def valued(entry: Variable, value: Default) -> Variable:
+    """Return the entry with the parameter value that ``[xxxxValue]`` gives it."""
+    return replace(entry, parameter_value=value)
+
+
+def denoted(entry: Variable, text: str) -> Variable:
+    """Return the entry with the name that ``[xxxxDenotation]`` gives it."""
+    return replace(entry, denotation=text)
+
+
+def pdos(rpdos: int, tpdos: int, parts: int, described: Mapping[int, Object]) -> dict[int, Object]:
+    """Return the PDO parameters that CompactPDO (bit mask ``parts``) implies beside those ``described``.
+
+    ``rpdos`` and ``tpdos`` are the numbers of all PDOs (NrOfRXPDO, NrOfTXPDO); numbers that the file does not describe are filled
+    from the lowest up.
+    """
+    found: dict[int, Object] = {}
+    for total, first, mapping, receive in (
+        (rpdos, objects.RPDO_COMMUNICATION, objects.RPDO_MAPPING, True),
+        (tpdos, objects.TPDO_COMMUNICATION, objects.TPDO_MAPPING, False),
+    ):
+        numbers = range(MAX_PDOS)
+        missing = total - sum(first + number in described for number in numbers)
+        free = [number for number in numbers if first + number not in described]
+        for number in free[: max(0, missing)]:
+            found[first + number] = _communication(first + number, number, parts, receive)
+            if mapping + number not in described:
+                found[mapping + number] = _mapping(mapping + number, number, receive)
+    return found
+
+
+def _communication(index: int, number: int, parts: int, receive: bool) -> Object:
+    subs = {
+        subindex: Variable(index, subindex, name, data_type, "rw")
+        for subindex, name, data_type in _COMMUNICATION
+        if parts >> (subindex - 1) & 1 or subindex <= 2
+    }
+    subs[1] = replace(subs[1], default=_cob_id(number, receive))
+    subs[2] = replace(subs[2], default=Number(_EVENT_DRIVEN))
+    name = f"{'RPDO' if receive else 'TPDO'} communication parameter {number + 1}"
+    count = _count(index, max(subs), 0, "Highest sub-index supported")
+    return Object(index, name, ObjectType.RECORD, {0: count, **subs})
+
+
+def _cob_id(number: int, receive: bool) -> Number:
+    """Return the identifier of the predefined connection set for the first four, which later ones do not have."""
+    if number >= 4:
+        return Number(_INVALID_PDO)
+    return Number((0x200 if receive else 0x180) + 0x100 * number, plus_node_id=True)
+
+
+def _mapping(index: int, number: int, receive: bool) -> Object:
+    count = replace(_count(index, 0, 0, "Number of mapped objects"), access="rw")
+    entries = {
+        subindex: Variable(index, subindex, f"Mapped object {subindex}", _U32, "rw", Number(0))
+        for subindex in range(1, MAPPED_OBJECTS + 1)
+    }
+    name = f"{'RPDO' if receive else 'TPDO'} mapping parameter {number + 1}"
+    return Object(index, name, ObjectType.RECORD, {0: count, **entries})
+
+
+def _count(index: int, count: int, line: int, name: str) -> Variable:
+    return Variable(index, 0, name, _U8, "ro", Number(count), line=line)

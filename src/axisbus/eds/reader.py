@@ -1,0 +1,197 @@
+"""Reading an EDS or DCF: bytes in, the model out.
+
+Theory of operation. Four steps, each a pure function of the one before: ``text`` decodes the bytes and sorts the lines into
+sections, losing nothing; ``sections`` tells objects, sub-indices and the rest apart by the sections' names; ``build`` makes the
+objects, with ``values`` for each number and text; ``compact`` adds what the file only implies. Findings gather on the way. Nothing
+in a text stops the reading: what is not understood is absent in the model and named in a finding. Only what is no EDS at all is an
+error.
+
+The findings are those that reading meets by itself. Rules over a document as a whole belong in a package of their own beside this
+module; they take the ``Reading``, which has the lines, the sections and the model.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from axisbus.eds import compact, sections, text, values
+from axisbus.eds.build import build_objects
+from axisbus.eds.findings import Findings
+from axisbus.eds.model import Eds, Object
+from axisbus.eds.text import Document
+from axisbus.errors import EdsError
+
+MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest EDS that we know of
+SUFFIXES = (".eds", ".dcf")
+
+_ANY_SECTION = re.compile(
+    r"^[ \t]*\[[ \t]*(?:[0-9a-f]{4}|fileinfo|deviceinfo|mandatoryobjects)\b", re.I | re.M
+)
+_WHAT_IS_AN_EDS = "an EDS is a text with sections such as [DeviceInfo] and [1000]"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What reading one file gave: its text, its sections by kind, and the model with the findings."""
+
+    document: Document
+    parts: sections.Sorted
+    eds: Eds
+
+
+def load(path: str | Path) -> Eds:
+    """Read an EDS or DCF file; the same content is parsed once, however many nodes use it.
+
+    Blocks for the time the file takes to read. What is odd in the file is in ``findings`` of what is returned.
+
+    Raises:
+        EdsError: the file is missing, cannot be read, is larger than 16 MiB, or is no EDS at all.
+    """
+    path = Path(path)
+    return loads(_bytes(path), str(path))
+
+
+def loads(data: bytes, source: str) -> Eds:
+    """Read an EDS or DCF from ``data``; ``source`` is the name that messages show.
+
+    Raises:
+        EdsError: the data is larger than 16 MiB, or is no EDS at all.
+    """
+    try:
+        eds = _parsed(data)
+    except EdsError as error:
+        raise EdsError(error.message, file=source, observed=error.observed, remedy=error.remedy) from None
+    return replace(eds, source=source)
+
+
+def read(data: bytes, source: str) -> Reading:
+    """Read like ``loads``, and return the document as well, for rules and for writing back; nothing is cached.
+
+    Raises:
+        EdsError: the data is larger than 16 MiB, or is no EDS at all.
+    """
+    _check_size(len(data), source)
+    findings = Findings()
+    if not data.strip():
+        raise EdsError("the file is empty", file=source, remedy="take the file again from the drive's maker")
+    content = text.decode(data)
+    if not _ANY_SECTION.search(content.text):
+        raise EdsError(
+            "this is no EDS or DCF",
+            file=source,
+            observed=_looks_like(data),
+            remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
+        )
+    document = text.parse(content, findings)
+    parts = sections.sort(document, findings)
+    objects = build_objects(document, parts, findings)
+    objects.update(_implied(parts.info.get("deviceinfo", {}), objects))
+    if not objects:
+        raise EdsError(
+            "the file describes no object", file=source, observed=f"{len(document.sections)} sections, none of an object",
+            remedy=f"take the file again from the drive's maker; {_WHAT_IS_AN_EDS}",
+        )  # fmt: skip
+    node_id = _node_id(document, findings)
+    eds = Eds(source, dict(sorted(objects.items())), parts.info, findings.all(), node_id)
+    return Reading(document, parts, eds)
+
+
+@lru_cache(maxsize=64)
+def _parsed(data: bytes) -> Eds:
+    return read(data, "").eds
+
+
+def _implied(device: Mapping[str, str], described: Mapping[int, Object]) -> dict[int, Object]:
+    """Return the PDO parameters that CompactPDO implies."""
+    parts = values.plain(device.get("compactpdo", "")) or 0
+    if not parts:
+        return {}
+    rpdos = values.plain(device.get("nrofrxpdo", "")) or 0
+    tpdos = values.plain(device.get("nroftxpdo", "")) or 0
+    return compact.pdos(rpdos, tpdos, parts, described)
+
+
+def _node_id(document: Document, findings: Findings) -> int | None:
+    """Return the node ID of a DCF, under either spelling of the section's name."""
+    section = document.sections.get("devicecomissioning")
+    if section is None:
+        section = document.sections.get("devicecommissioning")
+        if section is None:
+            return None
+        findings.add("K001", f"section [{section.name}]", line=section.line)
+    given = section.entries.get("nodeid", "")
+    node_id = values.plain(given)
+    if node_id is not None and 1 <= node_id <= 127:
+        return node_id
+    line, column = document.place(section, "nodeid")
+    findings.add("K003", f"NodeID={given[:40]} is no node ID", line=line, column=column)
+    return None
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if path.is_dir():
+            raise EdsError(
+                "this is a folder, not a file",
+                file=str(path),
+                remedy=_suggestion(path, "") or "name a file in it",
+            )
+        if path.exists() and not path.is_file():
+            raise EdsError("this is no ordinary file", file=str(path), remedy="give an EDS or DCF file")
+        _check_size(path.stat().st_size, str(path))
+        return path.read_bytes()
+    except FileNotFoundError:
+        remedy = _suggestion(path.parent, path.name) or f"there is no EDS or DCF in {path.parent}"
+        raise EdsError("there is no such file", file=str(path), remedy=remedy) from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise EdsError(
+            "the file cannot be read",
+            file=str(path),
+            observed=str(error),
+            remedy="check the path and its permissions",
+        ) from error
+
+
+def _check_size(size: int, source: str) -> None:
+    if size > MAX_BYTES:
+        raise EdsError(
+            f"the file is too large for an EDS: {size / 2**20:.0f} MiB",
+            file=source,
+            remedy=f"give an EDS, of at most {MAX_BYTES >> 20} MiB; {_WHAT_IS_AN_EDS}",
+        )
+
+
+def _suggestion(folder: Path, name: str) -> str:
+    """Return a sentence with the EDS and DCF files of a folder whose names are nearest, empty if there are none."""
+    try:
+        there = sorted(entry.name for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES)
+    except OSError:
+        return f"there is no folder {folder}" if not folder.exists() else ""
+    near = difflib.get_close_matches(name, there, n=3, cutoff=0.4) or there[:5]
+    return f"in {folder} there is: {', '.join(near)}" if near else ""
+
+
+_KINDS = (
+    (b"\x89PNG", "a PNG picture"),
+    (b"%PDF", "a PDF document"),
+    (b"PK\x03\x04", "a ZIP archive"),
+    (b"<?xml", "an XML file (an XDD or XDC is another format)"),
+    (b"\x7fELF", "a program"),
+    (b"\x1f\x8b", "a gzip archive"),
+)
+
+
+def _looks_like(data: bytes) -> str:
+    start = data.lstrip(b"\xef\xbb\xbf \t\r\n")
+    for mark, kind in _KINDS:
+        if start.startswith(mark):
+            return f"it looks like {kind}"
+    if b"\0" in data[:4096]:
+        return "it holds binary data"
+    first = start[:60].decode("ascii", errors="replace").splitlines()
+    return f"it begins with {first[0]!r}" if first else "it holds nothing to read"

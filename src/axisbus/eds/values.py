@@ -1,0 +1,288 @@
+"""The values of an EDS: from text to numbers, strings and bytes, as DS 306 4.3 and as real files write them."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Generic, NamedTuple, TypeVar
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.model import Number
+
+_T = TypeVar("_T", covariant=True)
+
+Default = Number | float | str | bytes | None
+Limit = Number | float | None
+
+MAX_DIGITS = 40  # 64 bits take 20; longer texts are not numbers, and int() is slow on them
+
+
+class Problem(NamedTuple):
+    """What is wrong with a value: the rule's id, half a sentence, and the key where it is not the one that was read."""
+
+    rule: str
+    text: str
+    key: str = ""
+
+
+class Parsed(NamedTuple, Generic[_T]):
+    """A value as understood, None where absent or not understood, with what was wrong about its text."""
+
+    value: _T
+    problems: tuple[Problem, ...] = ()
+
+
+Integer = Parsed[Number | None]
+ABSENT: Parsed[None] = Parsed(None)
+
+_PLAIN = re.compile(r"[+-]?(?:0|[1-9][0-9]*)|0[xX][0-9A-Fa-f]+", re.ASCII)
+_NEGATIVE_HEX = re.compile(r"(?:-0[xX]-?|0[xX]-)([0-9A-Fa-f]+)")
+_FRACTION = re.compile(r"[+-]?[0-9]+[.,][0-9]*", re.ASCII)
+_REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
+_COMMENT = re.compile(r"[;#]")
+_TEXT_TYPES = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
+_WORDS = {"true": 1, "false": 0}
+_NODE_ID_WORDS = ("$nodeid", "$mynodeid", "nodeid")
+_REAL_FORMATS = {DataType.REAL32: ">f", DataType.REAL64: ">d"}
+
+
+def parse(text: str, data_type: DataType) -> Parsed[Default]:
+    """Read a DefaultValue or ParameterValue of ``data_type``; an empty text is an absent value."""
+    if data_type in _TEXT_TYPES:
+        return _string(text)
+    return _other(text, data_type)
+
+
+@lru_cache(maxsize=4096)
+def _other(text: str, data_type: DataType) -> Parsed[Default]:
+    if not text:
+        return ABSENT
+    if data_type.integer:
+        return typed_integer(text, data_type)
+    read = _READERS.get(data_type)
+    return (
+        read(text, data_type) if read is not None else ABSENT
+    )  # nobody knows what it means in a type of the maker's
+
+
+class Limits(NamedTuple):
+    """LowLimit and HighLimit as understood."""
+
+    low: Limit
+    high: Limit
+    problems: tuple[Problem, ...] = ()
+
+
+NO_LIMITS = Limits(None, None)
+
+
+@lru_cache(maxsize=1024)
+def limits(low_text: str, high_text: str, data_type: DataType) -> Limits:
+    """Read LowLimit and HighLimit together; limits that contradict each other or the type are none.
+
+    Limits of strings, bytes and times say nothing and are left out.
+    """
+    if not data_type.integer and data_type not in _REAL_FORMATS:
+        return NO_LIMITS
+    low, high = parse(low_text, data_type), parse(high_text, data_type)
+    problems = (
+        *(problem._replace(key="lowlimit") for problem in low.problems),
+        *(problem._replace(key="highlimit") for problem in high.problems),
+    )
+    bottom, top = _plain(low.value), _plain(high.value)
+    if bottom == top == 0:
+        problem = Problem(
+            "V018", "LowLimit and HighLimit are both 0, which is taken to mean that there is none"
+        )
+        return Limits(None, None, (*problems, problem))
+    wrapped = top is not None and top < 0 and "-" not in high_text
+    if wrapped and (bottom is None or bottom >= 0):  # such as 0xFF for INTEGER8
+        problem = Problem("V002", f"{high_text} is beyond {data_type.name}", "highlimit")
+        return Limits(None, None, (*_without(problems, "V010"), problem))
+    if bottom is not None and top is not None and bottom > top:
+        problem = Problem("V004", f"LowLimit={low_text} is above HighLimit={high_text}")
+        return Limits(None, None, (*problems, problem))
+    return Limits(_limit(low.value), _limit(high.value), problems)
+
+
+def _limit(value: Default) -> Limit:
+    return None if isinstance(value, (str, bytes)) else value
+
+
+def _plain(value: Default) -> float | None:
+    """Return a limit as a number to compare; the node ID does not count."""
+    if isinstance(value, Number):
+        return value.value
+    return value if isinstance(value, (int, float)) else None
+
+
+def _without(problems: tuple[Problem, ...], rule: str) -> tuple[Problem, ...]:
+    return tuple(problem for problem in problems if problem.rule != rule)
+
+
+def plain(text: str) -> int | None:
+    """Return the number that a key such as ObjectType or NrOfEntries holds, None where it holds none."""
+    number = integer(text).value
+    return number.value if number is not None and not number.plus_node_id else None
+
+
+@lru_cache(maxsize=4096)
+def integer(text: str) -> Integer:
+    """Read an integer: decimal, hexadecimal, octal, or one with ``$NODEID`` in any spelling that is clear in its meaning."""
+    comment = _COMMENT.search(text)
+    if comment:
+        inner = integer(text[: comment.start()].rstrip())
+        return Parsed(
+            inner.value, (*inner.problems, Problem("S011", f"a comment follows the value: {_short(text)}"))
+        )
+    if not text:
+        return Parsed(None)
+    if len(text) > MAX_DIGITS:
+        return _not_understood(text)
+    if "node" in text.lower() or "$" in text:
+        return _formula(text)
+    return _number(text)
+
+
+def _number(text: str) -> Integer:
+    """Read a number without a formula, also one that is not written as it should be but can mean only one number."""
+    if _PLAIN.fullmatch(text):
+        return Parsed(Number(int(text, 0)))
+    negative = _NEGATIVE_HEX.fullmatch(text)
+    if negative:
+        return Parsed(
+            Number(-int(negative[1], 16)), (Problem("V010", f"{text} is a negative hexadecimal number"),)
+        )
+    if _FRACTION.fullmatch(text):
+        whole, fraction = re.split("[.,]", text)
+        exact = Number(int(whole)) if not fraction.strip("0") else None
+        return Parsed(exact, (Problem("V011", f"{text} has a decimal point, the type is an integer"),))
+    if text.lower() in _WORDS:
+        return Parsed(Number(_WORDS[text.lower()]), (Problem("V015", f"{text} is a word"),))
+    digits = text.lstrip("+-")
+    if digits.isascii() and digits.isdigit() and len(text) - len(digits) <= 1:
+        octal = not digits.strip("01234567")
+        value = int(digits, 8 if octal else 10) * (-1 if text[0] == "-" else 1)
+        harmless = octal and not digits.strip("0")
+        how = "octal" if octal else "decimal, for octal has no 8 or 9"
+        return Parsed(
+            Number(value), () if harmless else (Problem("V012", f"{text} is read as {how}: {value}"),)
+        )
+    return _not_understood(text)
+
+
+def _not_understood(text: str) -> Integer:
+    return Parsed(None, (Problem("V001", f"{_short(text)} is no integer"),))
+
+
+def _formula(text: str) -> Integer:
+    """Read a sum of numbers and one ``$NODEID`` in any order, case and spelling (DS 306 4.3 has it first, in capitals)."""
+    terms = [term.strip() for term in text.lstrip("=").split("+")]
+    node_ids = [term for term in terms if term.lower().replace("_", "") in _NODE_ID_WORDS]
+    numbers = [_number(term) for term in terms if term not in node_ids]
+    constants = [number.value.value for number in numbers if number.value is not None]
+    if len(node_ids) != 1 or len(constants) != len(numbers):
+        return Parsed(None, (Problem("V020", f"{_short(text)} is no formula of $NODEID"),))
+    value = Number(sum(constants), plus_node_id=True)
+    problems = tuple(problem for number in numbers for problem in number.problems)
+    return Parsed(value, problems + _spelling(text, terms[0], node_ids[0], value))
+
+
+def _spelling(text: str, first: str, node_id: str, value: Number) -> tuple[Problem, ...]:
+    meant = f"$NODEID+0x{value.value:X}"
+    if text[0] == "=" or node_id.lower() != "$nodeid":
+        return (Problem("V020", f"{text} is taken for {meant}"),)
+    if first != "$NODEID":
+        return (Problem("V006", f"{text} is meant as {meant}"),)
+    return ()
+
+
+def typed_integer(text: str, data_type: DataType) -> Integer:
+    """Read an integer and fit it to its type; two's complement stands for a negative number of a signed type."""
+    number, problems = integer(text)
+    if number is None:
+        return Parsed(number, problems)
+    low, high = data_type.range
+    value = number.value
+    if low <= value <= high:
+        return Parsed(number, problems)
+    if data_type.signed and high < value <= 2 * high + 1 and not number.plus_node_id:
+        wrapped = value - 2 * (high + 1)
+        problem = Problem("V010", f"{text} is {wrapped} as two's complement of {data_type.name}")
+        return Parsed(Number(wrapped), (*problems, problem))
+    if value < 0 <= low:
+        return Parsed(None, (*problems, Problem("V009", f"{text} is negative, the type is {data_type.name}")))
+    return Parsed(
+        None, (*problems, Problem("V005", f"{text} does not fit {data_type.name} ({low} to {high})"))
+    )
+
+
+def _string(text: str) -> Parsed[str | None]:
+    if not text:
+        return ABSENT
+    if len(text) >= 2 and text[0] == text[-1] == '"':
+        return Parsed(text[1:-1], (Problem("V013", f"{_short(text)} is in quotation marks"),))
+    return Parsed(text)
+
+
+def _real(text: str, data_type: DataType) -> Parsed[float | None]:
+    """Read a decimal number, or the hexadecimal digits of its bit pattern (IEEE 754), which DS 306 leaves open."""
+    if len(text) <= MAX_DIGITS and _REAL.fullmatch(text):
+        number = float(text)
+        if math.isfinite(number):
+            return Parsed(number)
+    size = struct.calcsize(_REAL_FORMATS[data_type])
+    digits = text[2:]
+    if text[:2].lower() == "0x" and 0 < len(digits) <= 2 * size:
+        octets = _hex(digits.rjust(2 * size, "0"))
+        if octets is not None:
+            value: float = struct.unpack(_REAL_FORMATS[data_type], octets)[0]
+            if math.isfinite(value):
+                return Parsed(value, (Problem("V014", f"{text} is read as the bit pattern of {value:g}"),))
+    return Parsed(None, (Problem("V001", f"{_short(text)} is no number of {data_type.name}"),))
+
+
+def _octets(text: str, _: DataType) -> Parsed[bytes | None]:
+    """Read pairs of hexadecimal digits; spaces between them and a leading 0x do no harm."""
+    prefixed = text[:2].lower() == "0x"
+    octets = _hex(text[2:] if prefixed else text)
+    if octets is None:
+        return Parsed(
+            None, (Problem("V017", f"{_short(text)} is no string of octets, and counts as absent"),)
+        )
+    return Parsed(octets, (Problem("V017", f"{_short(text)} has 0x before its octets"),) if prefixed else ())
+
+
+def _time(text: str, _: DataType) -> Parsed[bytes | None]:
+    """Read the 48 bits of a time as one number, or as its six octets."""
+    octets = _hex(text) if len(text) >= 12 else None
+    number = plain(text) if octets is None else None
+    if number is not None and 0 <= number < 1 << 48:
+        return Parsed(number.to_bytes(6, "little"))
+    if octets is not None and len(octets) == 6:
+        return Parsed(octets)
+    return Parsed(None, (Problem("V001", f"{_short(text)} is no time of 48 bits"),))
+
+
+_READERS: dict[DataType, Callable[[str, DataType], Parsed[Default]]] = {
+    DataType.REAL32: _real,
+    DataType.REAL64: _real,
+    DataType.OCTET_STRING: _octets,
+    DataType.DOMAIN: _octets,
+    DataType.TIME_OF_DAY: _time,
+    DataType.TIME_DIFFERENCE: _time,
+}
+
+
+def _hex(text: str) -> bytes | None:
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        return None
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:37] + "..."

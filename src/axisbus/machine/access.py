@@ -1,0 +1,76 @@
+"""Access to a node's objects as boot-up needs it, whether they are behind a bus or in a stand-in."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from axisbus.cia301.datatypes import DataType, Value, decode, encode
+from axisbus.errors import SdoAbort, SdoTimeout
+from axisbus.sim.device import Device
+
+
+class Objects(Protocol):
+    """Typed reads and writes; blocks; raises ``SdoAbort``, ``SdoTimeout`` and what the bus raises."""
+
+    @property
+    def node_id(self) -> int:
+        """The node's ID."""
+
+    def read(self, key: int, subindex: int = 0) -> Value:
+        """Return an object's value."""
+
+    def write(self, key: int, subindex: int, value: Value) -> None:
+        """Set an object's value."""
+
+
+class DeviceObjects:
+    """The objects of a stand-in, reached without a bus."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+
+    @property
+    def node_id(self) -> int:
+        """The node's ID."""
+        return self._device.node_id
+
+    def read(self, key: int, subindex: int = 0) -> Value:
+        """Return an object's value; raises ``SdoAbort`` or ``SdoTimeout``."""
+        self._require_answer(key, subindex)
+        variable = self._device.eds.get(key, subindex)
+        if variable is None or variable.data_type.integer:
+            return self._device.read(key, subindex)
+        return decode(self._device.dictionary.upload(key, subindex), variable.data_type)
+
+    def write(self, key: int, subindex: int, value: Value) -> None:
+        """Set an object's value; raises ``SdoAbort`` or ``SdoTimeout``."""
+        self._require_answer(key, subindex)
+        variable = self._device.eds.get(key, subindex)
+        if isinstance(value, int) and (variable is None or variable.data_type.integer):
+            self._device.write(key, subindex, value)
+            return
+        data_type = variable.data_type if variable is not None else DataType.OCTET_STRING
+        self._device.dictionary.download(key, subindex, encode(value, data_type))
+
+    def _require_answer(self, index: int, subindex: int) -> None:
+        if not self._device.answers_sdo:
+            raise SdoTimeout(
+                f"node {self.node_id}: no answer to the SDO request for {index:04X}h:{subindex:02X}",
+                node=self.node_id,
+                index=index,
+                subindex=subindex,
+                remedy="check its supply, cable, node ID and bit rate (axisbus scan shows who is there)",
+            )
+
+
+def read_int(objects: Objects, index: int, subindex: int = 0) -> int | None:
+    """Return an integer, None where the node has no such object or does not let it be read.
+
+    Raises:
+        SdoTimeout, BusError: the node does not answer.
+    """
+    try:
+        value = objects.read(index, subindex)
+    except SdoAbort:
+        return None
+    return value if isinstance(value, int) else None

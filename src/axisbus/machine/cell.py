@@ -1,0 +1,226 @@
+"""What a cell file says, as frozen values: as written, with times in seconds and the line of every entry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+INCREMENTS = "increments"  # the unit of an axis without engineering units
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a table stands: its ``line`` (from 1), the line of each of its keys, and the keys that are missing or wrong.
+
+    A key in ``faulty`` was reported already; what stands in the value then is a placeholder.
+    """
+
+    name: str = ""
+    line: int = 0
+    keys: Mapping[str, int] = field(default_factory=dict)
+    faulty: frozenset[str] = frozenset()
+
+    def of(self, key: str) -> int:
+        """Return the line of ``key``, of the table where it is left out."""
+        return self.keys.get(key, self.line)
+
+    def gives(self, key: str) -> bool:
+        """Whether the file has ``key``."""
+        return key in self.keys
+
+    def sound(self, *keys: str) -> bool:
+        """Whether none of ``keys`` is missing or wrong."""
+        return self.faulty.isdisjoint(keys)
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectSetting:
+    """A value to write into an object at boot; ``key`` as written: an index with or without sub-index, or a name."""
+
+    key: str
+    value: int | float | str
+    line: int
+    table: str
+
+
+@dataclass(frozen=True, slots=True)
+class PdoConfig:
+    """One configured PDO; ``number`` from 1, times in seconds, None where the drive's own value stays."""
+
+    receive: bool
+    number: int
+    map: tuple[str, ...] | None = None
+    transmission: int | None = None
+    event_timer: float | None = None
+    inhibit_time: float | None = None
+    cob_id: int | None = None
+    at: Place = Place()
+
+    @property
+    def name(self) -> str:
+        """``RPDO1`` and so on."""
+        return f"{'RPDO' if self.receive else 'TPDO'}{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class BusConfig:
+    """``[bus]``; ``bitrate`` in bit/s, ``scan_period`` and ``heartbeat`` in seconds (``heartbeat`` None: off)."""
+
+    interface: str = ""
+    channel: str | int | None = None
+    bitrate: int | None = None
+    master_id: int = 127
+    scan_period: float = 0.01
+    sync: bool = True
+    heartbeat: float | None = 0.1
+    options: Mapping[str, Any] = field(default_factory=dict)
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class NodeConfig:
+    """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``."""
+
+    node_id: int
+    eds: str | None = None
+    dcf: str | None = None
+    remap: str = "auto"
+    optional: bool = False
+    objects: tuple[ObjectSetting, ...] = ()
+    pdos: tuple[PdoConfig, ...] = ()
+    at: Place = Place()
+
+    @property
+    def file(self) -> str | None:
+        """The EDS or DCF, None where neither is given."""
+        return self.eds if self.eds is not None else self.dcf
+
+    @property
+    def file_key(self) -> str:
+        """The key that names it."""
+        return "dcf" if self.eds is None and self.dcf is not None else "eds"
+
+    @property
+    def remappable(self) -> bool:
+        """Whether boot may change PDO mappings."""
+        return self.remap != "never"
+
+
+@dataclass(frozen=True, slots=True)
+class DefaultsConfig:
+    """``[axes.NAME.defaults]`` in unit/s, unit/s² and N·m/s."""
+
+    velocity: float | None = None
+    acceleration: float | None = None
+    deceleration: float | None = None
+    torque_slope: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class HomingConfig:
+    """``[axes.NAME.homing]``: method of 6098h, speeds in unit/s, ``timeout`` in seconds, ``offset`` (607Ch) in units.
+
+    ``required`` None: as the rule says, true where position limits are set.
+    """
+
+    method: int | None = None
+    speed_switch: float | None = None
+    speed_zero: float | None = None
+    acceleration: float | None = None
+    timeout: float | None = None
+    required: bool | None = None
+    offset: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class StopConfig:
+    """``[axes.NAME.stop]``: words of ``cia402.options`` (None: the drive's own), ``deceleration`` (6085h) in unit/s², seconds."""
+
+    quick_stop: str | None = None
+    shutdown: str | None = None
+    disable: str | None = None
+    halt: str | None = None
+    fault: str | None = None
+    connection_loss: str | None = None
+    communication_error: str | None = None
+    deceleration: float | None = None
+    halt_time: float | None = None
+    quick_stop_time: float | None = None
+    disable_time: float | None = None
+    at: Place = Place()
+
+    def word(self, key: str) -> str | None:
+        """Return the word of an option code by its key, such as ``quick_stop``."""
+        word: str | None = getattr(self, key)
+        return word
+
+
+@dataclass(frozen=True, slots=True)
+class AxisConfig:
+    """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds."""
+
+    name: str
+    node: int = 0
+    drive_axis: int = 1
+    unit: str = INCREMENTS
+    scale: Fraction | None = None
+    velocity_scale: Fraction | None = None
+    acceleration_scale: Fraction | None = None
+    invert: str | None = None
+    rated_torque: float | None = None
+    position_limits: tuple[float, float] | None = None
+    max_velocity: float | None = None
+    max_acceleration: float | None = None
+    max_torque: float | None = None
+    modulo: float | None = None
+    position_window: float | None = None
+    standstill_velocity: float | None = None
+    modes: tuple[str, ...] | None = None
+    holds_load: str | None = None
+    transition_time: float | None = None
+    mode_time: float | None = None
+    acknowledge_time: float | None = None
+    defaults: DefaultsConfig = DefaultsConfig()
+    homing: HomingConfig = HomingConfig()
+    stop: StopConfig = StopConfig()
+    objects: tuple[ObjectSetting, ...] = ()
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class GroupConfig:
+    """``[groups.NAME]``: its axes, in the order in which ``move_linear`` takes their positions."""
+
+    name: str
+    axes: tuple[str, ...] = ()
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class CellConfig:
+    """A whole cell file; ``source`` is its text."""
+
+    file: str
+    bus: BusConfig
+    nodes: Mapping[int, NodeConfig]
+    axes: Mapping[str, AxisConfig]
+    groups: Mapping[str, GroupConfig]
+    source: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths in the file are relative to."""
+        return Path(self.file).parent
+
+    def axes_of(self, node_id: int) -> Iterator[AxisConfig]:
+        """The axes of a node."""
+        return (axis for axis in self.axes.values() if axis.node == node_id)
+
+    def groups_of(self, axis: str) -> Iterator[GroupConfig]:
+        """The groups that hold an axis."""
+        return (group for group in self.groups.values() if axis in group.axes)

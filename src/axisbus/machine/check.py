@@ -1,0 +1,56 @@
+"""Everything that can be found wrong with a cell before the first frame, all at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from axisbus.machine import config
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.checks import (
+    cobids,
+    devices,
+    limits,
+    load,
+    missing,
+    modes,
+    objects,
+    pdos,
+    stopping,
+    structure,
+    watchdog,
+)
+from axisbus.machine.checks.case import Case, Check
+from axisbus.machine.problem import Problem
+
+CHECKS: tuple[Check, ...] = (
+    *structure.CHECKS,
+    *devices.CHECKS,
+    *objects.CHECKS,
+    *cobids.CHECKS,
+    *pdos.CHECKS,
+    *modes.CHECKS,
+    *limits.CHECKS,
+    *stopping.CHECKS,
+    *watchdog.CHECKS,
+    *missing.CHECKS,
+    *load.CHECKS,
+)
+
+
+def check(path: str | Path) -> list[Problem]:
+    """Return everything that is wrong, dangerous or worth knowing about a cell file, in the order of its lines.
+
+    Blocks for as long as its files take to read; sends nothing. Raises nothing: a file that cannot be read is a problem, too.
+    """
+    cell, problems = config.read(path)
+    return problems if cell is None else check_cell(cell, problems)
+
+
+def check_cell(cell: CellConfig, problems: list[Problem] | None = None) -> list[Problem]:
+    """As ``check``, for a cell that was read already, with the problems of reading it."""
+    eds, unreadable = devices.load_all(cell)
+    case = Case(cell, eds)
+    found = [*(problems or ()), *unreadable]
+    for one in CHECKS:
+        found += one(case)
+    return sorted(dict.fromkeys(found), key=lambda problem: problem.rank)

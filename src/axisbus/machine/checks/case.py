@@ -1,0 +1,81 @@
+"""What a check looks at: the cell, the dictionaries of its nodes, and its drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.cia402.objects import names
+from axisbus.eds.model import Eds, Severity
+from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
+from axisbus.machine.drive import Drive
+from axisbus.machine.problem import Problem
+from axisbus.machine.writes import FIRST_AXIS
+
+
+@dataclass(frozen=True)
+class Case:
+    """A cell with the EDS of each node whose file could be read."""
+
+    cell: CellConfig
+    eds: Mapping[int, Eds]
+    drives: tuple[Drive, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        found = [self._drive(axis) for axis in self.cell.axes.values() if axis.at.sound("node", "drive_axis")]
+        object.__setattr__(self, "drives", tuple(drive for drive in found if drive is not None))
+
+    def _drive(self, axis: AxisConfig) -> Drive | None:
+        node, eds = self.cell.nodes.get(axis.node), self.eds.get(axis.node)
+        return None if node is None or eds is None else Drive.of(axis, node, eds)
+
+    @property
+    def nodes(self) -> Iterator[tuple[NodeConfig, Eds, Dictionary]]:
+        """The nodes whose EDS could be read."""
+        for node in self.cell.nodes.values():
+            if node.node_id in self.eds:
+                eds = self.eds[node.node_id]
+                yield node, eds, Dictionary(eds, node.node_id)
+
+    def error(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+        """Return an error about the cell file."""
+        return Problem(Severity.ERROR, self.cell.file, line, message, observed, remedy)
+
+    def warning(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+        """Return a warning about the cell file."""
+        return Problem(Severity.WARNING, self.cell.file, line, message, observed, remedy)
+
+    def note(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
+        """Return a note about the cell file."""
+        return Problem(Severity.NOTE, self.cell.file, line, message, observed, remedy)
+
+
+Found = Iterator[Problem]
+Check = Callable[[Case], Found]
+
+
+def title(index: int) -> str:
+    """Return an object of CiA 402 as people know it: ``6081h (profile velocity)``."""
+    name = names().get(index)
+    return f"{index:04X}h ({_lower(name)})" if name else f"{index:04X}h"
+
+
+def titles(indices: tuple[int, ...]) -> str:
+    """Return several objects, separated by commas."""
+    return ", ".join(title(index) for index in indices)
+
+
+def own_title(drive: Drive, index: int) -> str:
+    """Return an object as ``title`` does, with the device's own index where that is another one."""
+    own = drive.index(index)
+    return title(index) if own == index else f"{own:04X}h ({title(index)} of axis {drive.axis.drive_axis})"
+
+
+def is_profile(index: int) -> bool:
+    """Whether an index is one of the profile's first axis."""
+    return index in FIRST_AXIS
+
+
+def _lower(name: str) -> str:
+    return name if name[:2].isupper() else name[:1].lower() + name[1:]

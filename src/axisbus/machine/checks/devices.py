@@ -1,0 +1,139 @@
+"""Whether each node's EDS or DCF can serve, and describes such a drive as its axes need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from axisbus import eds as eds_files
+from axisbus.cia402 import objects
+from axisbus.eds import builtin
+from axisbus.eds.model import Eds, Finding, Severity
+from axisbus.errors import EdsError
+from axisbus.machine.cell import CellConfig, NodeConfig
+from axisbus.machine.checks.case import Case, Check, Found, own_title
+from axisbus.machine.problem import Problem
+
+_SHOWN = 3
+
+
+def load_all(cell: CellConfig) -> tuple[Mapping[int, Eds], list[Problem]]:
+    """Read the EDS of every node; what cannot be read is a problem, once for each file.
+
+    Blocks for as long as the files take to read.
+    """
+    found: dict[int, Eds] = {}
+    problems: list[Problem] = []
+    failed: set[str] = set()
+    for node in cell.nodes.values():
+        spec = node.file
+        if spec is None or not node.at.sound("eds", "dcf") or spec in failed:
+            continue
+        try:
+            found[node.node_id] = load(spec, cell)
+        except EdsError as error:
+            failed.add(spec)
+            problems.append(_unreadable(cell, node, error))
+    return found, problems
+
+
+def load(spec: str, cell: CellConfig) -> Eds:
+    """Read an EDS or DCF as a cell file names it.
+
+    Raises:
+        EdsError: it is missing or cannot serve.
+    """
+    return eds_files.load(builtin.resolve(spec, cell.folder))
+
+
+def _unreadable(cell: CellConfig, node: NodeConfig, error: EdsError) -> Problem:
+    others = [other.node_id for other in cell.nodes.values() if other.file == node.file and other is not node]
+    shared = f" (also of {_nodes(others)})" if others else ""
+    said = error.message + (f"; {error.observed}" if error.observed else "")
+    return Problem(
+        Severity.ERROR,
+        cell.file,
+        node.at.of(node.file_key),
+        f"node {node.node_id}: its {node.file_key} {node.file!r} cannot be used{shared}",
+        said,
+        error.remedy,
+    )
+
+
+def _nodes(node_ids: list[int]) -> str:
+    return ("node " if len(node_ids) == 1 else "nodes ") + ", ".join(map(str, node_ids))
+
+
+# -- checks ----------------------------------------------------------------------------------------------------------
+
+
+def defects(case: Case) -> Found:
+    """Warn of what is broken inside a file, once for each file, with its own lines."""
+    seen: set[str] = set()
+    for node, eds, _ in case.nodes:
+        wrong = [finding for finding in eds.findings if finding.severity is Severity.ERROR]
+        if not wrong or eds.source in seen:
+            continue
+        seen.add(eds.source)
+        yield case.warning(
+            node.at.of(node.file_key),
+            f"node {node.node_id}: its {node.file_key} has {len(wrong)} defect{'s' * (len(wrong) > 1)}",
+            _listed(eds, wrong),
+            f"what is broken counts as absent; to mend the file: axisbus eds check {eds.source}",
+        )
+
+
+def _listed(eds: Eds, wrong: list[Finding]) -> str:
+    shown = [f"{eds.source}:{finding.line}: {finding.message}" for finding in wrong[:_SHOWN]]
+    return "; ".join(shown + ["..."] * (len(wrong) > _SHOWN))
+
+
+def made_for_node(case: Case) -> Found:
+    """Check that a DCF is of the node that uses it: its COB-IDs are those of one node ID."""
+    for node, eds, _ in case.nodes:
+        if eds.node_id not in (None, node.node_id):
+            yield case.error(
+                node.at.of(node.file_key),
+                f"node {node.node_id}: {eds.source} is made for node {eds.node_id}",
+                "a DCF holds the COB-IDs of one node ID (NodeID in [DeviceComissioning])",
+                f"name the DCF of node {node.node_id}, or the EDS of the drive",
+            )
+
+
+def is_drive(case: Case) -> Found:
+    """Check that a node with axes is a CiA 402 device (low word of 1000h)."""
+    for node, eds, _ in case.nodes:
+        if not any(case.cell.axes_of(node.node_id)):
+            continue
+        line, device_type = node.at.of(node.file_key), eds.device_type
+        if device_type is None:
+            yield case.note(
+                line,
+                f"node {node.node_id}: its {node.file_key} does not say what kind of device it is",
+                "1000h (device type) has no default",
+                "boot asks the drive itself",
+            )
+        elif device_type & 0xFFFF != objects.PROFILE_NUMBER:
+            yield case.error(
+                line,
+                f"node {node.node_id} has axes, but by its {node.file_key} it is no CiA 402 drive",
+                f"1000h (device type) is {device_type:08X}h: profile {device_type & 0xFFFF}, not 402",
+                "name the drive's own EDS, or correct the axis's node",
+            )
+
+
+def has_axis(case: Case) -> Found:
+    """Check that the axis is there: controlword and statusword, 800h further for each axis after the first."""
+    for drive in case.drives:
+        missing = drive.missing((objects.CONTROLWORD, objects.STATUSWORD))
+        if missing:
+            axis = drive.axis
+            named = " and ".join(own_title(drive, index) for index in missing)
+            yield case.error(
+                axis.at.of("drive_axis") if axis.at.gives("drive_axis") else axis.at.of("node"),
+                f"axis {axis.name}: node {axis.node} has no axis {axis.drive_axis}",
+                f"{drive.eds.source} does not have {named}",
+                "correct drive_axis, or name the drive's own EDS",
+            )
+
+
+CHECKS: tuple[Check, ...] = (defects, made_for_node, is_drive, has_axis)

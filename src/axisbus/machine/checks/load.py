@@ -1,0 +1,191 @@
+"""Whether the frames of one cycle fit its period at the bus's rate, with the arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.bus.mapping import axis_objects
+from axisbus.bus.plan import Change, Policy, make_plan
+from axisbus.cia301.pdo import Pdo
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.eds.model import Eds
+from axisbus.errors import LimitError
+from axisbus.machine.cell import BusConfig, NodeConfig
+from axisbus.machine.checks import pdomodel
+from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.motion.follow import interpolation_period
+
+ERROR_LOAD = 0.9
+WARNING_LOAD = 0.6
+_LATE = 0.001  # seconds; a shorter period depends on the computer
+_NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
+_HEARTBEAT_BYTES = 1
+
+_M = ModeOfOperation
+
+
+def worst_bits(data_bytes: int) -> int:
+    """Return the longest that a frame with an 11-bit identifier can be, in bits: 55 + 10 for each of its 0 to 8 bytes.
+
+    44 bits of frame and 3 between frames, 8 for each byte, and a stuff bit after every four of the 34 + 8n that are stuffed
+    (ISO 11898-1).
+    """
+    return 55 + 10 * data_bytes
+
+
+class Traffic(NamedTuple):
+    """Frames of one kind: how many in one cycle on average, and how long each is at worst."""
+
+    what: str
+    frames: float
+    bits: int
+
+    @property
+    def total(self) -> float:
+        return self.frames * self.bits
+
+    def __str__(self) -> str:
+        return f"{self.frames:.3g} {self.what} x {self.bits}"
+
+
+def bus_load(case: Case) -> Found:
+    """Work out how much of the bus one cycle takes at worst."""
+    bus = case.cell.bus
+    if not bus.at.sound("bitrate", "scan_period", "sync", "heartbeat", "interface") or not case.eds:
+        return
+    if bus.bitrate is None:
+        if bus.interface not in _NO_WIRE:
+            yield case.note(
+                bus.at.line,
+                "the bus load cannot be worked out: the bitrate is not known",
+                remedy="write bitrate = 1_000_000 (the bus's own) in [bus]; where the link sets it, it is then compared",
+            )
+        return
+    traffic = [each for each in _traffic(case) if each.frames]
+    bits = sum(each.total for each in traffic)
+    room = bus.bitrate * bus.scan_period
+    load = bits / room
+    message = f"the bus load is {load:.0%} at worst"
+    observed = (
+        f"in {bus.scan_period * 1000:g} ms: {' + '.join(map(str, traffic))} = {bits:.0f} bits, "
+        f"of {bus.bitrate / 1000:g} kbit/s x {bus.scan_period * 1000:g} ms = {room:.0f} bits"
+    )
+    line = bus.at.of("scan_period")
+    if load > WARNING_LOAD:
+        needed = bits / bus.bitrate / WARNING_LOAD
+        report = case.error if load > ERROR_LOAD else case.warning
+        yield report(
+            line,
+            message,
+            observed,
+            f"a scan_period from {_rounded_up(needed)} on, a higher bitrate, or fewer PDOs",
+        )
+    else:
+        yield case.note(line, message, observed)
+
+
+def _rounded_up(seconds: float) -> str:
+    tenths = -(-seconds * 10_000 // 1)
+    return f'"{tenths / 10:g}ms"'
+
+
+def _traffic(case: Case) -> Iterator[Traffic]:
+    bus = case.cell.bus
+    if bus.sync:
+        yield Traffic("SYNC", 1, worst_bits(0))
+    frames: dict[tuple[str, int], float] = {}
+    for node, eds, dictionary in case.nodes:
+        for receive, pdo in _travelling(case, node, eds, dictionary):
+            key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
+            frames[key] = frames.get(key, 0.0) + _per_cycle(pdo, receive, bus)
+    for (what, bits), count in sorted(frames.items()):
+        yield Traffic(what, count, bits)
+    if bus.heartbeat is not None:
+        beats = (len(case.cell.nodes) + 1) * bus.scan_period / bus.heartbeat
+        yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
+
+
+def _travelling(case: Case, node: NodeConfig, eds: Eds, dictionary: Dictionary) -> Iterator[tuple[bool, Pdo]]:
+    """The PDOs of a node that travel after boot: those of the plan, and those that are on and that no plan touches."""
+    device = pdomodel.device_pdos(node, eds)
+    seen: set[tuple[bool, int]] = set()
+    policy = Policy(sync=case.cell.bus.sync, remap=node.remappable and not node.pdos)
+    for axis in case.cell.axes_of(node.node_id):
+        if not axis.at.sound("drive_axis"):
+            continue
+        plan = make_plan(
+            node.node_id,
+            device,
+            axis_objects(dictionary, device, axis.drive_axis),
+            policy=policy,
+            axis=axis.drive_axis,
+        )
+        for planned in plan.pdos:
+            number = (planned.receive, planned.target.number)
+            if number not in seen and planned.change is not Change.DISABLE:
+                yield planned.receive, planned.target
+            seen.add(number)
+    for receive, pdos in ((True, device.rpdos), (False, device.tpdos)):
+        for pdo in pdos:
+            # An RPDO outside the plan is sent by nobody.
+            if not receive and pdo.valid and pdo.mapping and (receive, pdo.number) not in seen:
+                yield receive, pdo
+
+
+def _per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
+    """Return how often a PDO travels in one cycle at worst: an event-driven one as often as its inhibit time lets it, or once."""
+    if pdo.synchronous and pdo.transmission_type > 0 and not receive:
+        return 1 / pdo.transmission_type
+    if not receive and pdo.inhibit_time:
+        return min(1.0, bus.scan_period / (pdo.inhibit_time * 1e-4))
+    return 1.0
+
+
+# -- the period itself -----------------------------------------------------------------------------------------------
+
+
+def short_period(case: Case) -> Found:
+    """Warn of a period that no ordinary computer keeps."""
+    bus = case.cell.bus
+    if bus.at.sound("scan_period") and bus.scan_period < _LATE:
+        yield case.warning(
+            bus.at.of("scan_period"),
+            f"a scan_period of {bus.scan_period * 1000:g} ms is shorter than an ordinary computer keeps",
+            "late cycles are skipped and counted; the axes are late by as much, and never jump",
+            'scan_period = "2ms" or longer, unless the drives need it and the lateness was measured',
+        )
+
+
+def interpolation(case: Case) -> Found:
+    """Warn of a period that 60C2h cannot hold, where cyclic modes are wanted."""
+    bus = case.cell.bus
+    wanted = [
+        drive.axis.name
+        for drive in case.drives
+        if any(case.cell.groups_of(drive.axis.name))
+        or {"csp", "csv", "cst", "ip"} & set(drive.axis.modes or ())
+    ]
+    if not wanted or not bus.at.sound("scan_period", "sync") or not bus.sync:
+        return
+    try:
+        interpolation_period(bus.scan_period)
+    except LimitError as error:
+        yield case.warning(
+            bus.at.of("scan_period"),
+            f"cyclic modes will be refused on {', '.join(wanted)}: {error.message}",
+            error.observed,
+            f'the nearest that fits: scan_period = "{nearest_period(bus.scan_period) * 1000:g}ms"',
+        )
+
+
+def nearest_period(period: float) -> float:
+    """Return the time nearest to ``period`` (seconds) that 60C2h can hold: 1 to 255 times a power of ten."""
+    candidates = (
+        min(255, max(1, round(period * 10.0**-exponent))) * 10.0**exponent for exponent in range(0, -7, -1)
+    )
+    return min(candidates, key=lambda candidate: abs(candidate - period))
+
+
+CHECKS: tuple[Check, ...] = (bus_load, short_period, interpolation)

@@ -1,0 +1,97 @@
+"""What is left out, and what the user will miss by it."""
+
+from __future__ import annotations
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.machine.cell import INCREMENTS
+from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.machine.parameters import homing_required, modes
+
+_M = ModeOfOperation
+
+
+def defaults(case: Case) -> Found:
+    """Warn of defaults whose absence makes commands need arguments."""
+    for axis in case.cell.axes.values():
+        given = axis.defaults
+        missing = [
+            key for key in ("velocity", "acceleration") if getattr(given, key) is None and given.at.sound(key)
+        ]
+        if missing:
+            commands = "moves" if "velocity" in missing else "moves, move_velocity and jog"
+            yield case.warning(
+                given.at.line,
+                f"axis {axis.name} has no default {' and '.join(missing)}",
+                f"every call of {commands} must give {'them' if len(missing) > 1 else 'it'}"
+                + (
+                    "; move_velocity and jog must give acceleration"
+                    if missing == ["velocity", "acceleration"]
+                    else ""
+                ),
+                f"add {', '.join(f'{key} = ...' for key in missing)} to [axes.{axis.name}.defaults]",
+            )
+
+
+def rated_torque(case: Case) -> Found:
+    """Note axes that could be torque-controlled but for ``rated_torque``."""
+    for drive in case.drives:
+        axis = drive.axis
+        if _M.PROFILE_TORQUE in modes(drive) and axis.rated_torque is None and axis.at.sound("rated_torque"):
+            yield case.note(
+                axis.at.line,
+                f"axis {axis.name}: torque_control needs rated_torque, which is missing",
+                "the drive has profile torque mode; without it, torques are read in parts of the rated one",
+                f"add rated_torque in N·m to [axes.{axis.name}]",
+            )
+
+
+def homing(case: Case) -> Found:
+    """Warn of an axis that must be homed and cannot be."""
+    for axis in case.cell.axes.values():
+        if (
+            homing_required(axis)
+            and axis.homing.method is None
+            and axis.homing.at.sound("method", "required")
+        ):
+            why = (
+                "required = true"
+                if axis.homing.required
+                else "position_limits are set, so moves wait for homing"
+            )
+            yield case.warning(
+                axis.homing.at.line,
+                f"axis {axis.name} must be homed before absolute moves, and has no homing method",
+                why,
+                f"add method = ... to [axes.{axis.name}.homing], give it in home(method), or for an absolute encoder "
+                "write required = false",
+            )
+
+
+def scales(case: Case) -> Found:
+    """Warn of scales that stay at their default beside one that does not."""
+    for axis in case.cell.axes.values():
+        if axis.velocity_scale is None or axis.acceleration_scale is not None or axis.unit == INCREMENTS:
+            continue
+        if axis.velocity_scale != axis.scale and axis.at.sound("scale", "acceleration_scale"):
+            yield case.warning(
+                axis.at.of("velocity_scale"),
+                f"axis {axis.name}: velocity has a scale of its own, acceleration keeps that of position",
+                f"velocity_scale is {float(axis.velocity_scale):g}, acceleration is converted by "
+                f"{float(axis.scale or 0):g} increments per {axis.unit}",
+                "drives with another velocity unit mostly have another acceleration unit too: write acceleration_scale",
+            )
+
+
+def increments(case: Case) -> Found:
+    """Note axes in increments whose deadlines cannot be derived."""
+    for axis in case.cell.axes.values():
+        if axis.unit == INCREMENTS and axis.velocity_scale is None and axis.at.sound("unit"):
+            yield case.note(
+                axis.at.of("unit"),
+                f"axis {axis.name}: without velocity_scale a move's deadline is progress",
+                "how the drive's velocity increments relate to position increments is not known",
+                "write velocity_scale: the drive's velocity increments for 1 position increment/s",
+            )
+
+
+CHECKS: tuple[Check, ...] = (defaults, rated_torque, homing, scales, increments)

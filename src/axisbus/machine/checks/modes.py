@@ -1,0 +1,173 @@
+"""Which modes of operation each axis can run, and what is missing for those that the cell asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.machine.checks.case import Case, Check, Found, title, titles
+from axisbus.machine.drive import Drive
+
+_M = ModeOfOperation
+USED = (
+    _M.PROFILE_POSITION,
+    _M.PROFILE_VELOCITY,
+    _M.PROFILE_TORQUE,
+    _M.HOMING,
+    _M.CYCLIC_SYNC_POSITION,
+)
+# What the user loses without a mode.
+COMMANDS = {
+    _M.PROFILE_POSITION: "move_absolute, move_relative and move_additive",
+    _M.PROFILE_VELOCITY: "move_velocity and jog",
+    _M.PROFILE_TORQUE: "torque_control",
+    _M.HOMING: "home",
+    _M.CYCLIC_SYNC_POSITION: "follow and a group's move_linear",
+}
+_BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
+
+
+def summary(case: Case) -> Found:
+    """Note for each axis which modes have all their objects."""
+    for drive in case.drives:
+        runs = [FACTS[mode].short for mode in USED if mode in drive.runnable]
+        lacks = [
+            f"not {FACTS[mode].short} ({titles(missing)} missing)"
+            for mode in USED
+            if (missing := drive.missing(FACTS[mode].required))
+        ]
+        yield case.note(
+            drive.axis.at.line,
+            f"axis {drive.axis.name} can run {', '.join(runs) or 'no mode'}",
+            "; ".join(lacks) or "by the objects of its EDS; boot asks the drive",
+        )
+
+
+def asked_for(case: Case) -> Found:
+    """Check that the modes that the cell asks for have their objects."""
+    for drive in case.drives:
+        for mode, line, reason in _asked(drive):
+            missing = drive.missing(FACTS[mode].required)
+            if missing:
+                yield case.error(
+                    line,
+                    f"axis {drive.axis.name}: {FACTS[mode].short} ({mode.text}) is asked for by {reason}, but cannot be run",
+                    f"{drive.eds.source} lacks {titles(missing)}",
+                    f"delete what asks for it: {COMMANDS.get(mode, mode.text)} will not be there",
+                )
+
+
+def _asked(drive: Drive) -> Iterator[tuple[ModeOfOperation, int, str]]:
+    axis = drive.axis
+    for short in axis.modes or ():
+        yield _BY_SHORT_NAME[short], axis.at.of("modes"), f"modes in [{axis.at.name}]"
+    if axis.homing.method is not None and "hm" not in (axis.modes or ()):
+        yield _M.HOMING, axis.homing.at.of("method"), f"method in [{axis.homing.at.name}]"
+    if axis.defaults.velocity is not None and axis.modes is None and not _turns_only(drive):
+        yield _M.PROFILE_POSITION, axis.defaults.at.of("velocity"), f"velocity in [{axis.defaults.at.name}]"
+
+
+def _turns_only(drive: Drive) -> bool:
+    """A drive for speed alone has defaults for move_velocity."""
+    return _M.PROFILE_VELOCITY in drive.runnable
+
+
+def homing_left_out(case: Case) -> Found:
+    """Warn of a homing method with modes that leave homing out."""
+    for drive in case.drives:
+        axis = drive.axis
+        if axis.homing.method is not None and axis.modes is not None and "hm" not in axis.modes:
+            yield case.warning(
+                axis.at.of("modes"),
+                f"axis {axis.name} has a homing method, but modes leaves hm out",
+                f"method {axis.homing.method} at line {axis.homing.at.of('method')}",
+                'add "hm" to modes, or delete the method',
+            )
+
+
+def groups(case: Case) -> Found:
+    """Warn of groups whose ``move_linear`` will be refused: it needs csp on each axis, and SYNC."""
+    drives = {drive.axis.name: drive for drive in case.drives}
+    for group in case.cell.groups.values():
+        line = group.at.of("axes")
+        for name in group.axes:
+            drive = drives.get(name)
+            why = _no_csp(drive) if drive is not None else ""
+            if why:
+                yield case.warning(
+                    line,
+                    f"group {group.name}: move_linear will be refused, because axis {name} cannot run csp",
+                    why,
+                    "move_direct and the other commands of the group work without it",
+                )
+        if group.axes and not case.cell.bus.sync:
+            yield case.warning(
+                line,
+                f"group {group.name}: move_linear will be refused, because the bus has no SYNC",
+                f"sync = false at line {case.cell.bus.at.of('sync')}; csp takes its targets at SYNC",
+                "sync = true in [bus], or only use move_direct",
+            )
+
+
+def _no_csp(drive: Drive) -> str:
+    if drive.axis.modes is not None and "csp" not in drive.axis.modes:
+        return f"modes at line {drive.axis.at.of('modes')} leaves it out"
+    missing = drive.missing(FACTS[_M.CYCLIC_SYNC_POSITION].required)
+    return f"{drive.eds.source} lacks {titles(missing)}" if missing else ""
+
+
+def cyclic_without_sync(case: Case) -> Found:
+    """Check that cyclic modes are not asked for on a bus without SYNC."""
+    if case.cell.bus.sync:
+        return
+    for axis in case.cell.axes.values():
+        cyclic = [short for short in axis.modes or () if FACTS[_BY_SHORT_NAME[short]].cyclic]
+        if cyclic:
+            yield case.error(
+                axis.at.of("modes"),
+                f"axis {axis.name}: {', '.join(cyclic)} take their targets at SYNC, and the bus has none",
+                f"sync = false at line {case.cell.bus.at.of('sync')}",
+                "sync = true in [bus], or leave these modes out",
+            )
+
+
+def mode_switch(case: Case) -> Found:
+    """Check that a drive with several modes can be switched between them (6060h, 6061h)."""
+    for drive in case.drives:
+        missing = drive.missing((objects.MODES_OF_OPERATION, objects.MODES_OF_OPERATION_DISPLAY))
+        if missing and len(drive.runnable) > 1:
+            yield case.warning(
+                drive.axis.at.line,
+                f"axis {drive.axis.name}: its mode of operation cannot be switched and confirmed",
+                f"{drive.eds.source} lacks {titles(missing)}",
+                "name the drive's own EDS; without these objects only the mode that it starts in can be used",
+            )
+
+
+def unclaimed(case: Case) -> Found:
+    """Note modes that are asked for and that 6502h does not claim: many drives' 6502h is wrong, so this refuses nothing."""
+    for drive in case.drives:
+        claimed = drive.claimed
+        if claimed is None:
+            continue
+        for mode, line, reason in _asked(drive):
+            if mode not in claimed and mode in drive.runnable:
+                names = ", ".join(FACTS[each].short for each in sorted(claimed)) or "none"
+                yield case.note(
+                    line,
+                    f"axis {drive.axis.name}: {FACTS[mode].short}, asked for by {reason}, is not claimed by the drive",
+                    f"{title(objects.SUPPORTED_DRIVE_MODES)} in {drive.eds.source} claims {names}; "
+                    "its objects are there, so it is tried",
+                )
+
+
+CHECKS: tuple[Check, ...] = (
+    summary,
+    asked_for,
+    homing_left_out,
+    groups,
+    cyclic_without_sync,
+    mode_switch,
+    unclaimed,
+)

@@ -1,0 +1,198 @@
+"""Whether what the cell file writes into objects can be written: they exist, are writable, and can hold the value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.bus.dictionary import PROFILE_AREA, Dictionary, Entry
+from axisbus.cia301 import objects as cia301
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia402 import objects
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError
+from axisbus.machine.cell import ObjectSetting
+from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.machine.problem import Problem
+from axisbus.machine.writes import FIRST_AXIS, Write, own_index, resolve, setting_write
+
+_TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
+_REAL_TYPES = (DataType.REAL32, DataType.REAL64)
+
+_COMMANDED = "the master commands it by itself; a value here would move the motor or switch it on"
+_STORED = "this would store or reset the drive's parameters at every boot, and wear its memory out"
+_PDO = "PDO parameters need an order of their own"
+
+# Index or range -> why an objects table must not write it, and what to do instead.
+_FORBIDDEN: tuple[tuple[range, str, str], ...] = (
+    (range(objects.CONTROLWORD, objects.CONTROLWORD + 1), _COMMANDED, "delete this line"),
+    (range(objects.MODES_OF_OPERATION, objects.MODES_OF_OPERATION + 1), _COMMANDED, "delete this line"),
+    (range(objects.TARGET_TORQUE, objects.TARGET_TORQUE + 1), _COMMANDED, "delete this line"),
+    (range(objects.TARGET_POSITION, objects.TARGET_POSITION + 1), _COMMANDED, "delete this line"),
+    (range(objects.TARGET_VELOCITY, objects.TARGET_VELOCITY + 1), _COMMANDED, "delete this line"),
+    (range(cia301.STORE_PARAMETERS, cia301.RESTORE_DEFAULTS + 1), _STORED, "do it once, by hand"),
+    (range(cia301.RPDO_COMMUNICATION, 0x1C00), _PDO, "use [nodes.N.pdo.rpdo1] or [nodes.N.pdo.tpdo1] and the like"),
+)  # fmt: skip
+
+# Objects that the master sets by an entry of the cell file.
+_OURS = {
+    cia301.CONSUMER_HEARTBEAT: "heartbeat in [bus]",
+    cia301.PRODUCER_HEARTBEAT: "heartbeat in [bus]",
+    objects.INTERPOLATION_TIME_PERIOD: "scan_period in [bus]",
+}
+
+
+def node_objects(case: Case) -> Found:
+    """Check what ``[nodes.N.objects]`` writes."""
+    for node, eds, dictionary in case.nodes:
+        for setting in node.objects:
+            yield from _setting(case, setting, dictionary, eds, 1)
+
+
+def axis_objects(case: Case) -> Found:
+    """Check what ``[axes.NAME.objects]`` writes, and that it stays within the axis."""
+    for drive in case.drives:
+        own = range(own_index(FIRST_AXIS.start, drive.axis.drive_axis), 0x10000)[: len(FIRST_AXIS)]
+        for setting in drive.axis.objects:
+            yield from _setting(case, setting, drive.dictionary, drive.eds, drive.axis.drive_axis, own)
+
+
+def implied(case: Case) -> Found:
+    """Check what the other entries of an axis write: stop words, deceleration, home offset, polarity."""
+    for drive in case.drives:
+        explicit = {setting.line for setting in (*drive.node.objects, *drive.axis.objects)}
+        for write in drive.written.values():
+            if write.line not in explicit:
+                yield from _write(case, write, drive.dictionary, drive.eds)
+
+
+def written_twice(case: Case) -> Found:
+    """Check that no two entries write different values into one object."""
+    for node, _, dictionary in case.nodes:
+        seen: dict[tuple[int, int], Write] = {}
+        for write in _explicit(case, node.node_id, dictionary):
+            other = seen.setdefault(write.address, write)
+            if other.value != write.value:
+                entry = dictionary.entry(*write.address)
+                yield case.error(
+                    write.line,
+                    f"{entry} is written twice: {other.value!r} by {other.source}, {write.value!r} by {write.source}",
+                    f"the first is at line {other.line}",
+                    "delete one of them",
+                )
+
+
+def _explicit(case: Case, node_id: int, dictionary: Dictionary) -> Iterator[Write]:
+    """All writes to a node, the axes' words included; in their order."""
+    node = case.cell.nodes[node_id]
+    drives = [drive for drive in case.drives if drive.node is node]
+    for settings, axis in (
+        (node.objects, 1),
+        *((drive.axis.objects, drive.axis.drive_axis) for drive in drives),
+    ):
+        for setting in settings:
+            try:
+                yield setting_write(setting, dictionary, axis)
+            except ArgumentError:
+                continue  # reported by ``_setting``
+    lines = {setting.line for drive in drives for setting in (*node.objects, *drive.axis.objects)}
+    for drive in drives:
+        yield from (write for write in drive.written.values() if write.line not in lines)
+
+
+def _setting(
+    case: Case,
+    setting: ObjectSetting,
+    dictionary: Dictionary,
+    eds: Eds,
+    drive_axis: int,
+    own: range | None = None,
+) -> Found:
+    try:
+        entry = resolve(setting.key, dictionary, drive_axis)
+    except ArgumentError as error:
+        yield case.error(setting.line, f"[{setting.table}]: {error.message}", error.observed, error.remedy)
+        return
+    if own is not None and entry.index in PROFILE_AREA and entry.index not in own:
+        yield case.error(
+            setting.line,
+            f"[{setting.table}]: {entry} is no object of this axis",
+            f"its own are {own[0]:04X}h to {own[-1]:04X}h",
+            "write it in the table of the axis that it belongs to",
+        )
+        return
+    refusal = _refusal(case, setting, entry)
+    if refusal is not None:
+        yield refusal
+        return
+    yield from _write(case, setting_write(setting, dictionary, drive_axis), dictionary, eds)
+
+
+def _refusal(case: Case, setting: ObjectSetting, entry: Entry) -> Problem | None:
+    first = FIRST_AXIS.start + (entry.index - FIRST_AXIS.start) % objects.AXIS_OFFSET
+    index = first if entry.index in PROFILE_AREA else entry.index
+    for indices, why, remedy in _FORBIDDEN:
+        if index in indices:
+            return case.error(setting.line, f"[{setting.table}] must not write {entry}", why, remedy)
+    if index in _OURS:
+        return case.warning(
+            setting.line,
+            f"[{setting.table}]: {entry} is overwritten by the master",
+            f"it follows from {_OURS[index]}",
+            f"delete this line and set {_OURS[index]}",
+        )
+    return None
+
+
+def _write(case: Case, write: Write, dictionary: Dictionary, eds: Eds) -> Found:
+    entry = dictionary.entry(*write.address)
+    variable = eds.get(*write.address)
+    if variable is None:
+        yield case.error(
+            write.line,
+            f"{write.source}: the drive has no {entry}",
+            f"{eds.source} does not have it",
+            "delete this line, or name the EDS of the drive that is there",
+        )
+    elif not variable.writable:
+        yield case.error(
+            write.line,
+            f"{write.source}: {entry} cannot be written",
+            f"{eds.source}:{variable.line}: its access is {variable.access}",
+            "delete this line",
+        )
+    else:
+        unfit = _unfit(write.value, entry)
+        if unfit:
+            yield case.error(
+                write.line, f"{write.source}: {entry} cannot hold {write.value!r}", unfit, "correct the value"
+            )
+
+
+def _unfit(value: int | float | str, entry: Entry) -> str:
+    """Return what an entry holds instead, empty where the value fits."""
+    data_type = entry.data_type
+    if data_type is None:
+        return ""
+    if isinstance(value, str) or data_type in _TEXT_TYPES:
+        fits = isinstance(value, str) and data_type in _TEXT_TYPES
+        return "" if fits else f"it is a {data_type.name}"
+    if data_type in _REAL_TYPES:
+        return ""
+    if not data_type.integer:
+        return f"it is a {data_type.name}, which a cell file cannot write"
+    if value != int(value):
+        return f"it is an {data_type.name}: whole numbers only"
+    low, high = data_type.range
+    if not low <= value <= high:
+        return f"it is an {data_type.name}: {low} to {high}"
+    return _beyond_limits(value, entry)
+
+
+def _beyond_limits(value: float, entry: Entry) -> str:
+    low, high = entry.low, entry.high
+    if (low is None or value >= low) and (high is None or value <= high):
+        return ""
+    return f"by its EDS it takes {'any' if low is None else low} to {'any' if high is None else high}"
+
+
+CHECKS: tuple[Check, ...] = (node_objects, axis_objects, implied, written_twice)

@@ -1,0 +1,275 @@
+"""Whether the configured PDOs can be: their objects, sizes, directions, and how they travel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.cia301 import objects as o
+from axisbus.cia301.pdo import MAX_BITS, MappedObject, is_synchronous
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError
+from axisbus.machine.cell import NodeConfig, PdoConfig
+from axisbus.machine.checks import pdomodel
+from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.machine.problem import Problem
+
+_RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
+_TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
+_RTR = (252, 253)  # sent when asked for by a remote frame (CiA 301 table 72)
+_RESERVED = range(241, 252)
+
+# Key of a PDO table -> sub-index of its communication parameter.
+_ENTRIES = {
+    "cob_id": o.PDO_COB_ID,
+    "transmission": o.PDO_TRANSMISSION_TYPE,
+    "inhibit_time": o.PDO_INHIBIT_TIME,
+    "event_timer": o.PDO_EVENT_TIMER,
+}
+
+
+def _tables(case: Case) -> Iterator[tuple[NodeConfig, Eds, Dictionary, PdoConfig]]:
+    """The PDO tables whose PDO is in the EDS."""
+    for node, eds, dictionary in case.nodes:
+        for config in node.pdos:
+            if pdomodel.communication_index(config.receive, config.number) in eds:
+                yield node, eds, dictionary, config
+
+
+def exists(case: Case) -> Found:
+    """Check that the drive has the PDO."""
+    for node, eds, _ in case.nodes:
+        for config in node.pdos:
+            index = pdomodel.communication_index(config.receive, config.number)
+            if index not in eds:
+                there = [
+                    each.name for each in pdomodel.node_pdos(node, eds) if each.receive is config.receive
+                ]
+                yield case.error(
+                    config.at.line,
+                    f"node {node.node_id} has no {config.name}",
+                    f"{eds.source} does not have {index:04X}h; it has {', '.join(there) or 'none of this direction'}",
+                    "use one that is there",
+                )
+
+
+def entries(case: Case) -> Found:
+    """Check that the communication parameters that a table sets are there and can be written."""
+    for node, eds, _, config in _tables(case):
+        index = pdomodel.communication_index(config.receive, config.number)
+        for key, subindex in _ENTRIES.items():
+            if not config.at.gives(key):
+                continue
+            variable = eds.get(index, subindex)
+            if variable is None or not variable.writable:
+                lacks = "does not have" if variable is None else "does not let be written"
+                yield case.error(
+                    config.at.of(key),
+                    f"node {node.node_id}: {config.name} takes no {key}",
+                    f"{eds.source} {lacks} {index:04X}h:{subindex:02X}",
+                    f"delete {key}",
+                )
+
+
+def mapping(case: Case) -> Found:
+    """Check each object of a map: that it exists, may travel in this direction, and has the size that is written."""
+    for node, eds, dictionary, config in _tables(case):
+        yield from _fixed(case, node, eds, config)
+        for key in config.map or ():
+            yield from _element(case, node, eds, dictionary, config, key)
+
+
+def _fixed(case: Case, node: NodeConfig, eds: Eds, config: PdoConfig) -> Found:
+    if config.map is None:
+        return
+    line, index = config.at.of("map"), pdomodel.mapping_index(config.receive, config.number)
+    if not node.remappable:
+        yield case.error(
+            line,
+            f"node {node.node_id}: {config.name} has a map, but the node is not to be remapped",
+            f'remap = "never" in [nodes.{node.node_id}]',
+            "delete one of them",
+        )
+    count = eds.get(index, 0)
+    if count is None or not count.writable:
+        yield case.error(
+            line,
+            f"node {node.node_id}: the mapping of {config.name} is fixed",
+            f"{eds.source} does not let {index:04X}h:00 be written",
+            'delete map, and write remap = "never" in the node\'s table',
+        )
+
+
+def _element(
+    case: Case, node: NodeConfig, eds: Eds, dictionary: Dictionary, config: PdoConfig, key: str
+) -> Found:
+    line = config.at.of("map")
+    where = f"node {node.node_id}: {config.name}"
+    try:
+        mapped, size = pdomodel.map_entry(key, dictionary)
+    except ArgumentError as error:
+        yield case.error(line, f"{where}: {error.message}", error.observed, error.remedy)
+        return
+    if mapped.is_dummy:
+        yield from _dummy(case, line, where, eds, mapped)
+        return
+    problem = _not_mappable(case, line, where, eds, dictionary, config, mapped)
+    if problem is not None:
+        yield problem
+    elif size is not None and size != mapped.bits:
+        yield case.error(
+            line,
+            f"{where}: {dictionary.entry(mapped.index, mapped.subindex)} has {mapped.bits} bits, not {size}",
+            f"written is {key!r}",
+            "leave /bits out: the size follows from the object",
+        )
+
+
+def _dummy(case: Case, line: int, where: str, eds: Eds, mapped: MappedObject) -> Found:
+    if mapped.index not in eds.dummies:
+        yield case.error(
+            line,
+            f"{where}: the drive takes no dummy {mapped.index:04X}h",
+            f"[DummyUsage] of {eds.source} does not allow it",
+            "fill the space with an object, or leave it out",
+        )
+
+
+def _not_mappable(
+    case: Case,
+    line: int,
+    where: str,
+    eds: Eds,
+    dictionary: Dictionary,
+    config: PdoConfig,
+    mapped: MappedObject,
+) -> Problem | None:
+    entry = dictionary.entry(mapped.index, mapped.subindex)
+    variable = eds.get(mapped.index, mapped.subindex)
+    directions = _RECEIVES if config.receive else _TRANSMITS
+    if variable is None:
+        return case.error(
+            line, f"{where}: the drive has no {entry}", f"{eds.source} does not have it", "map another object"
+        )
+    if not variable.pdo_mapping or not mapped.bits:
+        why = "PDOMapping is not 1" if mapped.bits else f"{variable.data_type.name} has no fixed size"
+        return case.error(
+            line,
+            f"{where}: {entry} cannot travel in a PDO",
+            f"{eds.source}:{variable.line}: {why}",
+            "leave it out: it is read and written by SDO",
+        )
+    if variable.access not in directions:
+        way = "the drive only sends it" if config.receive else "the drive only takes it"
+        return case.error(
+            line,
+            f"{where}: {entry} goes the other way",
+            f"{eds.source}:{variable.line}: access {variable.access}, so {way}",
+            f"map it into {'a TPDO' if config.receive else 'an RPDO'}",
+        )
+    return None
+
+
+def size(case: Case) -> Found:
+    """Check that a map fits a CAN frame, and holds each object once."""
+    for node, _, dictionary, config in _tables(case):
+        mapped = [entry for entry, _ in _known(config, dictionary)]
+        bits = sum(entry.bits for entry in mapped)
+        where, line = f"node {node.node_id}: {config.name}", config.at.of("map")
+        if bits > MAX_BITS:
+            yield case.error(
+                line,
+                f"{where} maps {bits} bits",
+                " + ".join(f"{entry.bits} ({entry.index:04X}h)" for entry in mapped),
+                "a CAN frame holds 64 bits: split the map over two PDOs",
+            )
+        real = [entry for entry in mapped if not entry.is_dummy]
+        for entry in sorted(set(real)):
+            if real.count(entry) > 1:
+                text = dictionary.entry(entry.index, entry.subindex)
+                yield case.warning(line, f"{where} maps {text} more than once", remedy="name it once")
+
+
+def _known(config: PdoConfig, dictionary: Dictionary) -> Iterator[tuple[MappedObject, int | None]]:
+    for key in config.map or ():
+        try:
+            yield pdomodel.map_entry(key, dictionary)
+        except ArgumentError:
+            continue  # reported by ``mapping``
+
+
+def transmission(case: Case) -> Found:
+    """Check the transmission types: synchronous ones need SYNC, some are reserved, some need remote frames."""
+    for node, _, _, config in _tables(case):
+        kind = config.transmission
+        if kind is None:
+            continue
+        line, where = config.at.of("transmission"), f"node {node.node_id}: {config.name}"
+        if kind in _RESERVED:
+            yield case.error(line, f"{where}: transmission type {kind} is reserved", remedy=_KINDS)
+        elif kind in _RTR:
+            yield case.error(
+                line,
+                f"{where}: transmission type {kind} needs remote frames",
+                "the master sends none: such a PDO would never come",
+                _KINDS,
+            )
+        elif is_synchronous(kind) and not case.cell.bus.sync:
+            yield case.error(
+                line,
+                f"{where}: transmission type {kind} waits for SYNC, and the bus has none",
+                f"sync = false at line {case.cell.bus.at.of('sync')}",
+                "transmission = 255, or sync = true in [bus]",
+            )
+
+
+_KINDS = "1 to 240: with every 1st to 240th SYNC; 254 or 255: on change"
+
+
+def timers(case: Case) -> Found:
+    """Warn of times that the object rounds, or that have no effect."""
+    for node, eds, _, config in _tables(case):
+        where = f"node {node.node_id}: {config.name}"
+        for key, step, unit in (("event_timer", 0.001, "1 ms"), ("inhibit_time", 0.0001, "100 µs")):
+            value = getattr(config, key)
+            if value and abs(value / step - round(value / step)) > 1e-6:
+                yield case.warning(
+                    config.at.of(key),
+                    f"{where}: {key} is rounded to {round(value / step) * step * 1000:g} ms",
+                    f"the object counts in steps of {unit}",
+                    "write a multiple of it",
+                )
+            kind = _transmission_type(node, eds, config)
+            if value and kind is not None and is_synchronous(kind):
+                yield case.warning(
+                    config.at.of(key),
+                    f"{where}: {key} has no effect",
+                    f"its transmission type is {kind}: it travels with SYNC",
+                    f"delete {key}, or write transmission = 255",
+                )
+
+
+def _transmission_type(node: NodeConfig, eds: Eds, config: PdoConfig) -> int | None:
+    """Return the type that a PDO is configured to have; None where boot chooses it."""
+    if config.transmission is not None:
+        return config.transmission
+    fixed = eds.get(pdomodel.communication_index(config.receive, config.number), o.PDO_TRANSMISSION_TYPE)
+    if fixed is None or fixed.writable:
+        return None
+    value = fixed.initial(node.node_id)
+    return value if isinstance(value, int) else None
+
+
+def inhibit_of_rpdo(case: Case) -> Found:
+    """Warn of an inhibit time on an RPDO, which CiA 301 does not use (7.5.2.35)."""
+    for node, _, _, config in _tables(case):
+        if config.receive and config.inhibit_time:
+            yield case.warning(
+                config.at.of("inhibit_time"),
+                f"node {node.node_id}: {config.name}: an RPDO has no inhibit time",
+                "CiA 301 leaves 14xxh:03 unused",
+                "delete inhibit_time",
+            )
+
+
+CHECKS: tuple[Check, ...] = (exists, entries, mapping, size, transmission, timers, inhibit_of_rpdo)

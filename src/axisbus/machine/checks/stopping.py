@@ -1,0 +1,168 @@
+"""What each way of stopping will do on each axis, and whether that stops it and holds its load."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import objects, options
+from axisbus.cia402.options import OptionCode
+from axisbus.machine.checks.case import Case, Check, Found, own_title
+from axisbus.machine.drive import Drive
+from axisbus.motion.parameters import StopTimes
+
+# Ways of stopping that matter while the axis moves, the values that leave it to itself, and the word to write instead.
+_REACTIONS: tuple[tuple[OptionCode, frozenset[int], str], ...] = (
+    (options.HALT, frozenset({0}), "slow-ramp"),
+    (options.QUICK_STOP, frozenset({0}), "ramp"),
+    (options.DISABLE, frozenset({0}), "slow-ramp"),
+    (options.FAULT, frozenset({0}), "ramp"),
+    (options.CONNECTION_LOSS, frozenset({0, 2}), "quick-stop"),
+)
+# A drive without 6007h is named by ``watchdog``.
+_SETTABLE = (options.HALT, options.QUICK_STOP, options.DISABLE, options.FAULT)
+# Values that brake on the quick-stop ramp, 6085h.
+_ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
+    (options.QUICK_STOP, frozenset({2, 6})),
+    (options.HALT, frozenset({2})),
+    (options.FAULT, frozenset({2})),
+)
+
+
+def coasting(case: Case) -> Found:
+    """Report every reaction that does not brake: an error where the axis holds a load, else a warning."""
+    for drive in case.drives:
+        for option, values, better in _REACTIONS:
+            value = drive.number(option.index, option.subindex)
+            if value not in values:
+                continue
+            write = drive.write(option.index, option.subindex)
+            holds = drive.axis.holds_load is not None
+            report = case.error if holds else case.warning
+            source = f"by {write.source}" if write else f"by default in {drive.eds.source}"
+            yield report(
+                write.line if write else drive.axis.stop.at.line,
+                f"axis {drive.axis.name}: {option.title}: {option.meaning(value)}"
+                + (", and the axis holds a load" if holds else ""),
+                f"{own_title(drive, option.index)} is {value} {source}",
+                f'{option.key} = "{better}{_hold(drive, option)}" in [axes.{drive.axis.name}.stop]',
+            )
+
+
+def _hold(drive: Drive, option: OptionCode) -> str:
+    return "-hold" if option is options.QUICK_STOP and drive.axis.holds_load == "torque" else ""
+
+
+def not_there(case: Case) -> Found:
+    """Note the reactions that the drive has no object for: what it does is in its manual only."""
+    for drive in case.drives:
+        absent = [option for option in _SETTABLE if not drive.has(option.index)]
+        unknown = [
+            option
+            for option, _, _ in _REACTIONS
+            if option not in absent and drive.value(option.index, option.subindex) is None
+        ]
+        line = drive.axis.stop.at.line
+        if absent:
+            yield case.note(
+                line,
+                f"axis {drive.axis.name}: what the drive does on {_named(absent)} cannot be set",
+                f"{drive.eds.source} lacks {', '.join(own_title(drive, option.index) for option in absent)}",
+                "see the drive's manual, and try it at low speed",
+            )
+        if unknown:
+            yield case.note(
+                line,
+                f"axis {drive.axis.name}: what the drive does on {_named(unknown)} is not known before boot",
+                f"{drive.eds.source} gives {', '.join(own_title(drive, option.index) for option in unknown)} no default",
+                f"set it in [axes.{drive.axis.name}.stop], or let boot read it",
+            )
+
+
+def _named(found: list[OptionCode]) -> str:
+    return ", ".join(option.title for option in found)
+
+
+def ramp_of_quick_stop(case: Case) -> Found:
+    """Warn of a quick-stop ramp that is used and has no slope (6085h of 0)."""
+    for drive in case.drives:
+        users = [option for option, values in _ON_QUICK_RAMP if drive.number(option.index) in values]
+        if not users or not drive.has(objects.QUICK_STOP_DECELERATION):
+            continue
+        if drive.value(objects.QUICK_STOP_DECELERATION) == 0:
+            write = drive.write(users[0].index) or drive.write(objects.QUICK_STOP_DECELERATION)
+            yield case.warning(
+                write.line if write else drive.axis.stop.at.line,
+                f"axis {drive.axis.name}: {_named(users)} brakes on the quick-stop ramp, whose deceleration is 0",
+                f"{own_title(drive, objects.QUICK_STOP_DECELERATION)} is 0 after boot: it may never stop, or stop with a jolt",
+                f"deceleration = ... ({drive.axis.unit}/s²) in [axes.{drive.axis.name}.stop]",
+            )
+
+
+def unused_ramp(case: Case) -> Found:
+    """Warn of a quick-stop deceleration that nothing uses."""
+    for drive in case.drives:
+        stop = drive.axis.stop
+        known = [drive.number(option.index) for option, _ in _ON_QUICK_RAMP]
+        used = any(drive.number(option.index) in values for option, values in _ON_QUICK_RAMP)
+        if stop.deceleration is not None and not used and None not in known:
+            yield case.warning(
+                stop.at.of("deceleration"),
+                f"axis {drive.axis.name}: deceleration in [{stop.at.name}] has no effect",
+                "neither quick stop, halt nor fault brakes on the quick-stop ramp",
+                'write quick_stop = "ramp", or delete deceleration',
+            )
+
+
+def load_held(case: Case) -> Found:
+    """Check that an axis whose motor holds the load stays energised after a quick stop."""
+    for drive in case.drives:
+        if drive.axis.holds_load != "torque":
+            continue
+        value = drive.number(options.QUICK_STOP.index)
+        if value is not None and value not in options.HOLDING_QUICK_STOPS and value != 0:
+            write = drive.write(options.QUICK_STOP.index)
+            yield case.error(
+                write.line if write else drive.axis.at.of("holds_load"),
+                f"axis {drive.axis.name}: after a quick stop nothing holds the load",
+                f"{own_title(drive, options.QUICK_STOP.index)} is {value}: {options.QUICK_STOP.meaning(value)}",
+                f'quick_stop = "ramp-hold" in [axes.{drive.axis.name}.stop]',
+            )
+        yield case.note(
+            drive.axis.at.of("holds_load"),
+            f"axis {drive.axis.name}: after a fault nothing holds the load",
+            "a drive in fault does not drive its motor",
+            "a load that may fall needs a brake",
+        )
+
+
+# -- times -----------------------------------------------------------------------------------------------------------
+
+
+def ladder_times(case: Case) -> Found:
+    """Warn where braking from full speed takes longer than its rung of the stop ladder waits."""
+    for axis in case.cell.axes.values():
+        stop, times = axis.stop, StopTimes()
+        speed = axis.max_velocity or axis.defaults.velocity
+        slow = axis.defaults.deceleration or axis.defaults.acceleration
+        for key, default, ramp, ramp_name in (
+            ("halt_time", times.halt, slow, "the default deceleration"),
+            ("quick_stop_time", times.quick_stop, stop.deceleration, "the quick-stop deceleration"),
+        ):
+            allowed = getattr(stop, key) or default
+            if speed is None or ramp is None or speed / ramp <= allowed or not stop.at.sound(key):
+                continue
+            yield case.warning(
+                stop.at.of(key),
+                f"axis {axis.name}: {key} is too short to brake from full speed",
+                f"{speed:g} {axis.unit}/s with {ramp_name}, {ramp:g} {axis.unit}/s², takes {speed / ramp:.3g} s; "
+                f"after {allowed:g} s the next rung of the stop ladder is taken",
+                f'{key} = "{speed / ramp * 1.5:.2g}s" in [axes.{axis.name}.stop], or a steeper ramp',
+            )
+
+
+CHECKS: tuple[Check, ...] = (
+    coasting,
+    not_there,
+    ramp_of_quick_stop,
+    unused_ramp,
+    load_held,
+    ladder_times,
+)

@@ -1,0 +1,122 @@
+"""Whether the parts of a cell refer to each other rightly: nodes, axes, groups."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from axisbus.machine.cell import GroupConfig
+from axisbus.machine.checks.case import Case, Check, Found
+
+
+def master_id(case: Case) -> Found:
+    """Check that our own node ID is nobody else's."""
+    bus = case.cell.bus
+    if bus.at.sound("master_id") and bus.master_id in case.cell.nodes:
+        line = case.cell.nodes[bus.master_id].at.line
+        yield case.error(
+            bus.at.of("master_id") if bus.at.gives("master_id") else line,
+            f"master_id {bus.master_id} is the node ID of [nodes.{bus.master_id}] at line {line}",
+            "the master's own heartbeat needs a node ID that no device has"
+            + ("" if bus.at.gives("master_id") else "; without master_id it is 127"),
+            f"write master_id = {_free(case)} in [bus]",
+        )
+
+
+def axes_have_nodes(case: Case) -> Found:
+    """Check that the node of each axis is there."""
+    for axis in case.cell.axes.values():
+        if axis.at.sound("node") and axis.node not in case.cell.nodes:
+            known = ", ".join(str(node) for node in case.cell.nodes) or "none"
+            yield case.error(
+                axis.at.of("node"),
+                f"axis {axis.name} is on node {axis.node}, which the cell does not have",
+                f"nodes of the cell: {known}",
+                f"add [nodes.{axis.node}] with its eds, or correct node",
+            )
+
+
+def nodes_have_axes(case: Case) -> Found:
+    """Note nodes that no axis uses: right for I/O, a slip for a drive."""
+    for node in case.cell.nodes.values():
+        if not any(case.cell.axes_of(node.node_id)):
+            yield case.note(
+                node.at.line,
+                f"node {node.node_id} has no axis",
+                "it is booted and watched, and never moved",
+                f"right for an I/O device; for a drive add [axes.NAME] with node = {node.node_id}",
+            )
+
+
+def one_axis_each(case: Case) -> Found:
+    """Check that no two axes are the same axis of the same device."""
+    owners: dict[tuple[int, int], str] = {}
+    for axis in case.cell.axes.values():
+        if not axis.at.sound("node", "drive_axis"):
+            continue
+        other = owners.setdefault((axis.node, axis.drive_axis), axis.name)
+        if other != axis.name:
+            yield case.error(
+                axis.at.of("drive_axis") if axis.at.gives("drive_axis") else axis.at.of("node"),
+                f"axes {other} and {axis.name} are the same: axis {axis.drive_axis} of node {axis.node}",
+                remedy=f"give {axis.name} another node, or drive_axis = {axis.drive_axis + 1} on a drive of several axes",
+            )
+
+
+def groups_have_axes(case: Case) -> Found:
+    """Check that each group's axes are there, each once."""
+    for group in case.cell.groups.values():
+        yield from _group(case, group)
+
+
+def _group(case: Case, group: GroupConfig) -> Found:
+    line = group.at.of("axes")
+    for name in group.axes:
+        if name not in case.cell.axes:
+            near = get_close_matches(name, case.cell.axes, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            yield case.error(
+                line,
+                f"group {group.name} has the axis {name!r}, which the cell does not have",
+                f"axes of the cell: {', '.join(case.cell.axes) or 'none'}",
+                f"{hint}add [axes.{name}], or correct the name",
+            )
+    for name in _repeated(group.axes):
+        yield case.error(
+            line, f"group {group.name} has the axis {name!r} more than once", remedy="name it once"
+        )
+
+
+def axes_outside_groups(case: Case) -> Found:
+    """Note axes in no group, because a fault of theirs stops everything."""
+    if not case.cell.groups:
+        return
+    for axis in case.cell.axes.values():
+        if not any(case.cell.groups_of(axis.name)):
+            yield case.note(
+                axis.at.line,
+                f"axis {axis.name} is in no group",
+                "its faults stop the whole cell, while a fault in a group stops that group",
+                f"add it to a group, or give it its own: [groups.{axis.name}_alone] axes = [{axis.name!r}]".replace(
+                    "'", '"'
+                ),
+            )
+
+
+def _repeated(names: Iterable[str]) -> list[str]:
+    return [name for name, count in Counter(names).items() if count > 1]
+
+
+def _free(case: Case) -> int:
+    return next(number for number in range(127, 0, -1) if number not in case.cell.nodes or number == 1)
+
+
+CHECKS: tuple[Check, ...] = (
+    master_id,
+    axes_have_nodes,
+    nodes_have_axes,
+    one_axis_each,
+    groups_have_axes,
+    axes_outside_groups,
+)

@@ -1,0 +1,88 @@
+"""Whether something on each drive notices a dead master."""
+
+from __future__ import annotations
+
+from axisbus.cia301 import objects as cia301
+from axisbus.cia402 import options
+from axisbus.eds.model import Eds
+from axisbus.machine.cell import NodeConfig
+from axisbus.machine.checks.case import Case, Check, Found
+
+_MILLISECOND = 0.001
+_LONGEST = 0xFFFF  # 1016h and 1017h count in ms, 16 bits
+_MARGIN = 3  # a consumer waits this many heartbeats (DESIGN: the drive's own watchdog)
+
+
+def heartbeat(case: Case) -> Found:
+    """Check that the heartbeat can be said in whole milliseconds, and be sent by the scan."""
+    bus = case.cell.bus
+    if not bus.at.sound("heartbeat", "scan_period"):
+        return
+    line = bus.at.of("heartbeat")
+    if bus.heartbeat is None:
+        yield case.warning(
+            line,
+            "the heartbeat is off: no drive can notice a dead master by it",
+            'heartbeat = "off"',
+            'heartbeat = "100ms" in [bus]',
+        )
+    elif abs(bus.heartbeat / _MILLISECOND - round(bus.heartbeat / _MILLISECOND)) > 1e-6:
+        yield case.error(
+            line,
+            f"a heartbeat of {bus.heartbeat * 1000:g} ms cannot be set in the drives",
+            "1016h and 1017h count whole milliseconds",
+            f'heartbeat = "{max(1, round(bus.heartbeat / _MILLISECOND))}ms"',
+        )
+    elif bus.heartbeat < bus.scan_period:
+        yield case.error(
+            line,
+            f"a heartbeat of {bus.heartbeat * 1000:g} ms is faster than the scan that sends it",
+            f"scan_period is {bus.scan_period * 1000:g} ms",
+            'heartbeat = "100ms", or a shorter scan_period',
+        )
+    elif _MARGIN * bus.heartbeat / _MILLISECOND > _LONGEST:
+        yield case.error(
+            line,
+            f"a heartbeat of {bus.heartbeat:g} s is too slow for the drives to watch",
+            f"they wait {_MARGIN} of them, and 1016h ends at {_LONGEST} ms",
+            'heartbeat = "100ms"',
+        )
+
+
+def watched(case: Case) -> Found:
+    """Warn of drives that cannot notice a dead master, and name those whose reaction is unknown."""
+    if case.cell.bus.heartbeat is None:
+        return
+    for node, eds, _ in case.nodes:
+        if not any(case.cell.axes_of(node.node_id)):
+            continue
+        if _consumes_heartbeats(eds):
+            yield from _reaction(case, node, eds)
+        elif cia301.GUARD_TIME not in eds or cia301.LIFE_TIME_FACTOR not in eds:
+            yield case.warning(
+                node.at.line,
+                f"node {node.node_id}: nothing on this drive notices a dead master",
+                f"{eds.source} has neither 1016h (consumer heartbeat) nor 100Ch and 100Dh (node guarding): "
+                "if this program or the bus fails, the drive goes on with its last command",
+                "keep its speed and travel harmless, or cut its power by hardware that watches the master",
+            )
+
+
+def _consumes_heartbeats(eds: Eds) -> bool:
+    variable = eds.get(cia301.CONSUMER_HEARTBEAT, 1)
+    return variable is not None and variable.writable
+
+
+def _reaction(case: Case, node: NodeConfig, eds: Eds) -> Found:
+    """A value of 6007h that lets the drive go on is named by ``stopping.coasting``."""
+    for drive in case.drives:
+        if drive.node is node and not drive.has(options.CONNECTION_LOSS.index):
+            yield case.note(
+                drive.axis.at.line,
+                f"axis {drive.axis.name}: what the drive does when it notices a dead master is unknown",
+                f"{eds.source} has 1016h (consumer heartbeat) but no 6007h (abort connection option code)",
+                "try it at low speed: end the program hard, and watch what the axis does",
+            )
+
+
+CHECKS: tuple[Check, ...] = (heartbeat, watched)

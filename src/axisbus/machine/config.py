@@ -1,0 +1,363 @@
+"""Reading a cell file: TOML to frozen values, with everything that is wrong with what is written.
+
+Theory of operation. ``schema`` says what each table may hold; ``_Reading`` walks the file by it and never stops at a problem: what
+cannot be used is reported, named in the ``faulty`` keys of its table, and replaced by a placeholder, so that the rest can still be
+checked. Whether the parts fit each other and the drives is the matter of ``checks``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from axisbus.eds.model import Severity
+from axisbus.errors import ConfigError
+from axisbus.machine import schema, toml, values
+from axisbus.machine.cell import (
+    INCREMENTS,
+    AxisConfig,
+    BusConfig,
+    CellConfig,
+    DefaultsConfig,
+    GroupConfig,
+    HomingConfig,
+    NodeConfig,
+    ObjectSetting,
+    PdoConfig,
+    Place,
+    StopConfig,
+)
+from axisbus.machine.problem import Problem, errors
+from axisbus.machine.schema import Keys
+from axisbus.machine.toml import Document
+from axisbus.machine.tomllines import KeyPath
+
+__all__ = [
+    "AxisConfig",
+    "BusConfig",
+    "CellConfig",
+    "DefaultsConfig",
+    "GroupConfig",
+    "HomingConfig",
+    "NodeConfig",
+    "ObjectSetting",
+    "PdoConfig",
+    "Place",
+    "StopConfig",
+    "load",
+    "loads",
+    "read",
+]
+
+_SHOWN = 10  # further errors that the text of an exception lists
+
+
+def load(path: str | Path) -> CellConfig:
+    """Read a cell file; blocks for as long as that takes.
+
+    Raises:
+        ConfigError: the file cannot be read, is no TOML, or something in it is wrong; the first error, with the others listed.
+    """
+    cell, problems = read(path)
+    wrong = errors(problems)
+    if cell is None or wrong:
+        raise as_exception(wrong)
+    return cell
+
+
+def read(path: str | Path) -> tuple[CellConfig | None, list[Problem]]:
+    """Read a cell file and return it with everything that is wrong with what is written, in the order of the lines.
+
+    The cell is None where the file cannot be read or is no TOML. With errors it holds placeholders and is only good for further
+    checks. Raises nothing.
+    """
+    try:
+        return interpret(toml.load(path))
+    except ConfigError as error:
+        return None, [_as_problem(error)]
+
+
+def loads(text: str, file: str = "cell.toml") -> tuple[CellConfig | None, list[Problem]]:
+    """As ``read``, from a text; ``file`` is the name that messages show and the place that paths are relative to."""
+    try:
+        return interpret(toml.loads(text, file))
+    except ConfigError as error:
+        return None, [_as_problem(error)]
+
+
+def interpret(document: Document) -> tuple[CellConfig, list[Problem]]:
+    """Turn a TOML document into a cell, with everything that is wrong with it."""
+    reading = _Reading(document)
+    cell = reading.cell()
+    return cell, sorted(reading.problems, key=lambda problem: problem.rank)
+
+
+def _as_problem(error: ConfigError) -> Problem:
+    prefix = f"{error.file}:{error.line}: " if error.line else f"{error.file}: "
+    message = error.message.removeprefix(prefix)
+    return Problem(Severity.ERROR, error.file, error.line, message, error.observed, error.remedy)
+
+
+def as_exception(wrong: list[Problem]) -> ConfigError:
+    first, others = wrong[0], wrong[1:]
+    observed = [first.observed] if first.observed else []
+    if others:
+        observed.append(f"{len(others)} more error{'s' * (len(others) > 1)}:")
+        observed += [f"  {other.file}:{other.line}: {other.message}" for other in others[:_SHOWN]]
+        observed += ["  ..."] * (len(others) > _SHOWN)
+    return ConfigError(
+        first.message,
+        file=first.file,
+        line=first.line,
+        observed="\n            ".join(observed),
+        remedy=first.remedy,
+    )
+
+
+# -- walking ---------------------------------------------------------------------------------------------------------
+
+Fields = dict[str, Any]
+
+_NAME = re.compile(r"[\w-]{1,64}")
+_PDO_NAME = re.compile(r"([rt])pdo([1-9]\d{0,2})")
+
+
+class _Reading:
+    """One walk through a document; holds the problems found so far."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self.problems: list[Problem] = []
+
+    def cell(self) -> CellConfig:
+        top = self._document.data
+        self._unknown((), top, (*schema.TOP,), "table")
+        return CellConfig(
+            self._document.file,
+            self._bus(top.get("bus")),
+            {node.node_id: node for node in self._nodes(top.get("nodes"))},
+            {axis.name: axis for axis in self._axes(self._table(("axes",), top.get("axes", {})))},
+            {group.name: group for group in self._groups(self._table(("groups",), top.get("groups", {})))},
+            self._document.text,
+        )
+
+    # -- the tables --------------------------------------------------------------------------------------------------
+
+    def _bus(self, raw: Any) -> BusConfig:
+        if raw is None:
+            self._error(
+                (),
+                "[bus] is missing",
+                remedy='add [bus] with interface = "sim" (or "socketcan") and scan_period = "4ms"',
+            )
+            return BusConfig(at=Place("bus", 1, {}, frozenset(schema.BUS)))
+        table = self._table(("bus",), raw)
+        fields = self._fields(("bus",), table, schema.BUS, schema.BUS_TABLES)
+        options = self._table(("bus", "options"), table.get("options", {}))
+        return BusConfig(**fields, options=options)
+
+    def _nodes(self, raw: Any) -> list[NodeConfig]:
+        table = self._table(("nodes",), raw or {})
+        if not table:
+            self._error(("nodes",), "the cell has no node", remedy='add [nodes.1] with eds = "..."')
+        return [node for key, value in table.items() if (node := self._node(key, value)) is not None]
+
+    def _node(self, key: str, raw: Any) -> NodeConfig | None:
+        path: KeyPath = ("nodes", key)
+        node_id = _node_id(key)
+        if node_id is None:
+            remedy = "write [nodes.N] with N from 1 to 127, in decimal without leading zeros"
+            self._error(path, f"{key!r} is no node ID", remedy=remedy)
+            return None
+        table = self._table(path, raw)
+        fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
+        if table and ("eds" in table) == ("dcf" in table):
+            both = "eds" in table
+            self._error(
+                (*path, "dcf") if both else path,
+                f"[nodes.{key}] gives {'both eds and dcf' if both else 'neither eds nor dcf'}",
+                remedy="leave one of them out"
+                if both
+                else 'write eds = "drive.eds", a path relative to this file, or eds = "builtin:..."',
+            )
+        pdos = self._pdos((*path, "pdo"), table.get("pdo", {}))
+        return NodeConfig(node_id, **fields, objects=self._objects(path, table), pdos=pdos)
+
+    def _pdos(self, path: KeyPath, raw: Any) -> tuple[PdoConfig, ...]:
+        found = []
+        for key, value in self._table(path, raw).items():
+            name = _PDO_NAME.fullmatch(key.lower())
+            if name is None or int(name[2]) > 512:
+                self._error(
+                    (*path, key), f"{key!r} is no PDO", remedy="write rpdo1 to rpdo512, or tpdo1 to tpdo512"
+                )
+                continue
+            fields = self._fields((*path, key), self._table((*path, key), value), schema.PDO)
+            found.append(PdoConfig(name[1] == "r", int(name[2]), **fields))
+        return tuple(found)
+
+    def _objects(self, path: KeyPath, table: Mapping[str, Any]) -> tuple[ObjectSetting, ...]:
+        path = (*path, "objects")
+        found = []
+        for key, raw in self._table(path, table.get("objects", {})).items():
+            try:
+                value = values.setting(raw)
+            except values.Unfit as unfit:
+                self._unfit((*path, key), raw, unfit)
+                continue
+            found.append(ObjectSetting(key, value, self._document.line((*path, key)), _name(path)))
+        return tuple(found)
+
+    def _axes(self, table: Fields) -> list[AxisConfig]:
+        if not table:
+            self._warning(("axes",), "the cell has no axis", remedy="add [axes.x] with node, unit and scale")
+        return [self._axis(name, raw) for name, raw in table.items() if self._named(("axes", name), name)]
+
+    def _axis(self, name: str, raw: Any) -> AxisConfig:
+        path: KeyPath = ("axes", name)
+        table = self._table(path, raw)
+        keys = schema.AXIS
+        if table.get("unit") != INCREMENTS:
+            remedy = f"scale = position increments per {table.get('unit', 'unit')}; it is never guessed"
+            keys = {**keys, "scale": schema.Key(values.scale, remedy)}
+        fields = self._fields(path, table, keys, schema.AXIS_TABLES)
+        return AxisConfig(
+            name,
+            **fields,
+            defaults=DefaultsConfig(**self._sub(path, table, "defaults", schema.DEFAULTS)),
+            homing=HomingConfig(**self._sub(path, table, "homing", schema.HOMING)),
+            stop=StopConfig(**self._sub(path, table, "stop", schema.STOP)),
+            objects=self._objects(path, table),
+        )
+
+    def _groups(self, table: Fields) -> list[GroupConfig]:
+        axes = self._document.data.get("axes")
+        found = []
+        for name, raw in table.items():
+            path: KeyPath = ("groups", name)
+            if not self._named(path, name):
+                continue
+            if isinstance(axes, dict) and name in axes:
+                where = f"[axes.{name}] is at line {self._document.line(('axes', name))}"
+                remedy = "axes and groups share one name space: rename one of them"
+                self._error(path, f"{name!r} names both an axis and a group", where, remedy)
+            found.append(GroupConfig(name, **self._fields(path, self._table(path, raw), schema.GROUP)))
+        return found
+
+    # -- the walk ----------------------------------------------------------------------------------------------------
+
+    def _sub(self, path: KeyPath, table: Mapping[str, Any], key: str, keys: Keys) -> Fields:
+        path = (*path, key)
+        return self._fields(path, self._table(path, table.get(key, {})), keys)
+
+    def _fields(
+        self, path: KeyPath, table: Fields, keys: Keys, tables: Mapping[str, Keys | None] | None = None
+    ) -> Fields:
+        """Read the keys of one table; what is missing or wrong is reported and left out, so that the default stands."""
+        tables = tables or {}
+        self._unknown(path, table, (*keys, *tables), "key", tables)
+        fields: Fields = {}
+        faulty = set()
+        for name, key in keys.items():
+            if name in table:
+                try:
+                    fields[name] = key.read(table[name])
+                except values.Unfit as unfit:
+                    self._unfit((*path, name), table[name], unfit)
+                    faulty.add(name)
+            elif key.missing:
+                self._error(path, f"{name} is missing in [{_name(path)}]", remedy=f"add {key.missing}")
+                faulty.add(name)
+        lines = {name: self._document.line((*path, name)) for name in table}
+        fields["at"] = Place(_name(path), self._document.line(path), lines, frozenset(faulty))
+        return fields
+
+    def _table(self, path: KeyPath, raw: Any) -> Fields:
+        if isinstance(raw, dict):
+            return raw
+        double = isinstance(raw, list) and raw and isinstance(raw[0], dict)
+        remedy = (
+            f"write [{_name(path)}] in single brackets"
+            if double
+            else f"write [{_name(path)}] on a line of its own"
+        )
+        self._error(path, f"{_name(path)} must be a table", f"it is {values.told(raw)}", remedy)
+        return {}
+
+    def _named(self, path: KeyPath, name: str) -> bool:
+        if _NAME.fullmatch(name):
+            return True
+        self._error(path, f"{name[:80]!r} is no name", remedy="a name is made of letters, digits, _ and -")
+        return False
+
+    def _unknown(
+        self,
+        path: KeyPath,
+        table: Fields,
+        known: tuple[str, ...],
+        what: str,
+        tables: Mapping[str, Keys | None] | None = None,
+    ) -> None:
+        for key in table:
+            if key in known:
+                continue
+            where = f"[{_name(path)}]" if path else "a cell file"
+            remedy = _advice(key, path, known, tables or {})
+            self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy)
+
+    def _unfit(self, path: KeyPath, raw: Any, unfit: values.Unfit) -> None:
+        key = path[-1]
+        message = f"{key} in [{_name(path[:-1])}] cannot be used"
+        observed = f"it is {values.told(raw)}; expected {unfit.expected}"
+        self._error(path, message, observed, unfit.remedy or f"correct {key}")
+
+    def _error(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
+        self._add(Severity.ERROR, path, message, observed, remedy)
+
+    def _warning(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
+        self._add(Severity.WARNING, path, message, observed, remedy)
+
+    def _add(self, severity: Severity, path: KeyPath, message: str, observed: str, remedy: str) -> None:
+        line = self._document.line(path)
+        self.problems.append(Problem(severity, self._document.file, line, message, observed, remedy))
+
+
+def _name(path: KeyPath) -> str:
+    return ".".join(str(part) for part in path)
+
+
+def _node_id(key: str) -> int | None:
+    if not re.fullmatch(r"[1-9]\d{0,2}", key, re.ASCII) or int(key) > 127:
+        return None
+    return int(key)
+
+
+# Keys of other files and former habits -> what is meant here.
+_ELSEWHERE = {
+    "period": "scan_period",
+    "cycle_time": "scan_period",
+    "baudrate": "bitrate",
+    "node_id": "node",
+    "max_speed": "max_velocity",
+    "speed": "velocity",
+    "limits": "position_limits",
+    "inverted": "invert",
+    "direction": "invert",
+}
+
+
+def _advice(key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]) -> str:
+    """Return where an unknown key belongs, or the known one that it resembles, or all known ones."""
+    for name, keys in tables.items():
+        if keys and key in keys:
+            return f"it belongs in [{_name((*path, name))}]"
+    if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
+        return f"it belongs in [{_name(path[:2])}], before its sub-tables"
+    near = get_close_matches(key.lower(), known, n=1, cutoff=0.6)
+    meant = near[0] if near else _ELSEWHERE.get(key.lower(), "")
+    if meant in known:
+        return f"did you mean {meant}?"
+    return f"known are {', '.join(known)}"

@@ -1,0 +1,151 @@
+"""Writing what cell.toml says into a node's objects, each read back and compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import Value
+from axisbus.errors import BootError, SdoAbort, SdoError
+from axisbus.machine.access import Objects, read_int
+from axisbus.machine.cell import BusConfig, CellConfig
+from axisbus.machine.stopping import NO_WATCHDOG, Watchdog, WatchdogReport
+from axisbus.machine.writes import Write, axis_writes, node_writes
+
+HEARTBEATS = 3  # missed ones after which a drive may call the master dead, and the master a drive
+
+
+def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Write]:
+    """Return what the cell file has written into a node, in order: the node's own objects, then those of its axes.
+
+    Raises:
+        ArgumentError: a key names no object.
+    """
+    writes = list(node_writes(cell.nodes[node_id], dictionary))
+    for axis in cell.axes_of(node_id):
+        writes += axis_writes(axis, dictionary)
+    return writes
+
+
+def write_all(objects: Objects, writes: Iterable[Write], file: str) -> int:
+    """Write and read back; return how many objects were written.
+
+    Raises:
+        BootError: the node refuses one, or reads back another value; it names object, expected and got.
+    """
+    count = 0
+    for write in writes:
+        _write_one(objects, write, file)
+        count += 1
+    return count
+
+
+def _write_one(objects: Objects, write: Write, file: str) -> None:
+    try:
+        objects.write(write.index, write.subindex, write.value)
+        got = _read_back(objects, write)
+    except SdoError as error:
+        raise _failed(objects, write, file, error.message, error.observed, error.remedy) from error
+    if got is not None and got != write.value and not _close(got, write.value):
+        raise _failed(
+            objects,
+            write,
+            file,
+            "reads back another value",
+            f"expected {write.value}, got {got}",
+            "the drive limits or rounds this value: write one that it takes (its manual lists the range)",
+        )
+
+
+def _read_back(objects: Objects, write: Write) -> Value | None:
+    """Return what the node now has, None where the object may only be written."""
+    try:
+        return objects.read(write.index, write.subindex)
+    except SdoAbort:
+        return None
+
+
+def _close(got: Value, wanted: Value) -> bool:
+    """REAL32 comes back rounded."""
+    if isinstance(got, float) and isinstance(wanted, (int, float)):
+        return abs(got - wanted) <= 1e-6 * max(1.0, abs(wanted))
+    return False
+
+
+def _failed(objects: Objects, write: Write, file: str, what: str, observed: str, remedy: str) -> BootError:
+    return BootError(
+        f"node {objects.node_id}: {write.index:04X}h:{write.subindex:02X} cannot be set to {write.value!r} "
+        f"({write.source}, {file}:{write.line}): {what}",
+        node=objects.node_id,
+        step="configuration",
+        index=write.index,
+        subindex=write.subindex,
+        observed=observed,
+        remedy=remedy or "check the value, or leave the line out",
+    )
+
+
+class Watch:
+    """The watchdogs on both sides: the drive's heartbeat for us, and the drive's watch over ours; holds what to restore."""
+
+    def __init__(self, objects: Objects, bus: BusConfig) -> None:
+        self._objects = objects
+        self._bus = bus
+        self._armed: tuple[int, int] | None = None  # sub-index of 1016h, value before
+
+    def produce(self) -> float | None:
+        """Set 1017h so that the node sends a heartbeat; return the time in s after which it counts as lost, None: it sends none."""
+        if self._bus.heartbeat is None:
+            return None
+        period = round(self._bus.heartbeat * 1000)
+        try:
+            self._objects.write(o.PRODUCER_HEARTBEAT, 0, period)
+        except SdoAbort:
+            return None
+        got = read_int(self._objects, o.PRODUCER_HEARTBEAT)
+        return None if not got else max(HEARTBEATS * got / 1000, 0.15)
+
+    def arm(self, reaction: str | None) -> WatchdogReport:
+        """Set 1016h so that the node notices our death; ``reaction``: what 6007h says, None where the drive has none."""
+        if self._bus.heartbeat is None:
+            return NO_WATCHDOG
+        milliseconds = round(self._bus.heartbeat * 1000 * HEARTBEATS)
+        subindex = self._free_entry()
+        if subindex is None:
+            return NO_WATCHDOG
+        before = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex) or 0
+        try:
+            self._objects.write(o.CONSUMER_HEARTBEAT, subindex, self._bus.master_id << 16 | milliseconds)
+        except SdoAbort:
+            return NO_WATCHDOG
+        self._armed = (subindex, before)
+        how = f"1016h:{subindex:02X} expects our heartbeat within {milliseconds} ms"
+        if reaction is None:
+            return WatchdogReport(
+                Watchdog.UNKNOWN, how + "; there is no 6007h, so what the drive then does is in its manual"
+            )
+        return WatchdogReport(Watchdog.ARMED, f"{how}; else it {reaction}")
+
+    def restore(self) -> None:
+        """Give 1016h back what it had, so that our silence after closing faults nobody.
+
+        Raises:
+            SdoError, BusError: the node does not answer.
+        """
+        if self._armed is not None:
+            (subindex, before), self._armed = self._armed, None
+            ours = before >> 16 & 0x7F == self._bus.master_id
+            self._objects.write(o.CONSUMER_HEARTBEAT, subindex, 0 if ours else before)
+
+    def _free_entry(self) -> int | None:
+        """Return the entry that watches us already, else the first free one."""
+        count = read_int(self._objects, o.CONSUMER_HEARTBEAT)
+        free = None
+        for subindex in range(1, (count or 0) + 1):
+            value = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex)
+            if value is not None and value >> 16 & 0x7F == self._bus.master_id:
+                return subindex
+            if free is None and value is not None and (not value & 0xFFFF or not value >> 16 & 0x7F):
+                free = subindex
+        return free

@@ -1,0 +1,97 @@
+"""A cell of stand-ins without a bus, in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
+from axisbus.eds.model import Eds
+from axisbus.errors import NodeTimeout
+from axisbus.machine.access import DeviceObjects
+from axisbus.machine.boot import Booted, NodeBoot
+from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.node import NodeAccess
+from axisbus.machine.runtime import Runtime
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.device import Device
+from axisbus.sim.direct import DirectCycle, DirectPort
+
+_EVENT_TIMER = 0.02
+
+
+class DirectComms:
+    """What boot-up needs of a stand-in that is reached without a bus."""
+
+    def __init__(self, device: Device, ports: Mapping[str, DirectPort]) -> None:
+        self._device = device
+        self._ports = ports
+
+    def find(self) -> None:
+        """Make sure that it answers.
+
+        Raises:
+            NodeTimeout: it does not.
+        """
+        if not self._device.answers_sdo:
+            raise NodeTimeout(
+                f"node {self._device.node_id} does not answer",
+                node=self._device.node_id,
+                observed="no answer to the SDO request for 1000h",
+                remedy="check its supply, cable, node ID and bit rate",
+            )
+
+    def prepare(self, disturb: bool) -> None:
+        """Nothing to do: its objects may be written in any state."""
+
+    def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
+        """Return how the values of an axis travel."""
+        return self._ports[axis.name].capabilities
+
+    def watch(self, timeout: float | None) -> None:
+        """Nothing to do: the port watches."""
+
+    def start(self) -> str:
+        """It is started already."""
+        return self._device.nmt.text
+
+
+def build_direct(
+    cell: CellConfig, dictionaries: Mapping[int, Eds], devices: Mapping[int, Device] | None = None
+) -> Runtime:
+    """Make the stand-ins of a cell (or take ``devices``), boot them, and return the runtime in virtual time."""
+    devices = devices or {
+        node_id: device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()
+    }
+    ports = {name: _port(cell, axis, devices[axis.node]) for name, axis in cell.axes.items()}
+    cycle = DirectCycle(
+        list(ports.values()), master_id=cell.bus.master_id, heartbeat=cell.bus.heartbeat or 0.0
+    )
+    booted: dict[int, Booted] = {}
+    nodes: dict[int, NodeAccess] = {}
+    for node_id, eds in dictionaries.items():
+        objects = DeviceObjects(devices[node_id])
+        comms = DirectComms(devices[node_id], ports)
+        booted[node_id] = NodeBoot(cell, node_id, eds, objects, comms).run()
+        nodes[node_id] = NodeAccess(node_id, eds, objects)
+    release = [partial(_restore, node) for node in booted.values()]
+    return Runtime(cycle, dict[str, Port](ports), booted, nodes, [*release, cycle.close])
+
+
+def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
+    if cell.bus.sync:
+        return DirectPort(device, axis.drive_axis - 1)
+    has = device.dictionary.has
+    offset = 0x800 * (axis.drive_axis - 1)
+    return DirectPort(
+        device,
+        axis.drive_axis - 1,
+        inputs={name: Source.EVENT_PDO for name, index in INPUT_OBJECTS.items() if has(index + offset)},
+        outputs={name: Source.EVENT_PDO for name, index in OUTPUT_OBJECTS.items() if has(index + offset)},
+        event_timer=_EVENT_TIMER,
+    )
+
+
+def _restore(node: Booted) -> None:
+    if node.watch is not None:
+        node.watch.restore()

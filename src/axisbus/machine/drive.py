@@ -1,0 +1,106 @@
+"""One axis of a device as its EDS and the cell file describe it together: what it has, and what it will hold after boot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from axisbus.bus.dictionary import Dictionary, Entry
+from axisbus.cia301.datatypes import Value
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
+from axisbus.eds.model import Eds, Variable
+from axisbus.errors import ArgumentError
+from axisbus.machine.cell import AxisConfig, NodeConfig, ObjectSetting
+from axisbus.machine.writes import FIRST_AXIS, Write, implied_writes, initial, own_index, setting_write
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One axis of a device. Indices are those of a single-axis drive; ``written`` maps the device's own addresses to writes.
+
+    Settings whose key names no object are left out of ``written``.
+    """
+
+    axis: AxisConfig
+    node: NodeConfig
+    dictionary: Dictionary
+    eds: Eds
+    written: Mapping[tuple[int, int], Write] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, axis: AxisConfig, node: NodeConfig, eds: Eds) -> Drive:
+        """Put an axis, its node and the node's EDS together."""
+        dictionary = Dictionary(eds, node.node_id)
+        writes = [
+            *_known_writes(node.objects, dictionary, 1),
+            *_known_writes(axis.objects, dictionary, axis.drive_axis),
+        ]
+        writes += implied_writes(axis, frozenset(write.address for write in writes))
+        return cls(axis, node, dictionary, eds, {write.address: write for write in writes})
+
+    def index(self, index: int) -> int:
+        """Return the device's index of an object."""
+        return own_index(index, self.axis.drive_axis)
+
+    def variable(self, index: int, subindex: int = 0) -> Variable | None:
+        """Return an entry of the EDS, None where it has none."""
+        return self.eds.get(self.index(index), subindex)
+
+    def entry(self, index: int, subindex: int = 0) -> Entry:
+        """Return the entry with the type that it is written with."""
+        return self.dictionary.entry(self.index(index), subindex)
+
+    def has(self, index: int) -> bool:
+        """Whether the EDS has the object."""
+        return self.index(index) in self.eds
+
+    def missing(self, indices: tuple[int, ...]) -> tuple[int, ...]:
+        """Return those of ``indices`` that the EDS does not have."""
+        return tuple(index for index in indices if not self.has(index))
+
+    def write(self, index: int, subindex: int = 0) -> Write | None:
+        """Return what the cell file writes into an object, None where it leaves it alone."""
+        return self.written.get((self.index(index), subindex))
+
+    def value(self, index: int, subindex: int = 0) -> Value | None:
+        """Return what an object will hold after boot: what the cell file writes, else what the EDS says, else None."""
+        write = self.write(index, subindex)
+        if write is not None:
+            return write.value
+        return initial(self.dictionary, self.node.node_id, self.index(index), subindex)
+
+    def number(self, index: int, subindex: int = 0) -> int | None:
+        """As ``value``, None also where it is no integer."""
+        value = self.value(index, subindex)
+        return value if isinstance(value, int) else None
+
+    @property
+    def objects(self) -> frozenset[int]:
+        """The indices of this axis: its profile objects as those of a single-axis drive, and all below 6000h."""
+        offset = self.index(FIRST_AXIS.start) - FIRST_AXIS.start
+        own = {index - offset for index in self.eds.objects if index - offset in FIRST_AXIS}
+        return frozenset(own | {index for index in self.eds.objects if index < FIRST_AXIS.start})
+
+    @property
+    def runnable(self) -> frozenset[ModeOfOperation]:
+        """The modes that have all their objects."""
+        return frozenset(mode for mode, facts in FACTS.items() if not self.missing(facts.required))
+
+    @property
+    def claimed(self) -> frozenset[ModeOfOperation] | None:
+        """The modes that the EDS's 6502h claims, None where it does not say."""
+        value = initial(self.dictionary, self.node.node_id, self.index(objects.SUPPORTED_DRIVE_MODES), 0)
+        return frozenset(supported(value)) if isinstance(value, int) else None
+
+
+def _known_writes(
+    settings: tuple[ObjectSetting, ...], dictionary: Dictionary, drive_axis: int
+) -> list[Write]:
+    found = []
+    for setting in settings:
+        try:
+            found.append(setting_write(setting, dictionary, drive_axis))
+        except ArgumentError:
+            continue  # ``checks.objects`` names it
+    return found

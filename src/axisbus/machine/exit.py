@@ -1,0 +1,55 @@
+"""Ctrl-C and SIGTERM: the handler only asks the scan for a stop; the exception that ends the program comes right after.
+
+Theory of operation
+-------------------
+The scan does the stopping, in its own thread, whatever the main thread does meanwhile. The handler sets its flag and then raises
+``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop
+end and the ``with`` block is left. Inside ``Machine.close`` it is kept until everything stands: leaving is what is being done
+already. A second signal makes the stop a quick stop.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType
+from typing import Any
+
+from axisbus.motion.scan import Scan
+
+_SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
+
+
+class ExitSignals:
+    """Installed handlers; holds how many signals have come and the handlers that were there before."""
+
+    def __init__(self, scan: Scan) -> None:
+        self._scan = scan
+        self._before: dict[signal.Signals, Any] = {}
+        self.count = 0
+        self.closing = False
+        self.pending: BaseException | None = None
+
+    def install(self) -> None:
+        """Take the signals over; only possible (and only done) in the main thread."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        for number in _SIGNALS:
+            self._before[number] = signal.signal(number, self._handle)
+
+    def restore(self) -> None:
+        """Give the signals back to whoever had them."""
+        while self._before:
+            number, handler = self._before.popitem()
+            if threading.current_thread() is threading.main_thread():
+                signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+
+    def _handle(self, number: int, _frame: FrameType | None) -> None:
+        self.count += 1
+        name = _SIGNALS[signal.Signals(number)]
+        self._scan.request_stop(name, quick=self.count > 1)
+        error: BaseException = SystemExit(143) if number == signal.SIGTERM else KeyboardInterrupt()
+        if self.closing:
+            self.pending = error
+        else:
+            raise error

@@ -1,0 +1,285 @@
+"""The machine: a cell opened, booted, scanned, and stopped again on every way out."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+from axisbus.cia402.port import Waiter
+from axisbus.errors import AxisbusError, ScanError, StateError
+from axisbus.machine import config
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.check import check_cell
+from axisbus.machine.direct import build_direct
+from axisbus.machine.exit import ExitSignals
+from axisbus.machine.node import NodeAccess
+from axisbus.machine.problem import errors
+from axisbus.machine.report import NodeReport
+from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
+from axisbus.machine.supervisor import Supervisor
+from axisbus.motion.axes import Group
+from axisbus.motion.axis import Axis
+from axisbus.motion.core import AxisCore
+from axisbus.motion.handle import ThreadWaiter
+from axisbus.motion.scan import PumpWaiter, Scan
+from axisbus.sim.device import Device
+
+_SWITCH_INTERVAL = (
+    0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
+)
+_CLOSE_MARGIN = 2.0
+
+
+class Machine:
+    """A cell of axes. Use it in a ``with`` block: leaving it, by whatever way, stops what this program has moved.
+
+    Iterating yields the axes; ``machine["x"]`` is one by name, ``machine.group("x", "y")`` several that move together,
+    ``machine.node(1)`` direct access to a device.
+    """
+
+    def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
+        """Use ``Machine.open`` or ``Machine.simulated``."""
+        self.cell = cell
+        self._runtime = runtime
+        self._realtime = realtime
+        cores = {
+            name: AxisCore(parameters, runtime.ports[name].capabilities)
+            for name, parameters in runtime.parameters.items()
+        }
+        members = {name: list(group.axes) for name, group in cell.groups.items()}
+        self.scan = Scan(runtime.cycle, runtime.ports, cores, cell.bus.scan_period, members)
+        self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan)
+        self._axes = {name: Axis(core.parameters, self.scan, self._waiter) for name, core in cores.items()}
+        self._groups = {name: self._make_group(name, axes) for name, axes in members.items()}
+        self._signals = ExitSignals(self.scan)
+        self._thread: threading.Thread | None = None
+        self._supervisor: Supervisor | None = None
+        self._switch_interval = sys.getswitchinterval()
+        self._closed = False
+
+    @classmethod
+    def open(cls, path: str | Path) -> Machine:
+        """Check, open, boot and configure the cell of a ``cell.toml``, and start its scan; energises nothing.
+
+        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private virtual bus, in real time.
+
+        Raises:
+            ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
+            AdapterError: the bus cannot be opened.
+            BootError: a node did not come up (several: an ExceptionGroup of them).
+        """
+        from axisbus.machine.wire import build_on_bus
+
+        cell = _checked(path)
+        return cls._start(cell, build_on_bus(cell, load_dictionaries(cell)), realtime=True)
+
+    @classmethod
+    def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
+        """Run the same cell on stand-ins without a bus, in virtual time: nothing runs by itself, waiting lets time pass.
+
+        ``devices`` replaces the stand-ins, by node ID. Raises as ``open``.
+        """
+        cell = _checked(path)
+        return cls._start(cell, build_direct(cell, load_dictionaries(cell), devices), realtime=False)
+
+    @classmethod
+    def _start(cls, cell: CellConfig, runtime: Runtime, realtime: bool) -> Machine:
+        try:
+            require_all(runtime.booted)
+            machine = cls(cell, runtime, realtime)
+        except BaseException:
+            _release(runtime)
+            raise
+        machine._begin()
+        return machine
+
+    # -- what is in it -----------------------------------------------------------------------------------------------
+
+    def __iter__(self) -> Iterator[Axis]:
+        return iter(self._axes.values())
+
+    def __len__(self) -> int:
+        return len(self._axes)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._axes
+
+    def __getitem__(self, name: str) -> Axis:
+        """Return the axis ``name``.
+
+        Raises:
+            StateError: the cell has no such axis.
+        """
+        if name not in self._axes:
+            raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(self._axes)}")
+        return self._axes[name]
+
+    def group(self, *names: str) -> Group:
+        """Return the group of this name in cell.toml, or a group of the axes named, in this order.
+
+        Raises:
+            StateError: no such group or axis.
+        """
+        if len(names) == 1 and names[0] in self._groups:
+            return self._groups[names[0]]
+        if not names:
+            raise StateError(
+                "a group needs a name or axes", observed=f"groups: {', '.join(self._groups) or 'none'}"
+            )
+        for name in names:
+            self[name]
+        title = "+".join(names)
+        if title not in self._groups:
+            self.scan.add_group(title, list(names))
+            self._groups[title] = self._make_group(title, list(names))
+        return self._groups[title]
+
+    def node(self, node_id: int) -> NodeAccess:
+        """Return direct access to a node; raises StateError where the cell has no such node."""
+        if node_id not in self._runtime.nodes:
+            raise StateError(
+                f"the cell has no node {node_id}",
+                observed=f"it has {', '.join(map(str, self._runtime.nodes))}",
+            )
+        return self._runtime.nodes[node_id]
+
+    @property
+    def reports(self) -> list[NodeReport]:
+        """What boot-up had to say of each node."""
+        return [booted.report for booted in self._runtime.booted.values()]
+
+    def sleep(self, seconds: float) -> None:
+        """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
+        self._waiter.wait(lambda: False, seconds)
+
+    def _make_group(self, name: str, axes: list[str]) -> Group:
+        return Group(name, {axis: self._axes[axis] for axis in axes}, self.scan, self._waiter)
+
+    # -- running and closing -----------------------------------------------------------------------------------------
+
+    def __enter__(self) -> Machine:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        reason = "the with block ended" if error is None else f"{type(error).__name__} ended the with block"
+        failures = self._close(reason)
+        if error is not None:
+            for failure in failures:
+                error.add_note(f"while stopping: {failure}")
+            return
+        if self._signals.pending is not None:
+            raise self._signals.pending
+        _raise(failures)
+
+    def close(self) -> None:
+        """Stop every axis that this program has enabled or commanded, disable it, and release the bus. Harmless when repeated.
+
+        Blocks until all stand, at most the times of the stop ladders.
+
+        Raises:
+            DriveError: an axis could not be stopped as asked (several: an ExceptionGroup).
+            ScanError: the scan had failed before.
+        """
+        _raise(self._close("the machine was closed"))
+
+    def _begin(self) -> None:
+        if not self._realtime:
+            assert isinstance(self._waiter, PumpWaiter)
+            self._waiter.pump()
+            self._signals.install()
+            return
+        assert isinstance(self._waiter, ThreadWaiter)
+        sys.setswitchinterval(_SWITCH_INTERVAL)
+        gc.collect()
+        gc.freeze()  # a full collection over the dictionaries takes several periods
+        self.scan.waiter = self._waiter
+        self._thread = threading.Thread(target=self.scan.run, name="axisbus scan", daemon=True)
+        self._supervisor = Supervisor(self.scan, self._thread, max(0.25, 20 * self.scan.period))
+        self._thread.start()
+        self._waiter.scan_thread = self._thread.ident
+        self._supervisor.start()
+        atexit.register(self._at_exit)
+        self._signals.install()
+        self._waiter.wait(lambda: self.scan.ended or len(self.scan.snapshots) == len(self._axes), 5.0)
+
+    def _close(self, reason: str) -> list[AxisbusError]:
+        if self._closed:
+            return []
+        self._closed = True
+        self._signals.closing = True
+        try:
+            self._stop_axes(reason)
+        finally:
+            self._end_scan()
+            _release(self._runtime)
+            self._signals.restore()
+        return self._failures()
+
+    def _stop_axes(self, reason: str) -> None:
+        times = [core.parameters.stop_times for core in self.scan.axes.values()]
+        longest = max((t.halt + t.quick_stop + 2 * t.disable for t in times), default=0.0)
+        self.scan.request_stop(reason)
+        self._waiter.wait(lambda: self.scan.has_stopped, longest + _CLOSE_MARGIN)
+
+    def _end_scan(self) -> None:
+        self.scan.quit()
+        if not self._realtime:
+            if not self.scan.ended:
+                self.scan.end()
+            return
+        if self._supervisor is not None:
+            self._supervisor.stop()
+        if self._thread is not None:
+            self._thread.join(2.0)
+        sys.setswitchinterval(self._switch_interval)
+        gc.unfreeze()
+        atexit.unregister(self._at_exit)
+
+    def _failures(self) -> list[AxisbusError]:
+        failures = self.scan.stop_failures()
+        failure = self.scan.failure
+        if failure is not None:
+            failures.insert(
+                0,
+                ScanError(
+                    "the scan of the bus had failed",
+                    observed=f"{type(failure).__name__}: {failure}",
+                    remedy="all drives were sent a quick stop; make sure that they stand",
+                ),
+            )
+        return failures
+
+    def _at_exit(self) -> None:
+        with suppress(AxisbusError):
+            self._close("the program ended")
+
+
+def _checked(path: str | Path) -> CellConfig:
+    """Return the cell of a file in which ``check`` finds no error; the exception tells the first and lists the others."""
+    cell, problems = config.read(path)
+    wrong = errors(problems if cell is None else check_cell(cell, problems))
+    if cell is None or wrong:
+        raise config.as_exception(wrong)
+    return cell
+
+
+def _release(runtime: Runtime) -> None:
+    """Let everything go, whatever fails on the way."""
+    for let_go in runtime.release:
+        with suppress(AxisbusError, OSError):
+            let_go()
+
+
+def _raise(failures: list[AxisbusError]) -> None:
+    if len(failures) == 1:
+        raise failures[0]
+    if failures:
+        raise ExceptionGroup("not everything could be stopped as asked", failures)

@@ -1,0 +1,118 @@
+"""Direct access to one node beside its axes: typed objects by number or name, for users; thread-safe."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.bus.emcy import EmcyMonitor
+from axisbus.cia301.datatypes import Value
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.eds.model import Eds
+from axisbus.errors import StateError
+from axisbus.machine.access import Objects
+
+Key = int | str | tuple[int | str, int]
+
+
+class SdoAccess:
+    """Objects of a node by SDO, as a mapping: ``sdo[0x6081]``, ``sdo["Profile velocity"]``, ``sdo[0x607D, 1] = -1000``.
+
+    Each look and each assignment is one transfer; it blocks until the node has answered.
+    """
+
+    def __init__(self, objects: Objects, dictionary: Dictionary) -> None:
+        self._objects = objects
+        self._dictionary = dictionary
+        self.cyclic: frozenset[tuple[int, int]] = frozenset()  # what the scan sends in every cycle
+
+    def __getitem__(self, key: Key) -> Value:
+        """Read an object as its data type says.
+
+        Raises:
+            ArgumentError: no object of this name.
+            SdoAbort, SdoTimeout: the node refuses, or does not answer.
+        """
+        index, subindex = self._resolve(key)
+        return self._objects.read(index, subindex)
+
+    def __setitem__(self, key: Key, value: Value) -> None:
+        """Write an object, checked against its type and limits.
+
+        Raises:
+            StateError: the object is in an RPDO that the scan sends: the value would be overwritten at once.
+            ArgumentError, LimitError: no such object, or a value that it cannot hold.
+            SdoAbort, SdoTimeout: the node refuses, or does not answer.
+        """
+        index, subindex = self._resolve(key)
+        if (index, subindex) in self.cyclic:
+            raise StateError(
+                f"node {self._objects.node_id}: {index:04X}h:{subindex:02X} is sent by PDO in every cycle",
+                observed="a value written by SDO would be overwritten at once",
+                remedy="use the axis's commands for it",
+            )
+        self._objects.write(index, subindex, value)
+
+    def _resolve(self, key: Key) -> tuple[int, int]:
+        name, subindex = key if isinstance(key, tuple) else (key, 0)
+        entry = self._dictionary.resolve(name, subindex)
+        return entry.index, entry.subindex
+
+
+class NodeAccess:
+    """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
+
+    def __init__(
+        self, node_id: int, eds: Eds, objects: Objects, bus_node: Any = None, plans: tuple[Any, ...] = ()
+    ) -> None:
+        self.node_id = node_id
+        self.eds = eds
+        self.sdo = SdoAccess(objects, Dictionary(eds, node_id))
+        self.plans = plans
+        self._bus_node = bus_node
+
+    def __repr__(self) -> str:
+        return f"<NodeAccess {self.node_id}>"
+
+    @property
+    def nmt(self) -> NmtState:
+        """The NMT state that the node reported last.
+
+        Raises:
+            StateError: the node is simulated without a bus.
+        """
+        state: NmtState = self._require_bus().nmt.state
+        return state
+
+    def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
+        """Send an NMT command and wait until the node confirms it; blocks up to ``timeout`` seconds.
+
+        A node that leaves operational is lost for its axes: they stop and go to ErrorStop.
+
+        Raises:
+            NodeTimeout: nothing confirms it.
+            StateError: the node is simulated without a bus.
+        """
+        self._require_bus().command(command, timeout)
+
+    @property
+    def emcy(self) -> deque[Emcy]:
+        """The last 64 emergency messages, oldest first; raises StateError without a bus."""
+        monitor: EmcyMonitor = self._require_bus().emcy
+        return monitor.history
+
+    def pdos(self) -> list[str]:
+        """Return the PDOs in use, each as a line of text."""
+        from axisbus.bus.plantext import describe
+
+        return [line for plan in self.plans for line in describe(plan).splitlines()]
+
+    def _require_bus(self) -> Any:
+        if self._bus_node is None:
+            raise StateError(
+                f"node {self.node_id} is simulated without a bus",
+                remedy='open the machine with Machine.open and interface = "sim" instead of Machine.simulated',
+            )
+        return self._bus_node

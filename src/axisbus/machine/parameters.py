@@ -1,0 +1,120 @@
+"""From a cell file's axis and its EDS to what motion must know of the axis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from axisbus.cia402 import objects, options
+from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.drives import registry
+from axisbus.drives.make import Make
+from axisbus.eds.model import Eds
+from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.drive import Drive
+from axisbus.machine.scales import units_of
+from axisbus.motion.parameters import (
+    AxisParameters,
+    Defaults,
+    HoldsLoad,
+    Homing,
+    Limits,
+    StopTimes,
+    Timing,
+    Units,
+)
+
+# Without standstill_velocity, an axis slower than this part of its default velocity counts as standing.
+STANDSTILL_PART = 0.01
+
+_BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
+_HOLDS = {None: HoldsLoad.NO, "brake": HoldsLoad.BRAKE, "torque": HoldsLoad.TORQUE}
+
+
+def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = None) -> AxisParameters:
+    """Return the parameters of the axis ``name``.
+
+    ``eds`` is that of the axis's node; ``make`` None: the one that the EDS's identity names. Blocks for nothing, raises nothing for
+    a cell that ``config.load`` returned.
+    """
+    axis = cell.axes[name]
+    drive = Drive.of(axis, cell.nodes[axis.node], eds)
+    units = units_of(axis)
+    make = make or registry.find(eds.identity.vendor_id, eds.identity.product_code)
+    return AxisParameters(
+        name=name,
+        units=units,
+        limits=Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
+        defaults=_defaults(axis),
+        homing=_homing(axis),
+        stop_times=_stop_times(axis),
+        timing=_timing(axis),
+        holds_load=_HOLDS[axis.holds_load],
+        objects=drive.objects,
+        modes=modes(drive),
+        quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
+        position_window=_position_window(axis, units),
+        standstill_speed=standstill_speed(axis, units),
+        fault_objects=make.fault_objects,
+        explain_fault=make.explain,
+        node=axis.node,
+        scan_period=cell.bus.scan_period,
+    )
+
+
+def modes(drive: Drive) -> frozenset[ModeOfOperation]:
+    """Return the modes of an axis: those of the cell file, else what 6502h claims together with what has its objects."""
+    if drive.axis.modes is not None:
+        return frozenset(_BY_SHORT_NAME[short] for short in drive.axis.modes)
+    return drive.runnable | (drive.claimed or frozenset())
+
+
+def standstill_speed(axis: AxisConfig, units: Units) -> float | None:
+    """Return the speed below which the axis counts as standing, in position increments per second; None where it is not known."""
+    if axis.standstill_velocity is not None:
+        return axis.standstill_velocity * abs(units.position.factor)
+    if axis.defaults.velocity is None or not units.ratio_known:
+        return None
+    return axis.defaults.velocity * STANDSTILL_PART * abs(units.position.factor)
+
+
+def homing_required(axis: AxisConfig) -> bool:
+    """Whether absolute moves wait for homing: as written, else where position limits are set."""
+    return axis.position_limits is not None if axis.homing.required is None else axis.homing.required
+
+
+def _defaults(axis: AxisConfig) -> Defaults:
+    given = axis.defaults
+    return Defaults(given.velocity, given.acceleration, given.deceleration, given.torque_slope)
+
+
+def _homing(axis: AxisConfig) -> Homing:
+    given = axis.homing
+    return Homing(
+        given.method,
+        given.speed_switch,
+        given.speed_zero,
+        given.acceleration,
+        given.timeout,
+        homing_required(axis),
+    )
+
+
+def _stop_times(axis: AxisConfig) -> StopTimes:
+    stop = axis.stop
+    given = {"halt": stop.halt_time, "quick_stop": stop.quick_stop_time, "disable": stop.disable_time}
+    return replace(StopTimes(), **{name: value for name, value in given.items() if value is not None})
+
+
+def _timing(axis: AxisConfig) -> Timing:
+    given = {
+        "transition": axis.transition_time,
+        "mode": axis.mode_time,
+        "acknowledge": axis.acknowledge_time,
+    }
+    return replace(Timing(), **{name: value for name, value in given.items() if value is not None})
+
+
+def _position_window(axis: AxisConfig, units: Units) -> int | None:
+    if axis.position_window is None:
+        return None
+    return max(1, round(axis.position_window * abs(units.position.factor)))

@@ -1,0 +1,143 @@
+"""What boot-up has to say of each node and axis, as values, as text and as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from axisbus.errors import AxisbusError, BootError
+from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleReport:
+    """The configured scale beside what the drive's objects suggest; ``agrees`` None: nothing is suggested."""
+
+    configured: str
+    proposed: str
+    agrees: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisReport:
+    """One axis after boot-up."""
+
+    name: str
+    power: str
+    found_enabled: bool
+    modes: tuple[str, ...]
+    travels: str
+    in_one_sync: bool
+    ladder: StopLadderReport
+    scale: ScaleReport
+
+
+@dataclass(slots=True)
+class NodeReport:
+    """One node during and after boot-up; ``error`` says which step failed, ``steps`` what was done."""
+
+    node_id: int
+    device: str = ""
+    identity: str = ""
+    nmt: str = "unknown"
+    configured: str = ""
+    watchdog: WatchdogReport | None = None
+    axes: list[AxisReport] = field(default_factory=list)
+    steps: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    error: AxisbusError | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether the node came up."""
+        return self.error is None
+
+    def text(self) -> str:
+        """Return the report as lines for a person."""
+        return "\n".join(self._lines())
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report as plain values."""
+        return {
+            "node": self.node_id,
+            "ok": self.ok,
+            "device": self.device,
+            "identity": self.identity,
+            "nmt": self.nmt,
+            "configured": self.configured,
+            "watchdog": None if self.watchdog is None else self.watchdog.kind.value,
+            "warnings": list(self.warnings),
+            "steps": list(self.steps),
+            "error": None if self.error is None else _error(self.error),
+            "axes": [_axis(axis) for axis in self.axes],
+        }
+
+    def _lines(self) -> list[str]:
+        lines = [f"node {self.node_id}: {self.device or 'not identified'}"]
+        if self.error is not None:
+            step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
+            lines.append(f"  FAILED{step}: " + str(self.error).replace("\n", "\n  "))
+            return lines
+        rows = [
+            ("identity", self.identity),
+            ("NMT state", self.nmt),
+            ("configured", self.configured),
+            ("watchdog", f"{self.watchdog.kind.value}: {self.watchdog.text}" if self.watchdog else ""),
+        ]
+        lines += [f"  {title:<14}{text}" for title, text in rows if text]
+        for axis in self.axes:
+            lines += _axis_lines(axis)
+        lines += [f"  WARNING  {warning}" for warning in self.warnings]
+        return lines
+
+
+def _axis_lines(axis: AxisReport) -> list[str]:
+    lines = [
+        f"  axis {axis.name}",
+        f"    {'power stage':<14}{axis.power}"
+        + (" - FOUND ENABLED, left as it is" if axis.found_enabled else ""),
+        f"    {'modes':<14}{', '.join(axis.modes) or 'none'}",
+        f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
+        f"    {'travels by':<14}{axis.travels}",
+        f"    {'one SYNC':<14}"
+        + (
+            "starts and stops together with others in one SYNC"
+            if axis.in_one_sync
+            else "NOT synchronous with other axes"
+        ),
+        "    stop ladder",
+    ]
+    width = max(len(row[1]) for row in axis.ladder.rows)
+    lines += [f"      {title:<15}{what:<{width}}  {text}" for title, what, text in axis.ladder.rows]
+    return lines
+
+
+def _axis(axis: AxisReport) -> dict[str, Any]:
+    return {
+        "name": axis.name,
+        "power": axis.power,
+        "found_enabled": axis.found_enabled,
+        "modes": list(axis.modes),
+        "travels": axis.travels,
+        "in_one_sync": axis.in_one_sync,
+        "stop_ladder": [
+            {"rung": rung, "object": what, "does": text} for rung, what, text in axis.ladder.rows
+        ],
+        "scale": {
+            "configured": axis.scale.configured,
+            "proposed": axis.scale.proposed,
+            "agrees": axis.scale.agrees,
+        },
+    }
+
+
+def _error(error: AxisbusError) -> dict[str, Any]:
+    fields = {
+        key: value for key, value in vars(error).items() if isinstance(value, (str, int)) or value is None
+    }
+    return {"kind": type(error).__name__, **fields}
+
+
+def untold(report: NodeReport) -> bool:
+    """Whether nothing on the node notices a dead master."""
+    return report.watchdog is not None and report.watchdog.kind is Watchdog.NONE

@@ -1,0 +1,51 @@
+"""What a machine runs on: the scan's cycle and ports, the booted nodes, and how to let all of it go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.cia402.port import Cycle, Port
+from axisbus.eds import load
+from axisbus.eds.builtin import resolve
+from axisbus.eds.model import Eds
+from axisbus.machine.boot import Booted
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.node import NodeAccess
+from axisbus.motion.parameters import AxisParameters
+
+
+@dataclass(slots=True)
+class Runtime:
+    """A cell on its bus, booted but not yet scanned; ``release`` is called once, when everything stands."""
+
+    cycle: Cycle
+    ports: dict[str, Port]
+    booted: dict[int, Booted]
+    nodes: dict[int, NodeAccess]
+    release: list[Callable[[], None]] = field(default_factory=list)
+
+    @property
+    def parameters(self) -> dict[str, AxisParameters]:
+        """The parameters of every axis, by name."""
+        return {name: value for booted in self.booted.values() for name, value in booted.parameters.items()}
+
+
+def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
+    """Read the EDS or DCF of every node; blocks for as long as that takes.
+
+    Raises:
+        EdsError: one is missing or cannot be read.
+    """
+    return {
+        node_id: load(resolve(node.file or "", cell.folder)) for node_id, node in sorted(cell.nodes.items())
+    }
+
+
+def require_all(booted: Mapping[int, Booted]) -> None:
+    """Raise what kept nodes from coming up: one ``BootError``, or a group of them."""
+    errors = [node.report.error for node in booted.values() if node.report.error is not None]
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise ExceptionGroup(f"{len(errors)} of {len(booted)} nodes did not come up", errors)

@@ -1,0 +1,117 @@
+"""What each table of a cell file may hold: each key with its reader, and what to write where a required one is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from axisbus.cia301.cob import ID_MASK_11
+from axisbus.cia402 import options
+from axisbus.cia402.modes import FACTS
+from axisbus.machine import values as v
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key; ``missing`` is the remedy where a required one is left out (empty: it is not required)."""
+
+    read: v.Reader
+    missing: str = ""
+
+
+Keys = Mapping[str, Key]
+
+_positive = Key(v.positive)
+_number = Key(v.finite)
+_text = Key(v.text)
+_flag = Key(v.boolean)
+_step_time = Key(v.duration("1ms", "600s"))
+_scale = Key(v.scale)
+
+BUS: Keys = {
+    "interface": Key(v.text, 'interface = "socketcan" (channel = "can0"), or "sim" to run without hardware'),
+    "channel": Key(v.text_or_number),
+    "bitrate": Key(v.integer(10_000, 1_000_000)),
+    "master_id": Key(v.integer(1, 127)),
+    "scan_period": Key(v.duration("100us", "1s"), 'scan_period = "4ms"; the scan always has a period'),
+    "sync": _flag,
+    "heartbeat": Key(v.or_word("off", None, v.duration("1ms", "20s"))),
+}
+
+NODE: Keys = {
+    "eds": _text,
+    "dcf": _text,
+    "remap": Key(v.words("auto", "never")),
+    "optional": _flag,
+}
+
+PDO: Keys = {
+    "map": Key(v.list_of(v.text, "objects, each a text such as \"6040\" or \"607A:00\"", empty=True)),
+    "transmission": Key(v.integer(0, 255)),
+    "event_timer": Key(v.or_word("off", 0.0, v.duration("1ms", "65.535s"))),
+    "inhibit_time": Key(v.or_word("off", 0.0, v.duration("100us", "6.5535s"))),
+    "cob_id": Key(v.integer(1, ID_MASK_11)),
+}  # fmt: skip
+
+AXIS: Keys = {
+    "node": Key(v.integer(1, 127), "node = 1, the number of its [nodes.N]"),
+    "drive_axis": Key(v.integer(1, 8)),
+    "unit": Key(v.text, 'unit = "deg", "mm" or the like; unit = "increments" to do without'),
+    "scale": _scale,
+    "velocity_scale": _scale,
+    "acceleration_scale": _scale,
+    "invert": Key(v.words("master", "drive")),
+    "rated_torque": _positive,
+    "position_limits": Key(v.interval),
+    "max_velocity": _positive,
+    "max_acceleration": _positive,
+    "max_torque": _positive,
+    "modulo": _positive,
+    "position_window": _positive,
+    "standstill_velocity": _positive,
+    "modes": Key(v.names([facts.short for facts in FACTS.values()], "modes")),
+    "holds_load": Key(v.never_true(None, v.words("brake", "torque"))),
+    "transition_time": _step_time,
+    "mode_time": _step_time,
+    "acknowledge_time": _step_time,
+}
+
+DEFAULTS: Keys = {
+    "velocity": _positive,
+    "acceleration": _positive,
+    "deceleration": _positive,
+    "torque_slope": _positive,
+}
+
+HOMING: Keys = {
+    "method": Key(v.integer(-128, 127)),
+    "speed_switch": _positive,
+    "speed_zero": _positive,
+    "acceleration": _positive,
+    "timeout": Key(v.duration("100ms", "60min")),
+    "required": _flag,
+    "offset": _number,
+}
+
+STOP: Keys = {
+    **{option.key: Key(v.words(*option.words)) for option in options.ALL},
+    "deceleration": _positive,
+    "halt_time": _step_time,
+    "quick_stop_time": _step_time,
+    "disable_time": _step_time,
+}
+
+GROUP: Keys = {
+    "axes": Key(v.list_of(v.text, "axes' names"), 'axes = ["x", "y"]'),
+}
+
+TOP = ("bus", "nodes", "axes", "groups")
+# Tables inside a table; ``None``: any key may stand in it.
+BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
+NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None}
+AXIS_TABLES: Mapping[str, Keys | None] = {
+    "defaults": DEFAULTS,
+    "homing": HOMING,
+    "stop": STOP,
+    "objects": None,
+}

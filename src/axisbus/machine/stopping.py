@@ -1,0 +1,88 @@
+"""How each axis stops, in plain words: the stop ladder and what on the drive notices a dead master."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia402 import options
+from axisbus.motion.parameters import HoldsLoad, StopTimes
+
+
+class Watchdog(Enum):
+    """What on a drive notices that the master is dead."""
+
+    ARMED = "armed"
+    UNKNOWN = "armed, reaction unknown"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogReport:
+    """The kind of watchdog, and a sentence of how it is made and what it does."""
+
+    kind: Watchdog
+    text: str
+
+
+NO_WATCHDOG = WatchdogReport(
+    Watchdog.NONE,
+    "nothing on this drive notices a dead master: if this program or the bus fails, it goes on with its last command",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StopLadderReport:
+    """The stop ladder of one axis: rows of (rung, object, what it does), and what is dangerous about it."""
+
+    axis: str
+    rows: tuple[tuple[str, str, str], ...]
+    warnings: tuple[str, ...]
+
+
+# Rung of the ladder or event -> option object, in the order in which they are printed.
+_ROWS = (
+    ("1 halt", options.HALT),
+    ("2 quick stop", options.QUICK_STOP),
+    ("3 power off", options.DISABLE),
+    ("on a fault", options.FAULT),
+    ("on a lost link", options.CONNECTION_LOSS),
+)
+# Values that leave a moving load to itself.
+_COASTS = {
+    options.QUICK_STOP.index: (0,),
+    options.DISABLE.index: (0,),
+    options.FAULT.index: (0,),
+    options.HALT.index: (0,),
+    options.CONNECTION_LOSS.index: (0, 2),
+}
+
+
+def stop_ladder(
+    axis: str, values: Mapping[int, int | None], times: StopTimes, holds_load: HoldsLoad
+) -> StopLadderReport:
+    """Put the option codes that a drive reads back into words; ``values`` maps their index to the value, None: no such object."""
+    rows, warnings = [], []
+    limits = {"1 halt": times.halt, "2 quick stop": times.quick_stop, "3 power off": times.disable}
+    for title, option in _ROWS:
+        value = values.get(option.index)
+        text = "not in this drive: what it does is in its manual" if value is None else option.meaning(value)
+        if title in limits:
+            text += f" (at most {limits[title]:g} s, then the next rung)"
+        rows.append((title, _object(option, value), text))
+        if value is not None and value in _COASTS[option.index]:
+            warnings.append(
+                f"{axis}: {option.title}: {option.meaning(value)} ({option.index:04X}h = {value})"
+            )
+    rows.insert(
+        3,
+        ("4 NMT stop", "", "the node leaves operational; what its drive then does is under 'on a lost link'"),
+    )
+    if holds_load is not HoldsLoad.NO:
+        rows.append(("holds a load", "", f"by its {holds_load.value}: never switched off before it stands"))
+    return StopLadderReport(axis, tuple(rows), tuple(warnings))
+
+
+def _object(option: options.OptionCode, value: int | None) -> str:
+    return f"{option.index:04X}h missing" if value is None else f"{option.index:04X}h = {value}"

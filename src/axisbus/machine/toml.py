@@ -1,0 +1,161 @@
+"""Reading a TOML file: the values by ``tomllib``, with the line of every table and key for the messages."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from axisbus.errors import ConfigError
+from axisbus.machine.tomllines import KeyPath, locate
+
+MAX_BYTES = 1 << 20  # a cell of 127 nodes takes some 100 kB
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A TOML file: its values, and the line (from 1) of each table, key and array element by its path."""
+
+    file: str
+    text: str
+    data: dict[str, Any]
+    lines: Mapping[KeyPath, int]
+
+    def line(self, path: KeyPath) -> int:
+        """Return the line of ``path``, or of the nearest thing around it that has one; 1 where nothing has."""
+        while path:
+            if path in self.lines:
+                return self.lines[path]
+            path = path[:-1]
+        return 1
+
+
+def load(path: str | Path) -> Document:
+    """Read a file; blocks for as long as that takes.
+
+    Raises:
+        ConfigError: it is missing, cannot be read, is too large, is not UTF-8, or is no TOML; with the line where there is one.
+    """
+    path = Path(path)
+    return loads(_decoded(_bytes(path), str(path)), str(path))
+
+
+def loads(text: str, file: str) -> Document:
+    """Read ``text``; ``file`` is the name that messages show.
+
+    Raises:
+        ConfigError: it is no TOML.
+    """
+    text = text.replace("\r\n", "\n")
+    try:
+        data = tomllib.loads(text)
+        lines = locate(text)
+    except RecursionError:
+        raise ConfigError(
+            "brackets are nested too deeply", file=file, remedy="a cell file needs no more than three levels"
+        ) from None
+    except ValueError as error:  # tomllib's own error is one, and so is a number of thousands of digits
+        raise _syntax(str(error), text, file) from None
+    return Document(file, text, data, lines)
+
+
+# -- errors ----------------------------------------------------------------------------------------------------------
+
+_AT = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+
+# What tomllib says -> what is usually behind it.
+_REMEDIES = (
+    ("Cannot overwrite a value", "this key is given twice in its table: delete one"),
+    ("Cannot declare", "this table is opened twice: put all of its keys under one header"),
+    ("Cannot mutate", "this name is used both for a value and for a table: rename or delete one"),
+    ("Cannot redefine", "this table is opened twice: put all of its keys under one header"),
+    (
+        "Expected newline or end of document after a statement",
+        'write one "key = value" per line; a text or a value with a unit stands in quotes: scan_period = "4ms"',
+    ),
+    ("Expected '='", 'write key = value; a key with other characters than letters, digits, _ and - stands in quotes: "607D:1" = 5'),
+    ("Invalid value", "write a number, true, false, a list in [ ], or a text in quotes"),
+    ("Invalid statement", "a line is a [table], a key = value, or a comment that begins with #"),
+    ("Unescaped '\\'", "put a path with backslashes in single quotes: 'C:\\drives\\x.eds'"),
+    ("Unclosed array", "close the list with ]"),
+    ("Expected ']'", "close the name of the table with ]"),
+    ("Unterminated string", "close the text with a quotation mark"),
+    ("Illegal character", "close the text with a quotation mark on its own line"),
+    ("Expected \"'\"", "close the text with a quotation mark"),
+    ("digits", "no number here needs so many digits"),
+)  # fmt: skip
+
+
+def _syntax(reason: str, text: str, file: str) -> ConfigError:
+    place = _AT.search(reason)
+    line = int(place[1]) if place and place[1] else text.rstrip("\n").count("\n") + 1 if place else 0
+    said = _AT.sub("", reason)
+    remedy = next(
+        (advice for part, advice in _REMEDIES if part in said), "see https://toml.io for how TOML is written"
+    )
+    shown = text.split("\n")[line - 1].strip()[:80] if line else ""
+    return ConfigError(
+        f"this is no TOML: {said[:1].lower()}{said[1:]}",
+        file=file,
+        line=line,
+        observed=f"the line reads: {shown}" if shown else "",
+        remedy=remedy,
+    )
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if path.is_dir():
+            raise ConfigError(
+                "this is a folder, not a cell file",
+                file=str(path),
+                remedy=_nearby(path, "") or "name a .toml file",
+            )
+        if path.exists() and not path.is_file():
+            raise ConfigError("this is no ordinary file", file=str(path), remedy="name a .toml file")
+        data = path.read_bytes()
+    except FileNotFoundError:
+        remedy = _nearby(path.parent, path.name) or f"there is no .toml file in {path.parent}: check the path"
+        raise ConfigError("there is no such file", file=str(path), remedy=remedy) from None
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise ConfigError(
+            "the file cannot be read",
+            file=str(path),
+            observed=str(error),
+            remedy="check the path and its permissions",
+        ) from error
+    if len(data) > MAX_BYTES:
+        raise ConfigError(
+            f"the file is too large for a cell file: {len(data)} bytes",
+            file=str(path),
+            remedy="name a cell file",
+        )
+    return data
+
+
+def _decoded(data: bytes, file: str) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise ConfigError(
+            "this is no UTF-8 text",
+            file=file,
+            line=line,
+            observed=f"byte {data[error.start]:02X}h",
+            remedy="save the file as UTF-8",
+        ) from None
+
+
+def _nearby(folder: Path, name: str) -> str:
+    """Return a sentence with the TOML files of a folder, those with the nearest names first; empty if there are none."""
+    try:
+        there = sorted(entry.name for entry in folder.iterdir() if entry.suffix == ".toml")
+    except OSError:
+        return "" if folder.exists() else f"there is no folder {folder}"
+    near = difflib.get_close_matches(name, there, n=3, cutoff=0.4) or there[:5]
+    return f"in {folder} there is: {', '.join(near)}" if near else ""

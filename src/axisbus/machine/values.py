@@ -1,0 +1,270 @@
+"""Readers of single values of a cell file: each returns what was meant, or says what it expects instead."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from fractions import Fraction
+from typing import Any
+
+LARGEST = 1e15  # of any number in engineering units; floats are whole numbers up to there
+
+Reader = Callable[[Any], Any]
+
+
+class Unfit(Exception):
+    """A value that cannot be used; ``expected`` completes "expected ...", ``remedy`` says what to write."""
+
+    def __init__(self, expected: str, remedy: str = "") -> None:
+        super().__init__(expected)
+        self.expected = expected
+        self.remedy = remedy
+
+
+def told(value: object) -> str:
+    """Return a TOML value in words, for "it is ..."."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f"the text {_short(value)!r}"
+    if isinstance(value, (int, float)):
+        return f"the number {_short(repr(value))}"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    if isinstance(value, dict):
+        return "a table"
+    return f"the date or time {value}"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+# -- texts and words -------------------------------------------------------------------------------------------------
+
+
+def text(value: Any) -> str:
+    """Read a text that is not empty."""
+    if not isinstance(value, str):
+        raise Unfit(
+            "a text", f'put it in quotes: "{_short(str(value))}"' if isinstance(value, (int, float)) else ""
+        )
+    if not value.strip():
+        raise Unfit("a text that is not empty")
+    return value.strip()
+
+
+def boolean(value: Any) -> bool:
+    """Read true or false."""
+    if not isinstance(value, bool):
+        raise Unfit("true or false", "write it without quotes" if isinstance(value, str) else "")
+    return value
+
+
+def words(*known: str) -> Reader:
+    """Return a reader of one of the words ``known``."""
+
+    def read(value: Any) -> str:
+        if isinstance(value, str) and value in known:
+            return value
+        near = get_close_matches(str(value).lower(), known, n=1)
+        hint = f'did you mean "{near[0]}"? ' if near else ""
+        raise Unfit("one of " + ", ".join(f'"{word}"' for word in known), f"{hint}write one of these words")
+
+    return read
+
+
+def list_of(read: Reader, what: str, empty: bool = False) -> Reader:
+    """Return a reader of a list, a tuple of what ``read`` makes of each element; ``what`` is its plural."""
+
+    def read_list(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list):
+            raise Unfit(f"a list of {what}", "write it in brackets: [...]")
+        if not value and not empty:
+            raise Unfit(f"a list of {what} that is not empty")
+        return tuple(_element(read, number, element) for number, element in enumerate(value, 1))
+
+    return read_list
+
+
+def _element(read: Reader, number: int, value: Any) -> Any:
+    try:
+        return read(value)
+    except Unfit as unfit:
+        raise Unfit(f"{unfit.expected} as element {number}, which is {told(value)}", unfit.remedy) from None
+
+
+def text_or_number(value: Any) -> str | int:
+    """Read a channel's name or number."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    return text(value)
+
+
+# -- numbers ---------------------------------------------------------------------------------------------------------
+
+
+def integer(low: int, high: int) -> Reader:
+    """Return a reader of a whole number from ``low`` to ``high``."""
+
+    def read(value: Any) -> int:
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise Unfit(f"a whole number from {low} to {high}", _unquote(value))
+        if not low <= value <= high:
+            raise Unfit(f"a whole number from {low} to {high}")
+        return value
+
+    return read
+
+
+def _finite(value: Any, expected: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise Unfit(expected, _unquote(value))
+    try:
+        number = float(value)
+    except OverflowError:
+        raise Unfit(expected) from None
+    if not abs(number) <= LARGEST:
+        raise Unfit(expected, f"it must lie within ±{LARGEST:g}" if math.isfinite(number) else "")
+    return number
+
+
+def _unquote(value: Any) -> str:
+    return "write the number without quotes and without a unit" if isinstance(value, str) else ""
+
+
+def positive(value: Any) -> float:
+    """Read a finite number above 0."""
+    number = _finite(value, "a number above 0")
+    if number <= 0:
+        raise Unfit("a number above 0")
+    return number
+
+
+def finite(value: Any) -> float:
+    """Read a finite number."""
+    return _finite(value, "a finite number")
+
+
+def interval(value: Any) -> tuple[float, float]:
+    """Read [lowest, highest], the first below the second."""
+    expected = "a list of two numbers, [lowest, highest]"
+    if not isinstance(value, list) or len(value) != 2:
+        raise Unfit(expected)
+    low, high = (_finite(each, expected) for each in value)
+    if low >= high:
+        raise Unfit(
+            f"the lowest first and the highest second, but {low:g} is not below {high:g}",
+            "exchange or correct them",
+        )
+    return low, high
+
+
+def setting(value: Any) -> int | float | str:
+    """Read a value to write into an object: a number or a text."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        remedy = "write 1 or 0" if isinstance(value, bool) else 'put the whole key in quotes: "6099:01" = 100'
+        raise Unfit("a number or a text", remedy if isinstance(value, (bool, dict)) else "")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise Unfit("a finite number")
+    return value
+
+
+_RATIO = re.compile(r"\s*(\d{1,30}(?:\.\d{1,30})?)\s*(?:/\s*(\d{1,30}(?:\.\d{1,30})?)\s*)?", re.ASCII)
+_SMALLEST_SCALE, _LARGEST_SCALE = Fraction(1, 10**12), Fraction(10**15)
+_SCALE = 'increments per unit as a number above 0, or as a ratio such as "131072/360"'
+
+
+def scale(value: Any) -> Fraction:
+    """Read increments per unit: a number above 0, or a ratio of two as a text; exact."""
+    if isinstance(value, str):
+        found = _RATIO.fullmatch(value)
+        divisor = Fraction(found[2] or "1") if found else Fraction(0)
+        exact = Fraction(found[1]) / divisor if found and divisor else Fraction(0)
+    else:
+        exact = Fraction(_finite(value, _SCALE))
+    if exact < 0:
+        raise Unfit(_SCALE, 'to turn the direction write invert = "master" (or "drive")')
+    if not _SMALLEST_SCALE <= exact <= _LARGEST_SCALE:
+        raise Unfit(_SCALE)
+    return exact
+
+
+# -- times -----------------------------------------------------------------------------------------------------------
+
+_DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,12})?)\s*([^\s\d]+)", re.ASCII)
+_UNITS = {
+    "us": Fraction(1, 1_000_000),
+    "\u00b5s": Fraction(1, 1_000_000),  # micro sign
+    "\u03bcs": Fraction(1, 1_000_000),  # Greek letter mu
+    "ms": Fraction(1, 1000),
+    "s": Fraction(1),
+    "min": Fraction(60),
+}
+
+
+def duration(low: str, high: str) -> Reader:
+    """Return a reader of a time with its unit, such as "2.5 ms", from ``low`` to ``high``; the result is in seconds."""
+    lowest, highest = _seconds(low), _seconds(high)
+    expected = f'a time with its unit, from "{low}" to "{high}"'
+
+    def read(value: Any) -> float:
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            number = _short(repr(value))
+            raise Unfit(expected, f'add the unit: "{number}ms" or "{number}s"')
+        seconds = _seconds(value) if isinstance(value, str) else None
+        if seconds is None or lowest is None or highest is None or not lowest <= seconds <= highest:
+            raise Unfit(expected, "units are us, ms, s and min")
+        return float(seconds)
+
+    return read
+
+
+def _seconds(value: str) -> Fraction | None:
+    found = _DURATION.fullmatch(value.strip())
+    if found is None or found[2] not in _UNITS:
+        return None
+    return Fraction(found[1]) * _UNITS[found[2]]
+
+
+def or_word(word: str, meaning: Any, read: Reader) -> Reader:
+    """Return a reader that takes ``word`` for ``meaning``, and else what ``read`` takes."""
+
+    def read_either(value: Any) -> Any:
+        if value == word:
+            return meaning
+        try:
+            return read(value)
+        except Unfit as unfit:
+            raise Unfit(f'{unfit.expected}, or "{word}"', unfit.remedy) from None
+
+    return read_either
+
+
+def never_true(meaning: Any, read: Reader) -> Reader:
+    """Return a reader that takes false for ``meaning``, and else what ``read`` takes."""
+
+    def read_either(value: Any) -> Any:
+        if value is False:
+            return meaning
+        try:
+            return read(value)
+        except Unfit as unfit:
+            raise Unfit(f"{unfit.expected}, or false", unfit.remedy) from None
+
+    return read_either
+
+
+def names(known: Sequence[str], what: str) -> Reader:
+    """Return a reader of a list of words of ``known``, each once."""
+    read = list_of(words(*known), what)
+
+    def read_once(value: Any) -> tuple[str, ...]:
+        found: tuple[str, ...] = read(value)
+        if len(set(found)) < len(found):
+            raise Unfit(f"each of the {what} once")
+        return found
+
+    return read_once

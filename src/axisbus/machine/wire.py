@@ -1,0 +1,186 @@
+"""A cell on a CAN bus: the channel, its nodes, their PDOs and ports; with ``interface = "sim"`` also the stand-ins."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from functools import partial
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.cycle import CanCycle
+from axisbus.bus.node import Node
+from axisbus.bus.pdo import configure
+from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
+from axisbus.bus.port import CanPort
+from axisbus.cia301 import cob
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia402.port import Capabilities, Port
+from axisbus.eds.model import Eds
+from axisbus.errors import BusError, NodeTimeout
+from axisbus.machine.boot import Booted, NodeBoot
+from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.node import NodeAccess
+from axisbus.machine.runtime import Runtime
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+
+SIM = "sim"
+FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
+_CHANNELS = itertools.count(1)
+
+
+class CanComms:
+    """What boot-up needs of one node on a bus; holds the ports that it made."""
+
+    def __init__(self, cell: CellConfig, node: Node) -> None:
+        self._cell = cell
+        self._config = cell.nodes[node.node_id]
+        self._node = node
+        self.ports: dict[str, CanPort] = {}
+
+    def find(self) -> None:
+        """Ask until the node answers, for ``FIND_TIME`` seconds.
+
+        Raises:
+            NodeTimeout: it does not.
+        """
+        deadline = time.monotonic() + FIND_TIME
+        while not self._node.answers_sdo():
+            if time.monotonic() > deadline:
+                raise self._nobody()
+
+    def prepare(self, disturb: bool) -> None:
+        """Bring the node to pre-operational, where that disturbs nothing."""
+        if disturb and self._node.nmt.state is not NmtState.PRE_OPERATIONAL:
+            self._node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+
+    def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
+        """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
+        policy = Policy(
+            sync=self._cell.bus.sync,
+            remap=disturb and self._config.remappable and not self._config.pdos,
+            communication=disturb,
+            taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
+            spare=spare_cob_ids(frozenset(self._cell.nodes)),
+        )
+        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis)
+        port = CanPort(
+            self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
+        )
+        port.prime()
+        self.ports[axis.name] = port
+        return port.capabilities
+
+    def watch(self, timeout: float | None) -> None:
+        """Expect its heartbeat."""
+        self._node.nmt.watch(timeout)
+
+    def start(self) -> str:
+        """Start the node and wait until it confirms."""
+        if self._node.nmt.state is not NmtState.OPERATIONAL:
+            self._node.command(NmtCommand.START)
+        return self._node.nmt.state.text
+
+    def _nobody(self) -> NodeTimeout:
+        return NodeTimeout(
+            f"node {self._node.node_id} does not answer",
+            node=self._node.node_id,
+            observed=f"no answer to the SDO request for 1000h within {FIND_TIME:g} s, {self._node.nmt.describe(time.monotonic())}; "
+            f"channel {self._node.channel.name}: {self._node.channel.health()}",
+            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
+        )
+
+
+def build_on_bus(
+    cell: CellConfig, dictionaries: Mapping[int, Eds], on_report: Callable[[Booted], None] | None = None
+) -> Runtime:
+    """Open the bus, boot all nodes in parallel, and return the runtime; blocks for as long as that takes.
+
+    Raises:
+        AdapterError: the channel cannot be opened, or failed.
+    """
+    with ExitStack() as stack:
+        channel = _open(cell, dictionaries, stack)
+        nodes = {
+            node_id: stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()
+        }
+        comms = {node_id: CanComms(cell, node) for node_id, node in nodes.items()}
+        booted = _boot_all(cell, dictionaries, nodes, comms, on_report)
+        ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
+        there = {name: port for name, port in ports.items() if port is not None}
+        cycle = CanCycle(
+            channel,
+            list(there.values()),
+            sync_cob_id=cob.SYNC if cell.bus.sync else None,
+            master_id=cell.bus.master_id,
+            heartbeat=cell.bus.heartbeat or 0.0,
+        )
+        access = {
+            node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes
+        }
+        let_go = partial(_let_all_go, nodes, booted)
+        return Runtime(cycle, dict[str, Port](there), booted, access, [let_go, cycle.close, stack.pop_all().close])
+    raise AssertionError("unreachable")  # ExitStack suppresses nothing
+
+
+def _open(cell: CellConfig, dictionaries: Mapping[int, Eds], stack: ExitStack) -> Channel:
+    bus = cell.bus
+    if bus.interface != SIM:
+        return stack.enter_context(Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options))
+    name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
+    devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()]
+    stack.enter_context(StandIns(name, devices))
+    return stack.enter_context(Channel.open("virtual", name))
+
+
+def _boot_all(
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    nodes: Mapping[int, Node],
+    comms: Mapping[int, CanComms],
+    on_report: Callable[[Booted], None] | None,
+) -> dict[int, Booted]:
+    def boot(node_id: int) -> Booted:
+        booted = NodeBoot(cell, node_id, dictionaries[node_id], nodes[node_id].sdo, comms[node_id]).run()
+        if on_report is not None:
+            on_report(booted)
+        return booted
+
+    with ThreadPoolExecutor(max_workers=max(1, len(nodes)), thread_name_prefix="axisbus boot") as pool:
+        return dict(zip(nodes, pool.map(boot, nodes), strict=True))
+
+
+def _access(node: Node, eds: Eds, comms: CanComms) -> NodeAccess:
+    plans = tuple(port.plan for port in comms.ports.values())
+    access = NodeAccess(node.node_id, eds, node.sdo, node, plans)
+    access.sdo.cyclic = frozenset(
+        (mapped.index, mapped.subindex)
+        for plan in plans
+        for pdo in plan.active
+        if pdo.receive
+        for mapped in pdo.target.mapping
+    )
+    return access
+
+
+def _let_all_go(nodes: Mapping[int, Node], booted: Mapping[int, Booted]) -> None:
+    with ThreadPoolExecutor(max_workers=max(1, len(nodes)), thread_name_prefix="axisbus close") as pool:
+        for _ in pool.map(_let_go, nodes.values(), booted.values()):
+            pass
+
+
+def _let_go(node: Node, booted: Booted) -> None:
+    """After the axes stand: our heartbeat will end, so the drive must no longer wait for it; then pre-operational."""
+    with suppress(BusError):  # a node that is gone cannot be let go
+        if booted.watch is not None:
+            booted.watch.restore()
+        if booted.report.ok:
+            node.command(NmtCommand.ENTER_PRE_OPERATIONAL, timeout=0.5)
+
+
+def _cob_ids_of(node_ids: set[int]) -> frozenset[int]:
+    return frozenset(base + node_id for node_id in node_ids for base in (*cob.RPDO, *cob.TPDO))

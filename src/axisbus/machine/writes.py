@@ -1,0 +1,125 @@
+"""What a cell file has written into a drive's objects at boot, resolved by its dictionary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from axisbus.bus.dictionary import Dictionary, Entry
+from axisbus.cia301.datatypes import Value
+from axisbus.cia402 import objects, options
+from axisbus.machine.cell import AxisConfig, NodeConfig, ObjectSetting
+from axisbus.machine.scales import DRIVE, units_of
+
+FIRST_AXIS = range(0x6000, 0x6800)  # the profile objects of a device's first axis (CiA 402-2 5)
+
+# 607Eh: position and velocity are multiplied by -1 (CiA 402-2, polarity: bits 7 and 6).
+POLARITY_TURNED = 0xC0
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One value to be written; the index is the device's own. ``source`` says which entry of the cell file asks for it."""
+
+    index: int
+    subindex: int
+    value: int | float | str
+    line: int
+    source: str
+
+    @property
+    def address(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+
+def node_writes(node: NodeConfig, dictionary: Dictionary) -> tuple[Write, ...]:
+    """Return the writes of ``[nodes.N.objects]``, in the file's order.
+
+    Raises:
+        ArgumentError: a key names no object.
+    """
+    return tuple(setting_write(setting, dictionary) for setting in node.objects)
+
+
+def axis_writes(axis: AxisConfig, dictionary: Dictionary) -> tuple[Write, ...]:
+    """Return the writes of an axis: its objects in the file's order, then those that its other entries mean.
+
+    In ``[axes.NAME.objects]`` the indices 6000h to 67FFh are those of a single-axis drive, shifted to the axis's own.
+
+    Raises:
+        ArgumentError: a key names no object.
+    """
+    own = tuple(setting_write(setting, dictionary, axis.drive_axis) for setting in axis.objects)
+    given = {write.address for write in own}
+    return (*own, *implied_writes(axis, frozenset(given)))
+
+
+def setting_write(setting: ObjectSetting, dictionary: Dictionary, drive_axis: int = 1) -> Write:
+    """Return what a line of an ``objects`` table writes.
+
+    Raises:
+        ArgumentError: its key names no object.
+    """
+    entry = resolve(setting.key, dictionary, drive_axis)
+    return Write(
+        entry.index, entry.subindex, setting.value, setting.line, f"{setting.key} in [{setting.table}]"
+    )
+
+
+def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Entry:
+    """Return the entry that ``key`` means, such as ``6065``, ``607Dh:01`` (both hexadecimal) or a name of the EDS.
+
+    Raises:
+        ArgumentError: it names no object.
+    """
+    entry = dictionary.resolve(key)
+    if drive_axis > 1 and entry.index in FIRST_AXIS:
+        return dictionary.entry(own_index(entry.index, drive_axis), entry.subindex)
+    return entry
+
+
+def own_index(index: int, drive_axis: int) -> int:
+    """Return the device's index of an object of a single-axis drive; objects outside the profile are shared by all axes."""
+    return index + objects.AXIS_OFFSET * (drive_axis - 1) if index in FIRST_AXIS else index
+
+
+def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozenset()) -> Iterator[Write]:
+    """Return the writes that ``[axes.NAME.stop]``, ``homing.offset`` and ``invert = "drive"`` mean.
+
+    ``given`` holds what ``[axes.NAME.objects]`` writes: an explicit polarity is left alone.
+    """
+    units, stop = units_of(axis), axis.stop
+    for option in options.ALL:
+        word = stop.word(option.key)
+        if word is not None:
+            value = option.words[word]
+            yield _write(
+                axis,
+                option.index,
+                option.subindex,
+                value,
+                stop.at.of(option.key),
+                f"{option.key} in [{stop.at.name}]",
+            )
+    if stop.deceleration is not None:
+        value = round(stop.deceleration * abs(units.acceleration.factor))
+        index = objects.QUICK_STOP_DECELERATION
+        yield _write(axis, index, 0, value, stop.at.of("deceleration"), f"deceleration in [{stop.at.name}]")
+    if axis.homing.offset is not None:
+        at = axis.homing.at
+        value = units.position.to_increments(axis.homing.offset)
+        yield _write(axis, objects.HOME_OFFSET, 0, value, at.of("offset"), f"offset in [{at.name}]")
+    polarity = (own_index(objects.POLARITY, axis.drive_axis), 0)
+    if axis.invert == DRIVE and polarity not in given:
+        yield Write(*polarity, POLARITY_TURNED, axis.at.of("invert"), f"invert in [{axis.at.name}]")
+
+
+def _write(axis: AxisConfig, index: int, subindex: int, value: int, line: int, source: str) -> Write:
+    return Write(own_index(index, axis.drive_axis), subindex, value, line, source)
+
+
+def initial(dictionary: Dictionary, node_id: int, index: int, subindex: int) -> Value | None:
+    """Return the value that the EDS or DCF gives an object at power-up; None where it gives none."""
+    variable = dictionary.eds.get(index, subindex) if dictionary.eds is not None else None
+    return None if variable is None else variable.initial(node_id)

@@ -1,0 +1,94 @@
+"""Recording every cycle of a machine's axes, and writing it as CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections import deque
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.scan import Scan
+from axisbus.motion.snapshot import Snapshot
+
+COLUMNS = ("position", "velocity", "torque", "target", "state")
+LIMIT = 2_000_000  # cycles; the oldest go first
+
+
+class Recorder:
+    """Keeps the snapshots of each cycle in memory while it is attached to a scan; holds at most ``LIMIT`` cycles.
+
+    In the cycle it only keeps references; conversion to units happens when rows are read. Use it as a context manager.
+    """
+
+    def __init__(self, scan: Scan, every: int = 1) -> None:
+        """``every``: record each n-th cycle."""
+        self._scan = scan
+        self._parameters: dict[str, AxisParameters] = {
+            name: core.parameters for name, core in scan.axes.items()
+        }
+        self._every = every
+        self._count = 0
+        self._cycles: deque[tuple[float, tuple[Snapshot, ...]]] = deque(maxlen=LIMIT)
+
+    def __enter__(self) -> Recorder:
+        self._scan.observers.append(self._observe)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._scan.observers.remove(self._observe)
+
+    def __len__(self) -> int:
+        return len(self._cycles)
+
+    def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        if self._count % self._every == 0:
+            self._cycles.append((now, tuple(snapshots.values())))
+        self._count += 1
+
+    @property
+    def axes(self) -> list[str]:
+        """The recorded axes, in order."""
+        return list(self._parameters)
+
+    def unit(self, axis: str) -> str:
+        """Return the unit of an axis's positions."""
+        return self._parameters[axis].units.position.unit
+
+    def header(self) -> list[str]:
+        """Return the names of the columns: ``time_s``, then position, velocity, torque, target and state of each axis."""
+        return ["time_s", *(f"{axis}.{column}" for axis in self.axes for column in COLUMNS)]
+
+    def rows(self) -> Iterator[list[float | str | None]]:
+        """Yield one row per recorded cycle: seconds since the first, then values in units (N·m for torque); None is unknown."""
+        cycles = list(self._cycles)
+        for now, snapshots in cycles:
+            row: list[float | str | None] = [round(now - cycles[0][0], 6)]
+            for parameters, snapshot in zip(self._parameters.values(), snapshots, strict=True):
+                row += _values(parameters, snapshot)
+            yield row
+
+    def write_csv(self, path: Path | str) -> Path:
+        """Write all rows to ``path`` (an empty field is an unknown value) and return it. The folder is made if needed."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(self.header())
+            writer.writerows(self.rows())
+        return path
+
+
+def _values(parameters: AxisParameters, snapshot: Snapshot) -> list[float | str | None]:
+    units = parameters.units
+    position, velocity = units.position, units.velocity
+    rated = units.rated_torque or 1.0
+    return [
+        None
+        if snapshot.position is None
+        else round(position.to_units(snapshot.position - snapshot.origin), 6),
+        None if snapshot.velocity is None else round(velocity.to_units(snapshot.velocity), 6),
+        None if snapshot.torque is None else round(snapshot.torque / 1000.0 * rated, 6),
+        None if snapshot.target is None else round(position.to_units(snapshot.target - snapshot.origin), 6),
+        snapshot.state.value,
+    ]

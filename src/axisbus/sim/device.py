@@ -1,0 +1,292 @@
+"""One node of a bus of stand-ins without its frames: axes, dictionary, errors, NMT state, watchdogs, storing and restarting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.eds.model import Eds
+from axisbus.sim.dials import NodeDials
+from axisbus.sim.dictionary import CANNOT_STORE, DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
+from axisbus.sim.drive import Drive
+from axisbus.sim.guard import HeartbeatConsumer, LifeGuard
+from axisbus.sim.history import ErrorHistory
+from axisbus.sim.modes.catalogue import IMPLEMENTED
+from axisbus.sim.motor import MotorParams
+from axisbus.sim.pdo import PdoTable
+from axisbus.sim.power import Effort
+from axisbus.sim.settings import AXIS_SPAN
+
+HEARTBEAT_LOST = 0x8130
+RPDO_LATE = 0x8250
+NMT_LEFT = 0x8100
+SAVE, LOAD = 0x6576_6173, 0x6461_6F6C
+_COMMUNICATION = -1  # who an error belongs to that is no axis's
+_MAX_AXES = 8
+_MAX_STEP = 0.02
+# Which objects a sub-index of 1010h and 1011h means (CiA 301 7.5.2.13).
+_SCOPE = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}
+_MAKER_SCOPE = (0x2000, 0x5FFF)
+
+
+class Device:
+    """A node with one or more axes; holds everything that a restart loses, and what was stored, which it does not."""
+
+    def __init__(
+        self,
+        eds: Eds,
+        node_id: int = 1,
+        *,
+        axes: int | None = None,
+        params: MotorParams | Sequence[MotorParams] | None = None,
+        modes: frozenset[int] = IMPLEMENTED,
+        dials: NodeDials | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Make a node from what its EDS says; ``axes`` (1 to 8) are counted by their controlwords where None.
+
+        ``params`` is one motor for all axes or one for each.
+        """
+        self.eds = eds
+        self.node_id = node_id
+        self.dials = dials or NodeDials()
+        self.dictionary = Dictionary(eds, node_id)
+        self.errors = ErrorHistory(_history_length(self.dictionary))
+        self.drives = [
+            Drive(
+                eds,
+                node_id,
+                number,
+                motor,
+                dictionary=self.dictionary,
+                errors=self.errors,
+                modes=modes,
+                seed=seed + number,
+            )
+            for number, motor in enumerate(_motors(params, axes or count_axes(eds)))
+        ]
+        self.pdos = PdoTable(self.dictionary, self.dials)
+        self.consumer = HeartbeatConsumer()
+        self.life_guard = LifeGuard()
+        self.nmt = NmtState.INITIALISING
+        self.time = 0.0
+        self.boot_ups = 0  # boot-up messages owed since power-on
+        self._stored: dict[int, int | float | str | bytes] = {}
+        self._restore = False
+        self._boot_timer = 0.0
+        self._connect()
+
+    @property
+    def drive(self) -> Drive:
+        """The first axis."""
+        return self.drives[0]
+
+    @property
+    def operational(self) -> bool:
+        """Whether PDOs are exchanged."""
+        return self.nmt is NmtState.OPERATIONAL
+
+    def step(self, dt: float) -> None:
+        """Let ``dt`` seconds pass; a long time is taken in pieces."""
+        while dt > _MAX_STEP * 1.001:
+            self._step(_MAX_STEP)
+            dt -= _MAX_STEP
+        self._step(dt)
+
+    def _step(self, dt: float) -> None:
+        self.time += dt
+        for drive in self.drives:
+            drive.step(dt)
+        if self.nmt is NmtState.INITIALISING:
+            self._boot_timer -= dt
+            if self._boot_timer <= 1e-9:
+                self.nmt = NmtState.PRE_OPERATIONAL
+                self.boot_ups += 1
+        elif self.consumer.overdue(self.time) or self.life_guard.overdue(self.time):
+            self.communication_error(HEARTBEAT_LOST)
+
+    def sync(self) -> None:
+        """SYNC: every axis latches its cyclic targets."""
+        for drive in self.drives:
+            drive.sync()
+
+    def power_on(self) -> None:
+        """Skip the time of booting: pre-operational at once, and every axis out of *not ready to switch on*."""
+        self._boot_timer = 0.0
+        self.step(0.02)
+
+    def read(self, index: int, subindex: int = 0) -> int:
+        """Read an integer as SDO does, without the wire; no time passes.
+
+        Raises:
+            SdoAbort: the dictionary or a dial refuses it.
+        """
+        self._refuse(index, subindex, writing=False)
+        return self.dictionary.read(index, subindex)
+
+    def write(self, index: int, subindex: int, value: int) -> None:
+        """Write an integer as SDO does, without the wire; no time passes.
+
+        Raises:
+            SdoAbort: the dictionary or a dial refuses it.
+        """
+        self._refuse(index, subindex, writing=True)
+        self.dictionary.write(index, subindex, value)
+
+    @property
+    def answers_sdo(self) -> bool:
+        """Whether SDO requests are answered: not while dead, silent, initialising or stopped."""
+        dials = self.dials
+        silent = dials.dead or dials.sdo_silent
+        return not silent and self.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
+
+    def _refuse(self, index: int, subindex: int, *, writing: bool) -> None:
+        code = self.dials.refusal(index, subindex, writing=writing)
+        if code is not None:
+            raise self.dictionary.abort("written" if writing else "read", index, subindex, code)
+
+    def heartbeat_of(self, node: int) -> None:
+        """A heartbeat of another node came."""
+        if self.consumer.beat(node, self.time):
+            self.errors.settle(_COMMUNICATION)
+
+    def communication_error(self, code: int) -> None:
+        """Act on a watchdog: emergency, NMT state by 1029h, drives by 6007h."""
+        self.errors.report(_COMMUNICATION, code)
+        reaction = self.dictionary.get_int(0x1029, 1)
+        if reaction == 0 and self.operational:
+            self.nmt = NmtState.PRE_OPERATIONAL
+        elif reaction == 2:
+            self.nmt = NmtState.STOPPED
+        for drive in self.drives:
+            drive.connection_lost(code)
+
+    def communication_restored(self) -> None:
+        """What was missed is there again."""
+        self.errors.settle(_COMMUNICATION)
+
+    def nmt_command(self, command: int) -> None:
+        """Obey an NMT command; an unknown one, or one while booting, does nothing."""
+        if self.nmt is NmtState.INITIALISING or command not in list(NmtCommand):
+            return
+        if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
+            self._reset(whole=command == NmtCommand.RESET_NODE)
+            return
+        before, self.nmt = self.nmt, RESULT[NmtCommand(command)]
+        if self.nmt is NmtState.STOPPED and before is not NmtState.STOPPED:
+            for drive in self.drives:
+                drive.connection_lost(NMT_LEFT)
+
+    def _reset(self, *, whole: bool) -> None:
+        """Restart: parameters as stored (or as from the factory), NMT state *initialising* for a while."""
+        if self._restore:
+            self._stored, self._restore = {}, False
+        self.nmt = NmtState.INITIALISING
+        self._boot_timer = self.dials.reboot_time
+        self.consumer.reset()
+        self.life_guard.reset()
+        self.errors.clear()
+        if whole:
+            self.dictionary.load(self._stored)
+            for drive in self.drives:
+                drive.restart()
+            return
+        self.dictionary.load(self._stored, 0x1000, 0x1FFF)
+        for drive in self.drives:
+            drive.connection_lost(NMT_LEFT)
+
+    # Objects of the communication profile.
+
+    def _connect(self) -> None:
+        dictionary = self.dictionary
+        if dictionary.has(0x1001):
+            dictionary.live[0x1001 << 8] = lambda: self.errors.register
+        self._connect_history()
+        self._connect_watchdogs()
+        for subindex in range(1, 128):
+            if dictionary.has(0x1010, subindex):
+                self._connect_storing(0x1010, subindex)
+            if dictionary.has(0x1011, subindex):
+                self._connect_storing(0x1011, subindex)
+
+    def _connect_history(self) -> None:
+        dictionary, entries = self.dictionary, self.errors
+        if not dictionary.has(0x1003):
+            return
+        dictionary.live[0x1003 << 8] = lambda: len(entries.entries)
+        dictionary.check_write(0x1003 << 8, _only_zero)
+        dictionary.on_write(0x1003 << 8, lambda _: entries.entries.clear())
+        for number in range(entries.capacity):
+            dictionary.live[0x1003 << 8 | number + 1] = partial(entries.entry, number)
+
+    def _connect_watchdogs(self) -> None:
+        dictionary = self.dictionary
+        for subindex in range(1, 128):
+            if dictionary.has(0x1016, subindex):
+                dictionary.on_write(0x1016 << 8 | subindex, lambda _: self._arm())
+        for index in (0x100C, 0x100D):
+            dictionary.on_write(index << 8, lambda _: self._arm())
+        self._arm()
+
+    def _arm(self) -> None:
+        get = self.dictionary.get_int
+        self.consumer.configure([get(0x1016, subindex) for subindex in range(1, 128)])
+        self.life_guard.configure(get(0x100C), get(0x100D))
+
+    def _connect_storing(self, index: int, subindex: int) -> None:
+        key = index << 8 | subindex
+        self.dictionary.live[key] = lambda: 1  # does so on command
+        self.dictionary.check_write(key, self._check_save if index == 0x1010 else self._check_load)
+        if index == 0x1010:
+            self.dictionary.on_write(key, lambda value: self._save(value, subindex))
+        else:
+            self.dictionary.on_write(key, lambda value: self._load(value, key))
+
+    def _check_save(self, value: int) -> None:
+        if value != SAVE:
+            raise Refused(CANNOT_STORE)
+        if any(drive.power.effort is not Effort.OFF for drive in self.drives):
+            raise Refused(DEVICE_STATE)
+
+    def _check_load(self, value: int) -> None:
+        if value != LOAD:
+            raise Refused(CANNOT_STORE)
+
+    def _save(self, value: int, subindex: int) -> None:
+        if value != SAVE:
+            return  # the value after power-up, not a command
+        self.dictionary.values[0x1010 << 8 | subindex] = 1
+        low, high = _SCOPE.get(subindex, _MAKER_SCOPE)
+        kept = {key: item for key, item in self.dictionary.snapshot().items() if low <= key >> 8 <= high}
+        self._stored |= kept
+        if self.dials.reboot_on_store:
+            self._reset(whole=True)
+
+    def _load(self, value: int, key: int) -> None:
+        if value == LOAD:
+            self.dictionary.values[key] = 1
+            self._restore = True  # valid after the next reset
+
+
+def count_axes(eds: Eds) -> int:
+    """Return how many axes a file describes, by the controlwords at 6040h + n · 800h; at least one."""
+    count = 0
+    while count < _MAX_AXES and 0x6040 + count * AXIS_SPAN in eds:
+        count += 1
+    return max(1, count)
+
+
+def _motors(params: MotorParams | Sequence[MotorParams] | None, axes: int) -> list[MotorParams]:
+    if params is None or isinstance(params, MotorParams):
+        return [params or MotorParams()] * axes
+    return list(params)
+
+
+def _history_length(dictionary: Dictionary) -> int:
+    return sum(dictionary.has(0x1003, subindex) for subindex in range(1, 255)) or 8
+
+
+def _only_zero(value: int) -> None:
+    if value != 0:
+        raise Refused(INVALID_VALUE)

@@ -1,0 +1,116 @@
+"""Everything about a stand-in that can be made to misbehave, as dials that may be turned while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+NEVER = float("inf")
+
+
+@dataclass(slots=True)
+class DriveDials:
+    """Misbehaviour of one axis. Every field may be changed at any time; the defaults are a drive that behaves.
+
+    Power stage and controlword:
+        transition_delay: extra seconds per transition number (``NEVER``: that transition is not made)
+        ignore_halt, ignore_quick_stop, ignore_disable_voltage: the drive does not hear that command
+        statusword_frozen: 6041h keeps the value it has
+        no_voltage, local_control: bits 4 and 9 of the statusword are low, and the drive refuses to switch on (4) or to hear
+            the controlword (9)
+        fault_persists: the cause of a fault stays, a reset does nothing
+        fault_on_enable: error code with which the drive falls into fault when it is enabled (0: none)
+
+    Modes and set-points:
+        modes_refused: modes that 6061h does not follow, although 6502h may claim them
+        mode_delay: seconds until 6061h follows 6060h
+        acknowledge_delay: seconds from the edge of bit 4 to bit 12 (``NEVER``: no set-point is taken)
+        acknowledge_stays: bit 12 never falls
+        target_reached_late: seconds for which bit 10 stays set after a new set-point was taken
+        target_reached_never: bit 10 does not rise in the profile modes
+        halt_in_cyclic_modes: halt is heard in csp, csv and cst (CiA 402 leaves it open)
+        homing_fails: homing ends with bit 13
+
+    Machine:
+        blocked: the rotor is held mechanically
+        encoder_jump: increments added once to the measured position, then set back to 0 by the drive
+    """
+
+    transition_delay: dict[int, float] = field(default_factory=dict)
+    ignore_halt: bool = False
+    ignore_quick_stop: bool = False
+    ignore_disable_voltage: bool = False
+    statusword_frozen: bool = False
+    no_voltage: bool = False
+    local_control: bool = False
+    fault_persists: bool = False
+    fault_on_enable: int = 0
+    modes_refused: frozenset[int] = frozenset()
+    mode_delay: float = 0.0
+    acknowledge_delay: float = 0.0
+    acknowledge_stays: bool = False
+    target_reached_late: float = 0.0
+    target_reached_never: bool = False
+    halt_in_cyclic_modes: bool = True
+    homing_fails: bool = False
+    blocked: bool = False
+    encoder_jump: int = 0
+
+
+@dataclass(slots=True)
+class NodeDials:
+    """Misbehaviour of one node's communication.
+
+    dead: the node is silent and deaf, as with a cut cable (its motors go on as told until its own watchdog notices)
+    sdo_delay: seconds from a request to its answer (longer than the client waits: an answer that comes too late)
+    sdo_silent: SDO requests are not answered, and not carried out
+    sdo_aborts: abort code by (index, subindex), for reading and writing
+    sdo_write_aborts: the same, for writing only
+    heartbeat_stops: no more heartbeats; the node goes on otherwise
+    emcy_short: emergency messages have 2 bytes instead of 8
+    fixed_mapping: abort code with which a write to a PDO mapping is refused (0: it may be changed)
+    event_timer_ignored: 18xxh:05 is accepted and not obeyed
+    reboot_time: seconds of silence on a reset before boot-up
+    reboot_on_store: storing parameters (1010h) restarts the node
+    """
+
+    dead: bool = False
+    sdo_delay: float = 0.0
+    sdo_silent: bool = False
+    sdo_aborts: dict[tuple[int, int], int] = field(default_factory=dict)
+    sdo_write_aborts: dict[tuple[int, int], int] = field(default_factory=dict)
+    heartbeat_stops: bool = False
+    emcy_short: bool = False
+    fixed_mapping: int = 0
+    event_timer_ignored: bool = False
+    reboot_time: float = 0.05
+    reboot_on_store: bool = False
+
+    def refusal(self, index: int, subindex: int, *, writing: bool) -> int | None:
+        """Return the abort code with which an SDO request is refused, None where it is not."""
+        code = self.sdo_aborts.get((index, subindex))
+        if code is None and writing:
+            code = self.sdo_write_aborts.get((index, subindex))
+        return code
+
+
+@dataclass(slots=True)
+class CycleDials:
+    """What can go wrong on the bus as a whole; may be turned at any time.
+
+    read, write, commit, sync, heartbeat, wait: an exception that the call of this name raises
+    send_blocks: seconds of virtual time that the next ``commit`` takes, as a full send queue does
+    wait_late: seconds by which ``wait_until`` returns too late
+    sync_lost: SYNC does not reach the nodes
+    heartbeat_lost: our heartbeat does not reach the nodes
+    """
+
+    read: Exception | None = None
+    write: Exception | None = None
+    commit: Exception | None = None
+    sync: Exception | None = None
+    heartbeat: Exception | None = None
+    wait: Exception | None = None
+    send_blocks: float = 0.0
+    wait_late: float = 0.0
+    sync_lost: bool = False
+    heartbeat_lost: bool = False

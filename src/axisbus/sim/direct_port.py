@@ -1,0 +1,270 @@
+"""One axis of a stand-in as a ``cia402.port.Port``: samples, outputs and SDO in virtual time, as each value travels."""
+
+from __future__ import annotations
+
+from operator import attrgetter
+
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Inputs, Outputs, Sample, Source
+from axisbus.errors import SdoTimeout
+from axisbus.sim.device import Device
+from axisbus.sim.dials import CycleDials
+from axisbus.sim.direct_sdo import SdoQueue, shifted
+from axisbus.sim.settings import AXIS_SPAN
+from axisbus.sim.words import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
+
+_INPUTS = tuple(INPUT_OBJECTS)
+_READ = attrgetter("statusword", "mode_display", "position", "velocity", "torque", "position_demand")
+# Outputs in the order in which they take effect: the controlword last, so that it finds its target.
+_ORDER = ("mode", "target_position", "target_velocity", "target_torque", "controlword")
+_MAX_AGE = {Source.SYNC_PDO: 0.1, Source.EVENT_PDO: 1.0, Source.SDO: 1.0, Source.NONE: 0.0}
+
+
+class DirectPort:
+    """One axis of a device; holds the samples, what is to be sent, and the SDO queue."""
+
+    def __init__(
+        self,
+        device: Device,
+        axis: int = 0,
+        *,
+        inputs: dict[str, Source] | None = None,
+        outputs: dict[str, Source] | None = None,
+        max_age: dict[str, float] | None = None,
+        event_timer: float | None = None,
+        sdo_time: float = 0.001,
+        sdo_timeout: float = 0.5,
+        sdo_poll: float = 0.1,
+        node_heartbeat: float = 0.1,
+        remappable: bool = True,
+        dials: CycleDials | None = None,
+    ) -> None:
+        """Offer axis ``axis`` (from 0) of ``device``.
+
+        ``inputs``, ``outputs`` and ``max_age`` (s) change single values; without, everything that the dictionary has travels in
+        synchronous PDOs. ``event_timer`` (s) repeats event-driven inputs; None sends them on change only. ``sdo_time`` is how long
+        a transfer takes, ``sdo_timeout`` how long is waited for an answer, ``sdo_poll`` how often inputs by SDO are read,
+        ``node_heartbeat`` how often the node says its NMT state (three missing ones and it counts as lost); all in s.
+        """
+        self.device = device
+        self.drive = device.drives[axis]
+        self.dials = dials or CycleDials()
+        self._offset = axis * AXIS_SPAN
+        self._event_timer = event_timer
+        self._sdo_poll = sdo_poll
+        self._node_heartbeat = node_heartbeat
+        self._sdo = SdoQueue(device, self._offset, sdo_time, sdo_timeout)
+        self._samples: list[Sample | None] = [None] * len(_INPUTS)
+        self._emcy: tuple[Emcy, ...] = ()
+        self._pending = Outputs()
+        self._latched: dict[str, int] = {}
+        self._last_controlword: int | None = None
+        self._sent_by_sdo: dict[str, int] = {}
+        self._next_poll = self._next_beat = 0.0
+        self._last_beat = -1e9
+        self._reported = NmtState.UNKNOWN
+        self.capabilities = Capabilities(
+            self._sources(INPUT_OBJECTS, inputs), self._sources(OUTPUT_OBJECTS, outputs), remappable, {}
+        )
+        self.capabilities.max_age.update(self._ages(max_age or {}))
+        self._synchronous = self._numbers(Source.SYNC_PDO)
+        self._events = self._numbers(Source.EVENT_PDO)
+        self._polled = self._numbers(Source.SDO)
+        self._primed = False
+
+    def _sources(self, objects: dict[str, int], changes: dict[str, Source] | None) -> dict[str, Source]:
+        has = self.device.dictionary.has
+        found = {
+            name: Source.SYNC_PDO if has(index + self._offset) else Source.NONE
+            for name, index in objects.items()
+        }
+        return found | (changes or {})
+
+    def _ages(self, changes: dict[str, float]) -> dict[str, float]:
+        return {name: _MAX_AGE[source] for name, source in self.capabilities.inputs.items()} | changes
+
+    def _numbers(self, source: Source) -> list[int]:
+        return [number for number, name in enumerate(_INPUTS) if self.capabilities.inputs[name] is source]
+
+    # What motion calls.
+
+    def read(self, now: float) -> Inputs:
+        """Return the newest values.
+
+        Raises:
+            Exception: what the dial ``read`` holds.
+        """
+        if self.dials.read is not None:
+            raise self.dials.read
+        emcy, self._emcy = self._emcy, ()
+        statusword, mode, position, velocity, torque, demand = self._samples
+        alive = now - self._last_beat <= 3.0 * self._node_heartbeat + 1e-9
+        return Inputs(
+            now,
+            alive and self._reported is NmtState.OPERATIONAL,
+            statusword,
+            mode,
+            position,
+            velocity,
+            torque,
+            demand,
+            emcy,
+            self._sdo.take_replies(),
+            int(self._reported),
+        )
+
+    def write(self, outputs: Outputs) -> None:
+        """Take the values for this cycle; nothing happens before the commit.
+
+        Raises:
+            Exception: what the dial ``write`` holds.
+        """
+        if self.dials.write is not None:
+            raise self.dials.write
+        self._pending = outputs
+
+    # Access for a boot-up, outside the cycle.
+
+    def upload(self, index: int, subindex: int = 0) -> int:
+        """Read an integer by SDO at once; indices are those of a single-axis device.
+
+        Raises:
+            SdoAbort: the drive refuses.
+            SdoTimeout: it does not answer.
+        """
+        self._check_answers(index, subindex)
+        return self.device.read(shifted(index, self._offset), subindex)
+
+    def download(self, index: int, subindex: int, value: int) -> None:
+        """Write an integer by SDO at once; indices are those of a single-axis device.
+
+        Raises:
+            SdoAbort: the drive refuses.
+            SdoTimeout: it does not answer.
+        """
+        self._check_answers(index, subindex)
+        self.device.write(shifted(index, self._offset), subindex, value)
+
+    def _check_answers(self, index: int, subindex: int) -> None:
+        if not self.device.answers_sdo:
+            raise SdoTimeout(
+                f"node {self.device.node_id}: no answer to the SDO request for {index:04X}h:{subindex:02X}",
+                node=self.device.node_id,
+                index=index,
+                subindex=subindex,
+                observed=f"NMT state {self.device.nmt.text}",
+            )
+
+    # What the cycle calls.
+
+    def commit(self, now: float) -> None:
+        """Let event-driven outputs take effect, hold synchronous ones for SYNC, queue SDO and NMT."""
+        pending, self._pending = self._pending, Outputs()
+        sources = self.capabilities.outputs
+        if pending.cancel:
+            self._sdo.cancel(pending.cancel)
+        if pending.sdo:
+            self._sdo.add(pending.sdo, now)
+        if pending.controlword is not None:
+            self._last_controlword = pending.controlword
+        for name in _ORDER:
+            value = getattr(pending, name)
+            if value is None:
+                continue
+            source = sources[name]
+            if source is Source.SYNC_PDO:
+                self._latched[name] = value
+            elif source is Source.EVENT_PDO:
+                self._apply(name, value)
+            elif source is Source.SDO:
+                self._send_by_sdo(name, value, now)
+        if pending.nmt_stop and not self.device.dials.dead:
+            self.device.nmt_command(NmtCommand.STOP)
+
+    def sample(self, now: float) -> None:
+        """Take the synchronous inputs."""
+        if not self.device.operational or self.device.dials.dead:
+            return
+        values = _READ(self.drive)
+        samples = self._samples
+        for number in self._synchronous:
+            samples[number] = Sample(values[number], now)
+
+    def latch(self) -> None:
+        """Let the synchronous outputs take effect."""
+        if not self._latched:
+            return
+        latched, self._latched = self._latched, {}
+        for name in _ORDER:
+            if name in latched:
+                self._apply(name, latched[name])
+
+    def advance(self, now: float, emcy: tuple[Emcy, ...]) -> None:
+        """Time has passed until ``now``: emergencies, heartbeats, event-driven and polled inputs, SDO."""
+        device = self.device
+        if emcy:
+            self._emcy += emcy
+        self._sdo.serve(now)
+        if device.dials.dead:
+            return
+        if now >= self._next_beat - 1e-9 and device.nmt is not NmtState.INITIALISING:
+            self._next_beat = now + self._node_heartbeat
+            if not device.dials.heartbeat_stops:
+                self._last_beat, self._reported = now, device.nmt
+        if self._events:
+            self._watch_events(now)
+        if self._polled and now >= self._next_poll and device.answers_sdo:
+            self._next_poll = now + self._sdo_poll + device.dials.sdo_delay
+            self._take(self._polled, now)
+
+    def know_state(self, now: float) -> None:
+        """The node's NMT state is known at once, as after a boot-up that was watched."""
+        self._last_beat, self._reported = now, self.device.nmt
+        self._next_beat = now + self._node_heartbeat
+
+    def quick_stop(self) -> None:
+        """Send the last controlword once more as a quick stop, where one was ever sent."""
+        word = self._last_controlword
+        if word is not None:
+            quick = word & ~(CW_QUICK_STOP_LOW | CW_FAULT_RESET) | CW_ENABLE_VOLTAGE
+            self._latched.pop("controlword", None)
+            if self.capabilities.outputs["controlword"] is Source.SYNC_PDO:
+                self._latched["controlword"] = quick
+            else:
+                self._apply("controlword", quick)
+
+    def _watch_events(self, now: float) -> None:
+        if not self.device.operational:
+            self._primed = False
+            return
+        if not self._primed:
+            self._primed = True  # a node sends its event-driven PDOs when it becomes operational
+            self._take(self._events, now)
+            return
+        values, timer = _READ(self.drive), self._event_timer
+        for number in self._events:
+            sample = self._samples[number]
+            stale = timer is not None and sample is not None and now - sample.stamp >= timer - 1e-9
+            if sample is None or stale or sample.value != values[number]:
+                self._samples[number] = Sample(values[number], now)
+
+    def _take(self, numbers: list[int], now: float) -> None:
+        values = _READ(self.drive)
+        for number in numbers:
+            self._samples[number] = Sample(values[number], now)
+
+    def _apply(self, name: str, value: int) -> None:
+        """A value arrives in the drive by PDO."""
+        if not self.device.operational or self.device.dials.dead:
+            return
+        if name != "controlword":
+            setattr(self.drive, name, value)
+        elif value != self.drive.controlword:
+            self.drive.controlword = value
+            self.drive.hear()
+
+    def _send_by_sdo(self, name: str, value: int, now: float) -> None:
+        if self._sent_by_sdo.get(name) != value:
+            self._sent_by_sdo[name] = value
+            self._sdo.add_write(OUTPUT_OBJECTS[name], value, now, urgent=name == "controlword")

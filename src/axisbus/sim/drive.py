@@ -1,0 +1,401 @@
+"""One axis of a stand-in drive: power stage, modes, supervision and motor, advanced by dt.
+
+Theory of operation
+-------------------
+``step(dt)`` is everything: hear the controlword, let the power stage go on, follow the mode of operation, move the motor,
+supervise, publish. Nothing else moves time. A port or the object dictionary writes ``controlword``, ``mode`` and the targets
+between steps; a controlword that comes through the dictionary is heard at once (``hear``), so that an edge shorter than a step is
+not lost.
+
+What the power stage decides is an *effort* (run the mode, brake on a ramp, off). Only a change of the effort energises or frees the
+motor, makes modes take over or give up, and moves the brake.
+"""
+
+from __future__ import annotations
+
+import random
+
+from axisbus.eds.model import Eds
+from axisbus.sim.axis import Axis
+from axisbus.sim.dials import DriveDials
+from axisbus.sim.dictionary import INVALID_VALUE, Dictionary, Refused
+from axisbus.sim.history import ErrorHistory
+from axisbus.sim.modes.base import Mode
+from axisbus.sim.modes.catalogue import IMPLEMENTED, make_modes
+from axisbus.sim.motor import MotorParams
+from axisbus.sim.objects import connect
+from axisbus.sim.power import Effort, PowerStage, Stage
+from axisbus.sim.settings import AXIS_SPAN, Settings
+from axisbus.sim.words import (
+    CW_HALT,
+    SW_BIT_10,
+    SW_INTERNAL_LIMIT,
+    SW_REMOTE,
+    SW_VOLTAGE,
+    SW_WARNING,
+    as_int8,
+    as_int32,
+)
+
+FOLLOWING_ERROR = 0x8611
+_HALT_EFFORT = (Effort.OFF, Effort.SLOW, Effort.QUICK, Effort.LIMIT, Effort.LIMIT)
+
+
+class Drive:
+    """A CiA 402 drive with its motor; holds all of its state.
+
+    Written from outside: ``controlword``, ``mode`` (6060h), ``target_position``, ``target_velocity``, ``target_torque``,
+    ``warning`` and the ``dials``. To be read: ``statusword``, ``mode_display``, ``position``, ``position_demand`` (increments),
+    ``velocity`` (velocity increments), ``torque`` (‰ of rated), ``error_code``. All are as the objects hold them.
+    """
+
+    axis: Axis
+    controlword: int
+    mode: int
+    mode_display: int
+    statusword: int
+    position: int
+    position_demand: int
+    velocity: int
+    torque: int
+    error_code: int
+    maker_bits: int
+
+    def __init__(
+        self,
+        eds: Eds,
+        node_id: int = 1,
+        axis: int = 0,
+        params: MotorParams | None = None,
+        *,
+        dials: DriveDials | None = None,
+        dictionary: Dictionary | None = None,
+        errors: ErrorHistory | None = None,
+        modes: frozenset[int] = IMPLEMENTED,
+        seed: int = 0,
+    ) -> None:
+        """Make the drive of ``axis`` (from 0) of a node; the first axis makes dictionary and error history, further ones share.
+
+        ``modes`` are those that it really has, whatever 6502h says; ``seed`` is for the noise of the encoder.
+        """
+        self.axis_number = axis
+        self.params = params or MotorParams()
+        self.dials = dials or DriveDials()
+        self.dictionary = dictionary or Dictionary(eds, node_id)
+        self.errors = errors or ErrorHistory()
+        self.modes = modes & IMPLEMENTED
+        self.settings = Settings(self.dictionary, axis)
+        self.axis = Axis(self.settings, self.params, self.dials)
+        self._random = random.Random(seed)
+        self.warning = False
+        self.maker_bits = 0
+        self.error_code = 0
+        self.time = 0.0
+        self._sync_time: float | None = None
+        self._sync_period = 0.0
+        self._has_switches = self.params.limit_switches != (None, None)
+        self._has_period = self.dictionary.has(0x60C2 + axis * AXIS_SPAN, 1)
+        self._begin()
+        connect(self)
+        self.mode = self.mode_display = self._first_mode()
+        self._mode = self._all_modes[self.mode]
+        self._publish()
+
+    def _begin(self) -> None:
+        """The state after power-up."""
+        brake = (self.params.brake_opens, self.params.brake_closes) if self.params.brake else (0.0, 0.0)
+        self.power = PowerStage(self.settings, self.dials, brake=brake)
+        self._all_modes = make_modes()
+        self.controlword = 0
+        self.mode = self.mode_display = 0
+        self._mode = self._all_modes[0]
+        self._word = 0
+        self._effort = Effort.OFF
+        self._halted = False
+        self._mode_timer = 0.0
+        self._brake_timer = 0.0
+        self.statusword = 0
+        self.position = self.position_demand = self.velocity = self.torque = 0
+
+    def restart(self) -> None:
+        """Power-up again: all state is lost except where the motor stands (and what the dictionary keeps)."""
+        self._begin()
+        self.axis.offset = 0.0
+        self.axis.clamped = self.axis.speed_limited = False
+        self.axis.motor.brake_closed = self.params.brake
+        self.error_code = self.maker_bits = 0
+        self._sync_time = None
+        self.mode = self.mode_display = self._first_mode()
+        self._mode = self._all_modes[self.mode]
+        self._publish()
+
+    def start_enabled(self, mode: int = 0) -> None:
+        """Be found enabled: operation enabled in ``mode``, as another master left it."""
+        self.controlword = self._word = 0x000F
+        self.power.start_enabled(self.controlword)
+        self.mode = self.mode_display = mode
+        self._mode = self._all_modes.get(mode, self._all_modes[0])
+        self._apply_effort()
+        self._publish()
+
+    # The targets belong to the motion part.
+
+    @property
+    def target_position(self) -> int:
+        """607Ah in increments."""
+        return self.axis.target_position
+
+    @target_position.setter
+    def target_position(self, value: int) -> None:
+        self.axis.target_position = value
+
+    @property
+    def target_velocity(self) -> int:
+        """60FFh in velocity increments."""
+        return self.axis.target_velocity
+
+    @target_velocity.setter
+    def target_velocity(self, value: int) -> None:
+        self.axis.target_velocity = value
+
+    @property
+    def target_torque(self) -> int:
+        """6071h in ‰ of the rated torque."""
+        return self.axis.target_torque
+
+    @target_torque.setter
+    def target_torque(self, value: int) -> None:
+        self.axis.target_torque = value
+
+    # Time.
+
+    def step(self, dt: float) -> None:
+        """Let ``dt`` seconds pass (0.1 ms to 20 ms)."""
+        self.time += dt
+        axis, power, dials = self.axis, self.power, self.dials
+        axis.refresh()
+        axis.motor.blocked = dials.blocked
+        if dials.encoder_jump:
+            self._jump_encoder()
+        word = self.controlword
+        if word != self._word or word & 0x8F != 0x0F or power.stage is not Stage.ENABLED:
+            self._hear(word)
+        if power.pending is not None:
+            power.step(dt, axis.standing)
+            self._apply_effort()
+        if self.mode != self.mode_display:
+            self._follow_mode(dt)
+        if self._has_switches:
+            axis.watch_switches()
+        self._move(dt)
+        self._publish()
+
+    def hear(self) -> None:
+        """Hear a controlword now, as a receive interrupt does; no time passes."""
+        self._hear(self.controlword)
+        self.power.step(0.0, self.axis.standing)
+        self._apply_effort()
+        self._publish()
+
+    def sync(self) -> None:
+        """SYNC: latch the targets of the cyclic modes."""
+        if self._sync_time is not None:
+            self._sync_period = self.time - self._sync_time
+        self._sync_time = self.time
+        if self._effort is Effort.RUN and not self._halted:
+            self._mode.sync(self.axis, self._interpolation_time())
+
+    def _interpolation_time(self) -> float:
+        settings = self.settings
+        if self._has_period and settings.interpolation_value > 0:
+            return float(settings.interpolation_value * 10.0**settings.interpolation_index)
+        return self._sync_period
+
+    def _hear(self, word: int) -> None:
+        old = self._word
+        if self.dials.local_control:
+            self._word = word
+            return
+        self.power.command(word)
+        self._word = word
+        if word != old and self._effort is Effort.RUN:
+            self._mode.command(self.axis, old, word)
+
+    # Power.
+
+    def _apply_effort(self) -> None:
+        """Act on what the power stage wants of the motor, where that has changed."""
+        if self.error_code and self.power.last_transition == 15:
+            self._settle_fault()
+        old, new = self._effort, self.power.effort
+        if old is new:
+            return
+        self._effort = new
+        axis = self.axis
+        if new is Effort.OFF:
+            self._mode.abandon(axis)
+            self._release(coasting=old is Effort.RUN or not axis.standing)
+        elif old is Effort.OFF:
+            axis.seize()
+            axis.motor.brake_closed = False
+            self._enter_mode()
+            if self.dials.fault_on_enable:
+                self.fault(self.dials.fault_on_enable)
+        elif new is Effort.RUN:
+            self._enter_mode()
+        else:
+            self._mode.abandon(axis)
+
+    def _enter_mode(self) -> None:
+        self._halted = False
+        self.axis.clamped = self.axis.speed_limited = False
+        if self._effort is Effort.RUN:
+            self._mode.enter(self.axis)
+
+    def _release(self, *, coasting: bool) -> None:
+        """The motor is not energised any more; a brake closes (late, when nothing braked before)."""
+        self._halted = False
+        if not self.params.brake:
+            return
+        if coasting:
+            self._brake_timer = max(self.params.brake_closes, 1e-9)
+        else:
+            self.axis.motor.brake_closed = True
+
+    # Motion.
+
+    def _move(self, dt: float) -> None:
+        effort, axis = self._effort, self.axis
+        if effort is Effort.RUN:
+            self._run(dt)
+            if self._mode.supervised and axis.following_fault(dt):
+                self.fault(FOLLOWING_ERROR)
+        elif effort is Effort.OFF:
+            self._coast(dt)
+        else:
+            axis.brake(effort, dt)
+
+    def _run(self, dt: float) -> None:
+        mode = self._mode
+        if self._word & CW_HALT and self._hears_halt(mode):
+            self._halted = True
+            option = self.settings.halt_option
+            effort = _HALT_EFFORT[option] if 0 <= option < len(_HALT_EFFORT) else Effort.SLOW
+            mode.halt(self.axis, effort, dt)
+            return
+        if self._halted:
+            self._halted = False
+            mode.resume(self.axis)
+        mode.step(self.axis, dt)
+
+    def _hears_halt(self, mode: Mode) -> bool:
+        dials = self.dials
+        return not dials.ignore_halt and (dials.halt_in_cyclic_modes or not mode.cyclic)
+
+    def _coast(self, dt: float) -> None:
+        if self._brake_timer > 0.0:
+            self._brake_timer -= dt
+            if self._brake_timer <= 0.0:
+                self.axis.motor.brake_closed = True
+        self.axis.push(0.0, dt)
+
+    def _jump_encoder(self) -> None:
+        self.axis.motor.position += self.dials.encoder_jump
+        self.dials.encoder_jump = 0
+
+    # Modes of operation.
+
+    def check_mode(self, value: int) -> None:
+        """Refuse a mode that the drive does not have, as SDO does."""
+        if value and value not in self.modes:
+            raise Refused(INVALID_VALUE)
+
+    def _first_mode(self) -> int:
+        """Return the mode after power-up: the default of 6060h; a drive without that object has one mode for good."""
+        index = 0x6060 + self.axis_number * AXIS_SPAN
+        if not self.dictionary.has(index):
+            return min(self.modes, default=0)
+        value = as_int8(self.dictionary.get_int(index))
+        return value if value in self.modes else 0
+
+    def _follow_mode(self, dt: float) -> None:
+        wanted = self.mode
+        if (wanted and wanted not in self.modes) or wanted in self.dials.modes_refused:
+            return
+        self._mode_timer += dt
+        if self._mode_timer <= self.dials.mode_delay:
+            return
+        self._mode_timer = 0.0
+        self._mode.abandon(self.axis)
+        self.mode_display = wanted
+        self._mode = self._all_modes[wanted]
+        self._enter_mode()
+
+    # Faults.
+
+    def fault(
+        self, code: int, maker_bits: int = 0, register: int | None = None, *, announce: bool = True
+    ) -> None:
+        """Fall into fault with error code ``code`` (603Fh) and the maker's own bits (203Fh, 203Eh; five bytes of the EMCY).
+
+        ``register`` replaces the bits of 1001h that the code's class gives; ``announce`` False enters nothing and sends no EMCY.
+        """
+        self.error_code = code
+        self.maker_bits = maker_bits
+        if announce:
+            self.errors.report(self.axis_number, code, maker_bits, register)
+        self.power.fault()
+        self._apply_effort()
+        self._publish()
+
+    def connection_lost(self, code: int) -> None:
+        """Act as 6007h says: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
+        option = self.settings.abort_connection_option
+        if option == 1:
+            self.fault(code, announce=False)
+        elif option == 2:
+            self.power.force(9)
+        elif option == 3:
+            self.power.force(11)
+
+    def _settle_fault(self) -> None:
+        self.error_code = self.maker_bits = 0
+        self.errors.settle(self.axis_number)
+
+    # What is published.
+
+    def _publish(self) -> None:
+        axis = self.axis
+        motor = axis.motor
+        measured = motor.position
+        noise = self.params.noise
+        if noise:
+            measured += self._random.uniform(-noise, noise)
+        self.position = as_int32(round(axis.to_user(measured)))
+        if self._effort is Effort.OFF:
+            self.position_demand = self.position
+        else:
+            self.position_demand = as_int32(round(axis.to_user(axis.position)))
+        velocity = motor.velocity
+        self.velocity = axis.user_velocity(velocity) if velocity else 0
+        self.torque = round(motor.torque) if self._effort is not Effort.OFF else 0
+        if not self.dials.statusword_frozen:
+            self.statusword = self._statusword()
+
+    def _statusword(self) -> int:
+        power, dials = self.power, self.dials
+        word = power.pattern
+        if not dials.no_voltage:
+            word |= SW_VOLTAGE
+        if not dials.local_control:
+            word |= SW_REMOTE
+        if self.warning:
+            word |= SW_WARNING
+        if power.stage is Stage.ENABLED:
+            word |= self._mode.halted_bits(self.axis) if self._halted else self._mode.bits(self.axis)
+            axis = self.axis
+            if axis.clamped or axis.speed_limited or axis.forbidden or axis.motor.saturated:
+                word |= SW_INTERNAL_LIMIT
+        elif power.stage is Stage.QUICK_STOP and self.axis.standing:
+            word |= SW_BIT_10
+        return word

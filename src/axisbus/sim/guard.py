@@ -1,0 +1,88 @@
+"""The watchdogs that a node keeps on its master: heartbeat consumer (1016h) and life guarding (100Ch, 100Dh)."""
+
+from __future__ import annotations
+
+_UNSEEN = -1.0
+
+
+class HeartbeatConsumer:
+    """Which producers are watched, and when each was heard last; watching begins with the first heartbeat."""
+
+    def __init__(self) -> None:
+        self._limits: dict[int, float] = {}
+        self._heard: dict[int, float] = {}
+        self._lost: set[int] = set()
+
+    @property
+    def armed(self) -> frozenset[int]:
+        """Node IDs that are watched."""
+        return frozenset(self._limits)
+
+    def configure(self, values: list[int]) -> None:
+        """Take the values of 1016h: node ID in bits 16 to 23, time in ms in bits 0 to 15; 0 is off."""
+        limits = {}
+        for value in values:
+            node, time = value >> 16 & 0xFF, value & 0xFFFF
+            if node and time:
+                limits[node] = time / 1000.0
+        self._heard = {
+            node: stamp for node, stamp in self._heard.items() if limits.get(node) == self._limits[node]
+        }
+        self._limits = limits
+        self._lost &= set(limits)
+
+    def beat(self, node: int, now: float) -> bool:
+        """A heartbeat of ``node`` came; True when it had been lost."""
+        if node not in self._limits:
+            return False
+        self._heard[node] = now
+        if node in self._lost:
+            self._lost.discard(node)
+            return True
+        return False
+
+    def overdue(self, now: float) -> bool:
+        """Whether a producer was lost since the last call."""
+        found = False
+        for node, stamp in self._heard.items():
+            if node not in self._lost and now - stamp > self._limits[node]:
+                self._lost.add(node)
+                found = True
+        return found
+
+    def reset(self) -> None:
+        """Begin anew, waiting for the first heartbeat."""
+        self._heard.clear()
+        self._lost.clear()
+
+
+class LifeGuard:
+    """Node guarding seen from the node: answers requests, and misses them when they stop."""
+
+    def __init__(self) -> None:
+        self._limit = 0.0
+        self._stamp = _UNSEEN
+        self._toggle = 0
+
+    def configure(self, guard_time: int, factor: int) -> None:
+        """Take 100Ch (ms) and 100Dh; a product of 0 is off."""
+        self._limit = guard_time * factor / 1000.0
+
+    def answer(self, state: int, now: float) -> bytes:
+        """Return the answer to a guarding request: NMT state and toggle bit."""
+        data = bytes([state & 0x7F | self._toggle])
+        self._toggle ^= 0x80
+        self._stamp = now
+        return data
+
+    def overdue(self, now: float) -> bool:
+        """Whether requests have stopped, told once."""
+        if self._limit <= 0.0 or self._stamp == _UNSEEN or now - self._stamp <= self._limit:
+            return False
+        self._stamp = _UNSEEN
+        return True
+
+    def reset(self) -> None:
+        """Begin anew: toggle bit 0, waiting for the first request."""
+        self._stamp = _UNSEEN
+        self._toggle = 0

@@ -1,0 +1,56 @@
+"""Cyclic synchronous position mode (CiA 402-2 14): targets latched at SYNC, a straight line between two of them."""
+
+from __future__ import annotations
+
+from axisbus.sim.axis import Axis
+from axisbus.sim.modes.base import Mode
+from axisbus.sim.words import CSP, SW_BIT_10, SW_BIT_12, SW_BIT_13
+
+
+class CyclicPosition(Mode):
+    """Reaches each target when the next is due (60C2h), and stays at the last one: nothing is extrapolated."""
+
+    code = CSP
+    cyclic = True
+    supervised = True
+
+    def __init__(self) -> None:
+        self._goal = 0.0
+        self._left = 0.0
+
+    def enter(self, axis: Axis) -> None:
+        self._goal, self._left = axis.position, 0.0
+
+    def resume(self, axis: Axis) -> None:
+        self.enter(axis)
+
+    def sync(self, axis: Axis, period: float) -> None:
+        target = axis.to_motor(axis.target_position + axis.settings.position_offset)
+        self._goal = axis.position_within(target)
+        self._left = period
+
+    def step(self, axis: Axis, dt: float) -> None:
+        here, left = axis.position, self._left
+        way = self._goal - here
+        if left > dt * 1.000001:
+            way *= dt / left
+            self._left = left - dt
+            time = dt
+        else:
+            self._left = 0.0
+            time = left or dt
+        axis.speed_limited = abs(way) > axis.speed_limit * dt
+        if axis.speed_limited:
+            way = axis.speed_limit * dt if way > 0.0 else -axis.speed_limit * dt
+            time = dt
+        if axis.forbidden and way * axis.forbidden > 0.0:
+            axis.clamped = True
+            way = 0.0
+        axis.follow(here + way, way / time, dt)
+
+    def bits(self, axis: Axis) -> int:
+        return SW_BIT_12 | (SW_BIT_13 if axis.following_exceeded else 0)
+
+    def halted_bits(self, axis: Axis) -> int:
+        value = SW_BIT_13 if axis.following_exceeded else 0
+        return value | SW_BIT_10 if axis.standing else value

@@ -1,0 +1,101 @@
+"""Profile velocity (CiA 402-2 13) and cyclic synchronous velocity (15): a velocity demand that ramps, or comes with SYNC."""
+
+from __future__ import annotations
+
+from axisbus.sim.axis import Axis
+from axisbus.sim.modes.base import Mode
+from axisbus.sim.power import Effort
+from axisbus.sim.words import CSV, PV, SW_BIT_10, SW_BIT_12
+
+
+class ProfileVelocity(Mode):
+    """Ramps to 60FFh with 6083h and 6084h; holds the timers of its two windows."""
+
+    code = PV
+
+    def __init__(self) -> None:
+        self._inside = 0.0
+        self._fast = 0.0
+        self._reached = False
+        self._zero = True
+
+    def enter(self, _axis: Axis) -> None:
+        self._inside = self._fast = 0.0
+
+    def step(self, axis: Axis, dt: float) -> None:
+        wanted = axis.motor_velocity(axis.target_velocity)
+        target = axis.velocity_within(wanted, axis.profile_speed_limit)
+        if axis.forbidden and axis.velocity * axis.forbidden > 0.0:
+            axis.brake(Effort.QUICK, dt)
+        else:
+            axis.ramp_to(target, axis.acceleration, axis.deceleration, dt)
+            axis.forget_error()
+        self._watch(axis, dt)
+
+    def halt(self, axis: Axis, effort: Effort, dt: float) -> None:
+        super().halt(axis, effort, dt)
+        self._watch(axis, dt)
+
+    def bits(self, axis: Axis) -> int:
+        value = SW_BIT_12 if self._zero else 0
+        if self._reached and not axis.dials.target_reached_never:
+            value |= SW_BIT_10
+        return value
+
+    def _watch(self, axis: Axis, dt: float) -> None:
+        """Bit 10 by 606Dh and 606Eh, bit 12 by 606Fh and 6070h."""
+        settings = axis.settings
+        actual = axis.user_velocity(axis.motor.velocity)
+        if abs(axis.target_velocity - actual) <= settings.velocity_window:
+            self._inside += dt
+            self._reached = self._inside * 1000.0 >= settings.velocity_window_time
+        else:
+            self._inside, self._reached = 0.0, False
+        if abs(actual) <= settings.velocity_threshold:
+            self._fast, self._zero = 0.0, True
+        else:
+            self._fast += dt
+            if self._fast * 1000.0 > settings.velocity_threshold_time:
+                self._zero = False
+
+
+class CyclicVelocity(Mode):
+    """Goes evenly to the velocity of each SYNC within the interpolation time, and holds it when no other comes."""
+
+    code = CSV
+    cyclic = True
+
+    def __init__(self) -> None:
+        self._goal = 0.0
+        self._left = 0.0
+
+    def enter(self, axis: Axis) -> None:
+        self._goal, self._left = axis.velocity, 0.0
+
+    def resume(self, axis: Axis) -> None:
+        self.enter(axis)
+
+    def sync(self, axis: Axis, period: float) -> None:
+        wanted = axis.motor_velocity(axis.target_velocity + axis.settings.velocity_offset)
+        self._goal = axis.velocity_within(wanted, axis.speed_limit)
+        self._left = period
+
+    def step(self, axis: Axis, dt: float) -> None:
+        goal = axis.velocity_within(self._goal, axis.speed_limit) if axis.forbidden else self._goal
+        left = self._left
+        before = axis.velocity
+        if left > dt:
+            after = before + (goal - before) * dt / left
+            way = 0.5 * (before + after) * dt
+        else:
+            after = goal
+            way = 0.5 * (before + after) * left + after * (dt - left)
+        self._left = max(0.0, left - dt)
+        axis.follow(axis.position + way, after, dt)
+        axis.forget_error()
+
+    def bits(self, _axis: Axis) -> int:
+        return SW_BIT_12
+
+    def halted_bits(self, axis: Axis) -> int:
+        return SW_BIT_10 if axis.standing else 0

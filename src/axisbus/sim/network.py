@@ -1,0 +1,167 @@
+"""Stand-ins in real time on a CAN bus, by default python-can's virtual one: one network and one timer thread for all.
+
+Theory of operation
+-------------------
+The timer thread steps every device about each ``period`` seconds of the monotonic clock and sends what is due; the receive thread
+of ``canopen`` hands frames to the slaves and sends their answers. One lock keeps the two apart; nothing sleeps under it. When the
+process was held up for longer than ``_CATCH_UP``, the plants stand still for the rest instead of catching up in one jump.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from types import TracebackType
+
+import can
+import canopen
+
+from axisbus.errors import AdapterError
+from axisbus.sim.device import Device
+from axisbus.sim.node import StandInNode
+
+_CATCH_UP = 0.1  # s
+
+
+class _Listener(can.Listener):
+    """Hands every frame to the stand-ins."""
+
+    def __init__(self, stand_ins: StandIns) -> None:
+        self._stand_ins = stand_ins
+
+    def on_message_received(self, msg: can.Message) -> None:
+        if not (msg.is_error_frame or msg.is_extended_id):
+            self._stand_ins.receive(msg.arbitration_id, bytes(msg.data), remote=msg.is_remote_frame)
+
+    def stop(self) -> None:
+        """Nothing to release."""
+
+
+class StandIns:
+    """Drives that answer on a channel while the ``with`` block runs; holds the thread that moves them.
+
+    Devices, drives and dials may be read and turned from any thread; take ``lock`` where several values must fit together.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        devices: Sequence[Device],
+        *,
+        interface: str = "virtual",
+        bitrate: int | None = None,
+        period: float = 0.002,
+    ) -> None:
+        """Prepare; nothing is opened before ``start`` (or ``with``). ``bitrate`` is for adapters that want one.
+
+        ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
+        """
+        self.lock = threading.RLock()
+        self.devices = list(devices)
+        self.nodes = [StandInNode(device, self.lock) for device in self.devices]
+        self.network = canopen.Network()
+        self._options: dict[str, str | int] = {"interface": interface, "channel": channel}
+        if bitrate is not None:
+            self._options["bitrate"] = bitrate
+        self._period = period
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"stand-ins on {channel}", daemon=True)
+        self._lost = 0.0
+        self._last = 0.0
+        self._error: Exception | None = None
+
+    def __enter__(self) -> StandIns:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._shut()
+        if error is None:
+            self._raise_error()
+
+    def start(self) -> None:
+        """Open the channel and power all nodes on; returns at once, boot-up messages follow.
+
+        Raises:
+            AdapterError: the channel cannot be opened.
+        """
+        for node in self.nodes:
+            self.network.add_node(node)
+        self.network.NOTIFIER_CYCLE = 0.05
+        self.network.listeners.append(_Listener(self))  # type: ignore[arg-type]  # any listener will do
+        try:
+            self.network.connect(**self._options)
+        except (can.CanError, OSError, ValueError) as error:
+            raise AdapterError(
+                f"the stand-ins' channel {self._options['channel']!r} cannot be opened",
+                observed=str(error),
+                remedy="check interface and channel",
+            ) from error
+        self._last = time.monotonic()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the drives' time and leave the bus; blocks for up to a second.
+
+        Raises:
+            AdapterError: sending had failed meanwhile.
+        """
+        self._shut()
+        self._raise_error()
+
+    def receive(self, can_id: int, data: bytes, *, remote: bool = False) -> None:
+        """Take a frame from the bus (the receive thread calls this)."""
+        with self.lock:
+            now = self._now()
+            for node in self.nodes:
+                if node.slave.listens_to(can_id):
+                    node.slave.on_frame(can_id, data, now, remote=remote)
+            self._send()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        try:
+            while not self._stop.wait(max(0.0, due - time.monotonic())):
+                due = max(due + self._period, time.monotonic())
+                with self.lock:
+                    now = self._now()
+                    for node in self.nodes:
+                        node.slave.step(now)
+                    self._send()
+        except Exception as error:  # noqa: BLE001 - as in _send
+            self._error = error
+
+    def _now(self) -> float:
+        """Return the plants' time: the monotonic clock without what was lost."""
+        now = time.monotonic()
+        late = now - self._last - _CATCH_UP
+        if late > 0.0:
+            self._lost += late
+        self._last = now
+        return now - self._lost
+
+    def _send(self) -> None:
+        for node in self.nodes:
+            for can_id, data in node.slave.take_frames():
+                try:
+                    self.network.send_message(can_id, data)
+                except can.CanError as error:  # close() hands it on; a thread has nobody to raise to
+                    self._error = error
+                    self._stop.set()
+
+    def _shut(self) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+        self.network.disconnect()
+
+    def _raise_error(self) -> None:
+        if self._error is not None:
+            raise AdapterError(
+                "the stand-ins stopped before their time",
+                observed=f"{type(self._error).__name__}: {self._error}",
+                remedy="see the cause below; on a virtual bus it is a defect of the stand-in",
+            ) from self._error

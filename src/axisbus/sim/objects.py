@@ -1,0 +1,93 @@
+"""Which objects show and take the values of one axis of a drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from axisbus.sim.settings import AXIS_SPAN, place
+from axisbus.sim.words import as_int8, as_int16, as_int32
+
+if TYPE_CHECKING:
+    from axisbus.sim.drive import Drive
+
+# Objects that only show: index to value. Where a file lacks one, nothing shows it.
+SHOWN: dict[int, Callable[[Drive], int]] = {
+    0x603F: lambda drive: drive.error_code,
+    0x6041: lambda drive: drive.statusword,
+    0x6061: lambda drive: drive.mode_display,
+    0x6062: lambda drive: drive.position_demand,
+    0x6063: lambda drive: drive.position,
+    0x6064: lambda drive: drive.position,
+    0x6069: lambda drive: drive.velocity,
+    0x606B: lambda drive: drive.axis.user_velocity(drive.axis.velocity),
+    0x606C: lambda drive: drive.velocity,
+    0x6074: lambda drive: round(drive.axis.torque_demand),
+    0x6077: lambda drive: drive.torque,
+    0x6078: lambda drive: drive.torque,
+    0x60F4: lambda drive: round(drive.axis.position - drive.axis.motor.position),
+    0x60FC: lambda drive: drive.position_demand,
+    0x60FD: lambda drive: drive.axis.digital_inputs,
+}
+# The maker's error bits, at the first axis only: low and high 32 bits.
+MAKER_SHOWN: dict[int, Callable[[Drive], int]] = {
+    0x203F: lambda drive: drive.maker_bits & 0xFFFF_FFFF,
+    0x203E: lambda drive: drive.maker_bits >> 32,
+}
+
+
+def _controlword(drive: Drive, value: int) -> None:
+    drive.controlword = value & 0xFFFF
+    drive.hear()
+
+
+def _mode(drive: Drive, value: int) -> None:
+    drive.mode = as_int8(value)
+
+
+def _target_position(drive: Drive, value: int) -> None:
+    drive.target_position = as_int32(value)
+
+
+def _target_velocity(drive: Drive, value: int) -> None:
+    drive.target_velocity = as_int32(value)
+
+
+def _target_torque(drive: Drive, value: int) -> None:
+    drive.target_torque = as_int16(value)
+
+
+# Objects that the master writes: index to (shown value, what a write does). Signed as in the standard, whatever a file says.
+TAKEN: dict[int, tuple[Callable[[Drive], int], Callable[[Drive, int], None]]] = {
+    0x6040: (lambda drive: drive.controlword, _controlword),
+    0x6060: (lambda drive: drive.mode, _mode),
+    0x607A: (lambda drive: drive.target_position, _target_position),
+    0x60FF: (lambda drive: drive.target_velocity, _target_velocity),
+    0x6071: (lambda drive: drive.target_torque, _target_torque),
+}
+
+
+def connect(drive: Drive) -> None:
+    """Put the axis's values into its node's dictionary."""
+    dictionary = drive.dictionary
+    offset = drive.axis_number * AXIS_SPAN
+    for index, value in SHOWN.items():
+        _show(drive, index + offset, value)
+    if drive.axis_number == 0:
+        for index, value in MAKER_SHOWN.items():
+            _show(drive, index, value)
+    for index, (shown, take) in TAKEN.items():
+        key = place(dictionary, index + offset)
+        if index != 0x6040:
+            take(drive, dictionary.get_int(key >> 8, key & 0xFF))
+        dictionary.on_write(key, partial(take, drive))
+        _show(drive, index + offset, shown)
+    dictionary.check_write((0x6060 + offset) << 8, lambda value: drive.check_mode(as_int8(value)))
+    modes = sum(1 << mode - 1 for mode in drive.modes)
+    dictionary.give_default(0x6502 + offset, 0, modes)
+
+
+def _show(drive: Drive, index: int, value: Callable[[Drive], int]) -> None:
+    if drive.dictionary.has(index):
+        drive.dictionary.live[place(drive.dictionary, index)] = lambda: value(drive)

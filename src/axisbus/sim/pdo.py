@@ -1,0 +1,242 @@
+"""The PDOs of a node: parameters with their rules (CiA 301 7.4.9), packing and unpacking to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from axisbus.sim.dials import NodeDials
+from axisbus.sim.dictionary import (
+    INVALID_VALUE,
+    NO_OBJECT,
+    NO_SUBINDEX,
+    UNSUPPORTED_ACCESS,
+    Dictionary,
+    Refused,
+)
+
+CANNOT_MAP = 0x0604_0041
+TOO_MANY_BITS = 0x0604_0042
+
+_INVALID = 0x8000_0000
+_FRAME_BITS = 0x2000_0000
+_ID = 0x7FF
+_DEFAULT_RPDO = (0x200, 0x300, 0x400, 0x500)
+_DEFAULT_TPDO = (0x180, 0x280, 0x380, 0x480)
+_DUMMIES = range(0x0001, 0x0008)
+# COB-IDs that no PDO may have (CiA 301 table 40).
+_RESTRICTED = (
+    range(0x001),
+    range(0x001, 0x081),
+    range(0x101, 0x181),
+    range(0x581, 0x600),
+    range(0x601, 0x680),
+    range(0x6E0, 0x700),
+    range(0x701, 0x800),
+)
+
+
+class Field(NamedTuple):
+    """One mapped entry: ``key`` None is space only; ``half`` is the sign's weight, 0 for unsigned."""
+
+    key: int | None
+    shift: int
+    mask: int
+    half: int
+
+
+class Pdo:
+    """One PDO; holds its parameters and the compiled mapping."""
+
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        number: int,
+        transmit: bool,
+        dials: NodeDials,
+        changed: Callable[[], None],
+    ) -> None:
+        """Make PDO ``number`` (from 0) and watch its objects; ``changed`` is called when a parameter has changed."""
+        self._changed = changed
+        self.number = number
+        self.transmit = transmit
+        self._dictionary = dictionary
+        self._dials = dials
+        self._comm = (0x1800 if transmit else 0x1400) + number
+        self._map = (0x1A00 if transmit else 0x1600) + number
+        self.cob_id = 0
+        self.valid = False
+        self.transmission_type = 255
+        self.inhibit_time = 0.0  # s
+        self.event_timer = 0.0  # s
+        self.fields: list[Field] = []
+        self.size = 0
+        self._predefine()
+        self._watch()
+        self.reload()
+
+    @property
+    def synchronous(self) -> bool:
+        """Whether it is tied to SYNC (types 0 to 240)."""
+        return self.transmission_type <= 240
+
+    def pack(self) -> bytes:
+        """Return the data as the objects are now."""
+        raw = 0
+        encoded = self._dictionary.encoded_int
+        for key, shift, mask, _ in self.fields:
+            if key is not None:
+                raw |= (encoded(key) & mask) << shift
+        return raw.to_bytes(self.size, "little")
+
+    def unpack(self, data: bytes, *, commands: bool) -> None:
+        """Write the mapped controlwords (``commands``) or everything else; a value that the drive does not take is dropped.
+
+        ``data`` holds at least ``size`` bytes.
+        """
+        raw = int.from_bytes(data[: self.size], "little")
+        for key, shift, mask, half in self.fields:
+            if key is not None and _is_controlword(key) is commands:
+                value = raw >> shift & mask
+                self._dictionary.write_mapped(key, value - (half << 1) if value & half else value)
+
+    def reload(self, _value: int = 0) -> None:
+        """Take the parameters from the dictionary."""
+        get = self._dictionary.get_int
+        cob = get(self._comm, 1, _INVALID) & 0xFFFF_FFFF
+        self.cob_id = cob & _ID
+        self.valid = not cob & (_INVALID | _FRAME_BITS) and self.cob_id != 0
+        self.transmission_type = get(self._comm, 2, 255)
+        self.inhibit_time = get(self._comm, 3) / 10_000.0
+        self.event_timer = 0.0 if self._dials.event_timer_ignored else get(self._comm, 5) / 1000.0
+        self.fields = self._fields(get(self._map, 0))
+        self._changed()
+
+    def _predefine(self) -> None:
+        """COB-IDs of the first four where the file gives none (CiA 301 7.3.5)."""
+        defaults = _DEFAULT_TPDO if self.transmit else _DEFAULT_RPDO
+        node_id = self._dictionary.node_id
+        value = defaults[self.number] + node_id if self.number < len(defaults) else _INVALID
+        self._dictionary.give_default(self._comm, 1, value)
+        self._dictionary.give_default(self._comm, 2, 255)
+
+    def _fields(self, count: int) -> list[Field]:
+        fields, shift = [], 0
+        for subindex in range(1, count + 1):
+            entry = self._dictionary.get_int(self._map, subindex) & 0xFFFF_FFFF
+            bits = entry & 0xFF
+            if shift + bits > 64:
+                break
+            fields.append(self._field(entry, shift, bits))
+            shift += bits
+        self.size = (shift + 7) // 8
+        return fields
+
+    def _field(self, entry: int, shift: int, bits: int) -> Field:
+        found = self._dictionary.entries.get(entry >> 8)
+        if found is None or bits == 0:
+            return Field(None, shift, 0, 0)
+        half = 1 << bits - 1 if found.signed else 0
+        return Field(entry >> 8, shift, (1 << bits) - 1, half)
+
+    # Rules.
+
+    def _watch(self) -> None:
+        dictionary, comm, mapping = self._dictionary, self._comm, self._map
+        dictionary.check_write(comm << 8 | 1, self._check_cob_id)
+        dictionary.check_write(comm << 8 | 2, self._check_type)
+        dictionary.check_write(comm << 8 | 3, self._check_inhibit_time)
+        for subindex in (1, 2, 3, 5):
+            dictionary.on_write(comm << 8 | subindex, self.reload)
+        for subindex in range(65):
+            if dictionary.has(mapping, subindex):
+                check = self._check_entry if subindex else self._check_count
+                dictionary.check_write(mapping << 8 | subindex, check)
+                dictionary.on_write(mapping << 8 | subindex, self.reload)
+
+    def _check_cob_id(self, value: int) -> None:
+        value &= 0xFFFF_FFFF
+        if value & _INVALID:
+            return
+        if value & _FRAME_BITS or any((value & _ID) in span for span in _RESTRICTED):
+            raise Refused(INVALID_VALUE)
+        if self.valid and value & _ID != self.cob_id:
+            raise Refused(INVALID_VALUE)  # bits 0 to 29 may not change while the PDO exists
+
+    def _check_type(self, value: int) -> None:
+        if 241 <= value <= 253:  # reserved, and RTR only, which this device does not have
+            raise Refused(INVALID_VALUE)
+
+    def _check_inhibit_time(self, _value: int) -> None:
+        if self.valid:
+            raise Refused(INVALID_VALUE)
+
+    def _check_mapping_free(self) -> None:
+        if self._dials.fixed_mapping:
+            raise Refused(self._dials.fixed_mapping)
+        if self.valid:
+            raise Refused(UNSUPPORTED_ACCESS)
+
+    def _check_count(self, value: int) -> None:
+        self._check_mapping_free()
+        if value == 0:
+            return
+        entries = []
+        for subindex in range(1, value + 1):
+            if value > 64 or not self._dictionary.has(self._map, subindex):
+                raise Refused(TOO_MANY_BITS)
+            entries.append(self._dictionary.get_int(self._map, subindex) & 0xFFFF_FFFF)
+        for entry in entries:
+            self._check_mappable(entry)
+        if sum(entry & 0xFF for entry in entries) > 64:
+            raise Refused(TOO_MANY_BITS)
+
+    def _check_entry(self, value: int) -> None:
+        self._check_mapping_free()
+        if self._dictionary.get_int(self._map, 0) != 0:
+            raise Refused(UNSUPPORTED_ACCESS)
+        if value:
+            self._check_mappable(value & 0xFFFF_FFFF)
+
+    def _check_mappable(self, entry: int) -> None:
+        index, bits = entry >> 16, entry & 0xFF
+        if index in _DUMMIES and not self.transmit:
+            return
+        found = self._dictionary.entries.get(entry >> 8)
+        if found is None:
+            raise Refused(NO_SUBINDEX if index in self._dictionary.indices else NO_OBJECT)
+        right_way = found.readable and found.access != "rww" if self.transmit else found.writable
+        right_way = right_way and not (found.access == "rwr" and not self.transmit)
+        size = found.data_type.bits
+        if not found.mappable or not right_way or size is None or bits != size:
+            raise Refused(CANNOT_MAP)
+
+
+class PdoTable:
+    """All PDOs that the dictionary has communication parameters for; ``version`` grows with every change of one, or of 1005h."""
+
+    def __init__(self, dictionary: Dictionary, dials: NodeDials) -> None:
+        self.version = 0
+        receive, transmit = _numbers(dictionary, 0x1400), _numbers(dictionary, 0x1800)
+        self.receive = [Pdo(dictionary, n, False, dials, self._count) for n in receive]
+        self.transmit = [Pdo(dictionary, n, True, dials, self._count) for n in transmit]
+        dictionary.on_write(0x1005 << 8, lambda _: self._count())
+
+    def _count(self) -> None:
+        self.version += 1
+
+
+def apply(received: list[tuple[Pdo, bytes]]) -> None:
+    """Write what came in RPDOs at one instant: all values first, so that a controlword finds its target there."""
+    for pdo, data in received:
+        pdo.unpack(data, commands=False)
+    for pdo, data in received:
+        pdo.unpack(data, commands=True)
+
+
+def _is_controlword(key: int) -> bool:
+    return key >= 0x60_0000 and (key - 0x60_4000) % 0x8_0000 == 0
+
+
+def _numbers(dictionary: Dictionary, first: int) -> Iterator[int]:
+    return (index - first for index in sorted(dictionary.indices) if first <= index < first + 0x200)

@@ -1,0 +1,285 @@
+"""The power stage of the stand-in drive: CiA 402-2 7.2 from the drive's side.
+
+Theory of operation
+-------------------
+``ARROWS`` holds the transitions 0 to 16, ``_COMMANDS`` what the controlword asks for in each state. A transition that has been
+accepted waits for three things, in this order: the ramp that its option code asks for (``effort`` tells the motion part what to
+do meanwhile), its delay, and then the state changes. The controlword works by its level, except fault reset, which needs a rising
+edge of bit 7. Transitions of the drive's own accord (0, 1, 12 after a quick stop, 13, 14) are pending in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Protocol
+
+from axisbus.sim.dials import NEVER, DriveDials
+from axisbus.sim.words import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
+
+
+class Stage(IntEnum):
+    """A state of the power stage, numbered for this module only."""
+
+    NOT_READY = 0
+    SWITCH_ON_DISABLED = 1
+    READY = 2
+    SWITCHED_ON = 3
+    ENABLED = 4
+    QUICK_STOP = 5
+    FAULT_REACTION = 6
+    FAULT = 7
+
+
+class Effort(IntEnum):
+    """What the motor is to do now."""
+
+    OFF = 0  # not energised
+    RUN = 1  # what the mode of operation says
+    SLOW = 2  # brake on the slow-down ramp
+    QUICK = 3  # brake on the quick-stop ramp
+    LIMIT = 4  # brake at the current or voltage limit
+
+
+# Bits 0-3, 5, 6 of the statusword; CiA 402-2 table 29.
+PATTERN = (0x0000, 0x0040, 0x0021, 0x0023, 0x0027, 0x0007, 0x000F, 0x0008)
+
+# Transition: (from, to). 0 and 13 start anywhere.
+ARROWS = {
+    0: (Stage.NOT_READY, Stage.NOT_READY),
+    1: (Stage.NOT_READY, Stage.SWITCH_ON_DISABLED),
+    2: (Stage.SWITCH_ON_DISABLED, Stage.READY),
+    3: (Stage.READY, Stage.SWITCHED_ON),
+    4: (Stage.SWITCHED_ON, Stage.ENABLED),
+    5: (Stage.ENABLED, Stage.SWITCHED_ON),
+    6: (Stage.SWITCHED_ON, Stage.READY),
+    7: (Stage.READY, Stage.SWITCH_ON_DISABLED),
+    8: (Stage.ENABLED, Stage.READY),
+    9: (Stage.ENABLED, Stage.SWITCH_ON_DISABLED),
+    10: (Stage.SWITCHED_ON, Stage.SWITCH_ON_DISABLED),
+    11: (Stage.ENABLED, Stage.QUICK_STOP),
+    12: (Stage.QUICK_STOP, Stage.SWITCH_ON_DISABLED),
+    13: (Stage.ENABLED, Stage.FAULT_REACTION),
+    14: (Stage.FAULT_REACTION, Stage.FAULT),
+    15: (Stage.FAULT, Stage.SWITCH_ON_DISABLED),
+    16: (Stage.QUICK_STOP, Stage.ENABLED),
+}
+
+# (mask, value, transition) by state; the rows of a state exclude each other or stand in order. Table 27 wants bit 7 low.
+_COMMANDS: dict[Stage, tuple[tuple[int, int, int], ...]] = {
+    Stage.SWITCH_ON_DISABLED: ((0x87, 0x06, 2),),
+    Stage.READY: ((0x82, 0x00, 7), (0x86, 0x02, 7), (0x87, 0x07, 3)),
+    Stage.SWITCHED_ON: ((0x82, 0x00, 10), (0x86, 0x02, 10), (0x87, 0x06, 6), (0x8F, 0x0F, 4)),
+    Stage.ENABLED: ((0x82, 0x00, 9), (0x86, 0x02, 11), (0x87, 0x06, 8), (0x8F, 0x07, 5)),
+    Stage.QUICK_STOP: ((0x82, 0x00, 12), (0x8F, 0x0F, 16)),
+}
+
+# Efforts by option code: quick stop 605Ah, fault reaction 605Eh, and shutdown 605Bh and disable operation 605Ch.
+_QUICK_STOP = (
+    Effort.OFF,
+    Effort.SLOW,
+    Effort.QUICK,
+    Effort.LIMIT,
+    Effort.LIMIT,
+    Effort.SLOW,
+    Effort.QUICK,
+    Effort.LIMIT,
+    Effort.LIMIT,
+)
+_FAULT = (Effort.OFF, Effort.SLOW, Effort.QUICK, Effort.LIMIT, Effort.LIMIT)
+_ENERGISED = (Stage.ENABLED, Stage.QUICK_STOP, Stage.FAULT_REACTION)
+_HOLDS = range(5, 9)
+_AFTER_STANDSTILL = (5, 8, 12, 14)  # these wait for the end of their ramp
+
+# Seconds that a drive of this kind takes; 1 is its self-test, 4 and 5 get the brake's times on top.
+DELAYS: Mapping[int, float] = {1: 0.01, 3: 0.002, 4: 0.002}
+
+
+def by_option(table: tuple[Effort, ...], option: int) -> Effort:
+    """Return the effort of an option code; one that the standard does not know brakes on the slow-down ramp."""
+    return table[option] if 0 <= option < len(table) else Effort.SLOW
+
+
+class Options(Protocol):
+    """The option codes that the power stage obeys: 605Ah, 605Bh, 605Ch, 605Eh."""
+
+    quick_stop_option: int
+    shutdown_option: int
+    disable_option: int
+    fault_option: int
+
+
+class PowerStage:
+    """Holds the state and the transition that is under way."""
+
+    __slots__ = (
+        "_brake_closes",
+        "_brake_opens",
+        "_delays",
+        "_dials",
+        "_edge",
+        "_ignored_word",
+        "_options",
+        "_timer",
+        "_word",
+        "effort",
+        "last_transition",
+        "pending",
+        "stage",
+    )
+
+    def __init__(
+        self,
+        options: Options,
+        dials: DriveDials,
+        delays: Mapping[int, float] = DELAYS,
+        brake: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Begin in *not ready to switch on*; ``brake`` is how long a brake takes to open and to close, in seconds."""
+        self._options = options
+        self._dials = dials
+        self._delays = delays
+        self._brake_opens, self._brake_closes = brake
+        self.stage = Stage.NOT_READY
+        self.effort = Effort.OFF
+        self.last_transition = 0
+        self._word = 0
+        self._edge = False
+        self._ignored_word: int | None = None
+        self.pending: int | None = 1
+        self._timer = self._delay(1)
+
+    @property
+    def pattern(self) -> int:
+        """The state's bits of the statusword."""
+        return PATTERN[self.stage]
+
+    def command(self, word: int) -> None:
+        """Take a controlword; it may make a transition pending, which ``step`` then takes."""
+        if word & CW_FAULT_RESET and not self._word & CW_FAULT_RESET:
+            self._edge = True
+        if word != self._word:
+            self._ignored_word = None
+        self._word = word
+        self._look()
+
+    def step(self, dt: float, standing: bool) -> None:
+        """Let ``dt`` seconds (>= 0) pass; ``standing`` tells that a braking motor has come to rest."""
+        guard = 8  # transitions that follow each other without a delay
+        while self.pending is not None and guard:
+            if self.effort > Effort.RUN and not standing and self.pending in _AFTER_STANDSTILL:
+                return
+            self._timer -= dt
+            dt = 0.0
+            if self._timer > 1e-12:
+                return
+            self._take(self.pending)
+            self._look()
+            guard -= 1
+
+    def fault(self) -> None:
+        """Transition 13: a fault was detected, in any state."""
+        if self.stage in (Stage.FAULT, Stage.FAULT_REACTION):
+            return
+        energised = self.stage in _ENERGISED
+        self.last_transition = 13
+        self.stage = Stage.FAULT_REACTION
+        self.effort = by_option(_FAULT, self._options.fault_option) if energised else Effort.OFF
+        self._await(14)
+        self._edge = False
+
+    def force(self, transition: int) -> None:
+        """Make transition 9 or 11 without a command (abort connection option code); the controlword must change to go on."""
+        if self.stage is not Stage.ENABLED:
+            return
+        self._ignored_word = self._word
+        self._accept(transition)
+
+    def start_enabled(self, word: int) -> None:
+        """Be in operation enabled at once, as a drive is that another master enabled before."""
+        self.stage, self.effort, self.pending = Stage.ENABLED, Effort.RUN, None
+        self._word = word
+
+    def _look(self) -> None:
+        """Accept what the controlword asks for now."""
+        if self.stage is Stage.FAULT:
+            if self._edge and not self._dials.fault_persists:
+                self._accept(15)
+            self._edge = False
+            return
+        self._edge = False
+        if self._word == self._ignored_word:
+            return
+        wanted = self._wanted()
+        if wanted is None:
+            self._drop_ramp()
+        elif self._interrupts(wanted):
+            self._accept(wanted)
+
+    def _wanted(self) -> int | None:
+        word = self._word
+        if self._dials.ignore_disable_voltage and not word & CW_ENABLE_VOLTAGE:
+            return None
+        if self._dials.ignore_quick_stop and word & CW_ENABLE_VOLTAGE and not word & CW_QUICK_STOP_LOW:
+            return None
+        for mask, value, transition in _COMMANDS.get(self.stage, ()):
+            if word & mask == value:
+                return transition if self._allowed(transition) else None
+        return None
+
+    def _allowed(self, transition: int) -> bool:
+        if self._dials.transition_delay.get(transition, 0.0) == NEVER:
+            return False
+        if transition == 16:
+            return self._options.quick_stop_option in _HOLDS
+        return transition not in (3, 4) or not self._dials.no_voltage
+
+    def _interrupts(self, wanted: int) -> bool:
+        """A pending ramp yields to any other command; another pending transition only to disable voltage and quick stop."""
+        if wanted == self.pending:
+            return wanted == 12 and self.effort > Effort.RUN  # disable voltage cuts a quick stop's ramp short
+        return self.pending is None or self.effort > Effort.RUN or wanted in (7, 9, 10, 11, 12)
+
+    def _drop_ramp(self) -> None:
+        """Enable operation again while transition 5 or 8 is still braking: the drive goes on."""
+        if self.pending in (5, 8) and self._word & 0x8F == 0x0F:
+            self.pending, self.effort = None, Effort.RUN
+
+    def _accept(self, transition: int) -> None:
+        if transition == 5:
+            self.effort = Effort.SLOW if self._options.disable_option else Effort.OFF
+        elif transition == 8:
+            self.effort = Effort.SLOW if self._options.shutdown_option else Effort.OFF
+        elif transition in (9, 12):
+            self.effort = Effort.OFF
+        elif transition == 16:
+            self.effort = Effort.RUN
+        self._await(transition)
+
+    def _await(self, transition: int) -> None:
+        self.pending = transition
+        self._timer = self._delay(transition)
+
+    def _delay(self, transition: int) -> float:
+        time = self._delays.get(transition, 0.0) + self._dials.transition_delay.get(transition, 0.0)
+        if transition == 4:
+            time += self._brake_opens
+        elif transition in (5, 8, 14) and self.effort > Effort.RUN:
+            time += self._brake_closes  # the brake holds before the torque goes
+        elif transition == 12 and self.stage is Stage.QUICK_STOP and self.effort > Effort.RUN:
+            time += self._brake_closes
+        return time
+
+    def _take(self, transition: int) -> None:
+        self.last_transition = transition
+        self.pending = None
+        stage = ARROWS[transition][1]
+        self.stage = stage
+        if stage is Stage.ENABLED:
+            self.effort = Effort.RUN
+        elif stage is Stage.QUICK_STOP:
+            self.effort = by_option(_QUICK_STOP, self._options.quick_stop_option)
+            if self._options.quick_stop_option not in _HOLDS:
+                self._await(12)
+        else:
+            self.effort = Effort.OFF

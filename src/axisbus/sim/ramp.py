@@ -1,0 +1,158 @@
+"""Trapezoid moves and velocity ramps in closed form.
+
+Theory of operation
+-------------------
+A ``Profile`` is planned once, from any velocity, as at most five pieces of constant acceleration, and then evaluated at any time:
+the step width does not matter, and the end is the target itself. A change of target or limits plans anew from where the motion
+is. All values are floats in increments, increments/s and increments/s².
+"""
+
+from __future__ import annotations
+
+import math
+
+
+class Profile:
+    """A move under way; holds the time that has passed in it."""
+
+    __slots__ = (
+        "_base",
+        "_count",
+        "_index",
+        "_pieces",
+        "_time",
+        "done",
+        "duration",
+        "end_velocity",
+        "target",
+    )
+
+    def __init__(self, start: float, target: float, pieces: list[tuple[float, float, float]]) -> None:
+        """Take pieces of (duration in s, velocity at the beginning, acceleration); ``target`` is where they end."""
+        self.target = target
+        self._base = []
+        time, position, velocity = 0.0, start, pieces[0][1] if pieces else 0.0
+        for duration, velocity, acceleration in pieces:
+            self._base.append((time, position))
+            time += duration
+            position += velocity * duration + 0.5 * acceleration * duration * duration
+            velocity += acceleration * duration
+        self._pieces = pieces
+        self._count = len(pieces)
+        self._index = 0
+        self._time = 0.0
+        self.duration = time
+        self.end_velocity = velocity if abs(velocity) > 1e-6 else 0.0
+        self.done = not pieces
+
+    def advance(self, dt: float) -> tuple[float, float]:
+        """Return position and velocity ``dt`` seconds (>= 0) later; at the end, exactly the target.
+
+        A profile with an end velocity is left at its target; the time that was left over is not carried on.
+        """
+        self._time = time = self._time + dt
+        if time >= self.duration:
+            self.done = True
+            return self.target, self.end_velocity
+        index = self._index
+        while index + 1 < self._count and time >= self._base[index + 1][0]:
+            index += 1
+        self._index = index
+        begin, position = self._base[index]
+        _, velocity, acceleration = self._pieces[index]
+        t = time - begin
+        return position + (velocity + 0.5 * acceleration * t) * t, velocity + acceleration * t
+
+
+def plan_move(
+    start: float,
+    velocity: float,
+    target: float,
+    limit: float,
+    acceleration: float,
+    deceleration: float,
+    end_velocity: float = 0.0,
+) -> Profile:
+    """Plan the quickest trapezoid from ``start``, moving at ``velocity``, to ``target``.
+
+    ``limit``, ``acceleration`` and ``deceleration`` are > 0; ``end_velocity`` (>= 0) is the speed, in the direction of the move, at
+    which the target is passed. A motion that cannot stop before the target runs over it and comes back.
+    """
+    passing = end_velocity > 0.0 and velocity * (target - start) > 0.0
+    rest = start if passing else start + velocity * abs(velocity) / (2.0 * deceleration)
+    way = target - rest
+    if abs(way) < 1e-9:
+        way = velocity  # it stops there by braking alone
+    direction = 1.0 if way >= 0.0 else -1.0
+    pieces = _pieces(
+        (target - start) * direction,
+        velocity * direction,
+        limit,
+        acceleration,
+        deceleration,
+        min(end_velocity, limit),
+    )
+    return Profile(start, target, [(t, v * direction, a * direction) for t, v, a in pieces if t > 0.0])
+
+
+def _pieces(
+    distance: float, velocity: float, limit: float, acceleration: float, deceleration: float, end: float
+) -> list[tuple[float, float, float]]:
+    """Plan in the direction of the move: ``distance`` to go, ``velocity`` negative when it must turn round first."""
+    pieces = []
+    if velocity < 0.0:
+        pieces.append((-velocity / deceleration, velocity, deceleration))
+        distance += velocity * velocity / (2.0 * deceleration)
+        velocity = 0.0
+    elif velocity > limit:
+        pieces.append(((velocity - limit) / deceleration, velocity, -deceleration))
+        distance -= (velocity * velocity - limit * limit) / (2.0 * deceleration)
+        velocity = limit
+    if end > 0.0:  # as far as the distance lets the speed change
+        end = min(end, math.sqrt(velocity * velocity + 2.0 * acceleration * max(0.0, distance)))
+        end = max(end, math.sqrt(max(0.0, velocity * velocity - 2.0 * deceleration * distance)))
+    both = acceleration + deceleration
+    square = 2.0 * acceleration * deceleration * distance
+    square = (square + deceleration * velocity * velocity + acceleration * end * end) / both
+    peak = min(limit, math.sqrt(max(0.0, square)))
+    if peak < velocity:  # rounding only: there is just room to brake
+        peak = velocity
+    speeding = (peak * peak - velocity * velocity) / (2.0 * acceleration)
+    braking = max(0.0, peak * peak - end * end) / (2.0 * deceleration)
+    pieces.append(((peak - velocity) / acceleration, velocity, acceleration))
+    if peak > 0.0:
+        pieces.append((max(0.0, distance - speeding - braking) / peak, peak, 0.0))
+    pieces.append((max(0.0, peak - end) / deceleration, peak, -deceleration))
+    return pieces
+
+
+def ramp_velocity(
+    velocity: float, target: float, acceleration: float, deceleration: float, dt: float
+) -> tuple[float, float]:
+    """Return the velocity after ``dt`` seconds on the way to ``target``, and the distance covered.
+
+    Away from zero ``acceleration`` holds, towards zero ``deceleration``; with a rate of 0 the velocity does not change.
+    """
+    distance = 0.0
+    while dt > 0.0 and velocity != target:
+        slowing = velocity * target < 0.0 or abs(velocity) > abs(target)
+        rate = deceleration if slowing else acceleration
+        goal = target if not slowing or velocity * target > 0.0 else 0.0
+        if rate <= 0.0:
+            break
+        time = abs(goal - velocity) / rate
+        if time > dt:
+            step = rate * dt if goal > velocity else -rate * dt
+            return velocity + step, distance + (velocity + 0.5 * step) * dt
+        distance += 0.5 * (velocity + goal) * time
+        velocity = goal
+        dt -= time
+    return velocity, distance + velocity * dt
+
+
+def slope(value: float, target: float, rate: float, dt: float) -> float:
+    """Return ``value`` moved towards ``target`` by at most ``rate * dt``."""
+    step = rate * dt
+    if target > value:
+        return min(target, value + step)
+    return max(target, value - step)

@@ -1,0 +1,269 @@
+"""The communication of one node as frames in and frames out, without a bus or a clock.
+
+Theory of operation
+-------------------
+``on_frame`` takes what came, ``step`` lets time pass; frames to be sent collect in a list that ``take_frames`` empties. NMT decides
+what is heard: nothing while initialising, no SDO, SYNC, PDO or EMCY in *stopped*, no PDO in *pre-operational*. At SYNC the
+synchronous TPDOs are sampled first and the waiting RPDOs take effect then, so that an answer to a command travels with the next
+SYNC, as on a real bus. SDO requests queue up and are carried out when their delay has passed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.sim.device import RPDO_LATE, Device
+from axisbus.sim.pdo import Pdo, apply
+from axisbus.sim.sdo import SdoServer
+
+Frame = tuple[int, bytes]
+_HEARTBEAT = 0x700
+_SHORT_PDO = 0x8210
+
+
+class TransmitState:
+    """What was sent of one TPDO, and when."""
+
+    __slots__ = ("count", "last", "stamp")
+
+    def __init__(self) -> None:
+        self.last: bytes | None = None
+        self.stamp = -1e9
+        self.count = 0
+
+
+class Slave:
+    """A node on the wire; holds queues, timers and what was sent last. Times are seconds of any steady clock."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self._server = SdoServer(device.dictionary, device.dials)
+        self._frames: list[Frame] = []
+        self._requests: deque[tuple[float, bytes]] = deque()
+        self._pending: dict[int, tuple[Pdo, bytes]] = {}  # RPDOs that wait for SYNC
+        self._sent: dict[int, TransmitState] = {}
+        self._heard: dict[int, float] = {}  # RPDO number: when it came
+        self._late: set[int] = set()
+        self._routes: dict[int, Callable[[bytes, float], None]] = {}
+        self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
+        self._events: list[Pdo] = []
+        self._version = -1
+        self._now: float | None = None
+        self._next_heartbeat = 0.0
+        self._boot_ups = 0
+        self._nmt = device.nmt
+        self._index_routes()
+
+    def listens_to(self, can_id: int) -> bool:
+        """Whether a frame with this identifier means anything to the node."""
+        return can_id in self._routes or _HEARTBEAT < can_id <= _HEARTBEAT + 127
+
+    def take_frames(self) -> list[Frame]:
+        """Return the frames to be sent, as (identifier, data), and forget them."""
+        frames, self._frames = self._frames, []
+        return frames
+
+    def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
+        """Take a frame that came at ``now``; one that means nothing here, or is malformed, is passed over."""
+        device = self.device
+        if device.dials.dead or device.nmt is NmtState.INITIALISING:
+            return
+        if remote:
+            self._on_remote(can_id)
+            return
+        if _HEARTBEAT < can_id <= _HEARTBEAT + 127:
+            device.heartbeat_of(can_id - _HEARTBEAT)
+            return
+        handler = self._routes.get(can_id)
+        if handler is not None:
+            handler(bytes(data), now)
+            self._after(now)
+
+    def step(self, now: float) -> None:
+        """Let time pass until ``now``: the device moves on, timers run, frames collect."""
+        dt = 0.0 if self._now is None else now - self._now
+        self._now = now
+        device = self.device
+        device.step(max(0.0, dt))
+        if device.dials.dead:
+            device.errors.take()
+            return
+        self._announce_boot(now)
+        if device.nmt is NmtState.INITIALISING:
+            return
+        self._serve(now)
+        self._beat(now)
+        self._watch_deadlines(now)
+        self._after(now)
+
+    def _after(self, now: float) -> None:
+        """Send what follows from what has just happened."""
+        device = self.device
+        if device.nmt is not self._nmt:
+            self._on_nmt_change()
+        if device.pdos.version != self._version:
+            self._index_routes()
+        if device.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL):
+            self._send_emergencies()
+        if device.nmt is NmtState.OPERATIONAL:
+            self._send_events(now)
+
+    def _on_nmt_change(self) -> None:
+        self._nmt = self.device.nmt
+        self._sent.clear()
+        self._pending.clear()
+        self._heard.clear()
+        self._late.clear()
+        if self._nmt in (NmtState.STOPPED, NmtState.INITIALISING):
+            self._requests.clear()
+            self._server.reset()
+
+    def _index_routes(self) -> None:
+        device = self.device
+        self._version = device.pdos.version
+        sync = device.dictionary.get_int(0x1005, 0, 0x80) & 0x7FF
+        routes: dict[int, Callable[[bytes, float], None]] = {0: self._on_nmt, sync: self._on_sync}
+        routes[0x600 + device.node_id] = self._on_sdo
+        for pdo in device.pdos.receive:
+            if pdo.valid:
+                routes.setdefault(pdo.cob_id, self._rpdo_handler(pdo))
+        self._routes = routes
+        sent = [pdo for pdo in device.pdos.transmit if pdo.valid and pdo.fields]
+        self._cyclic = [pdo for pdo in sent if pdo.synchronous]
+        self._events = [pdo for pdo in sent if not pdo.synchronous]
+
+    # NMT, heartbeat, guarding.
+
+    def _on_nmt(self, data: bytes, _now: float) -> None:
+        if len(data) >= 2 and data[1] in (0, self.device.node_id):
+            self.device.nmt_command(data[0])
+
+    def _announce_boot(self, now: float) -> None:
+        while self._boot_ups < self.device.boot_ups:
+            self._boot_ups += 1
+            self._frames.append((_HEARTBEAT + self.device.node_id, b"\0"))
+            self._next_heartbeat = now + self._heartbeat_time
+
+    @property
+    def _heartbeat_time(self) -> float:
+        return self.device.dictionary.get_int(0x1017) / 1000.0
+
+    def _beat(self, now: float) -> None:
+        device = self.device
+        time = self._heartbeat_time
+        if time <= 0.0:
+            self._next_heartbeat = now
+        elif now >= self._next_heartbeat - 1e-9:
+            self._next_heartbeat = max(self._next_heartbeat + time, now)
+            if not device.dials.heartbeat_stops:
+                self._frames.append((_HEARTBEAT + device.node_id, bytes([device.nmt])))
+
+    def _on_remote(self, can_id: int) -> None:
+        device = self.device
+        if can_id == _HEARTBEAT + device.node_id and device.dictionary.get_int(0x1017) == 0:
+            self._frames.append((can_id, device.life_guard.answer(device.nmt, device.time)))
+
+    # SDO.
+
+    def _on_sdo(self, data: bytes, now: float) -> None:
+        device = self.device
+        if device.nmt is NmtState.STOPPED or device.dials.sdo_silent:
+            return
+        delay = device.dials.sdo_delay
+        if delay <= 0.0 and not self._requests:
+            self._answer(data)
+        else:
+            self._requests.append((now + delay, data))
+
+    def _serve(self, now: float) -> None:
+        while self._requests and now >= self._requests[0][0]:
+            self._answer(self._requests.popleft()[1])
+
+    def _answer(self, data: bytes) -> None:
+        answer = self._server.request(data)
+        if answer is not None:
+            self._frames.append((0x580 + self.device.node_id, answer))
+
+    # PDO and SYNC.
+
+    def _rpdo_handler(self, pdo: Pdo) -> Callable[[bytes, float], None]:
+        return lambda data, now: self._on_rpdo(pdo, data, now)
+
+    def _on_rpdo(self, pdo: Pdo, data: bytes, now: float) -> None:
+        device = self.device
+        if not device.operational or not pdo.valid:
+            return
+        if len(data) < pdo.size:
+            device.errors.report(-1, _SHORT_PDO)
+            return
+        self._heard[pdo.number] = now
+        if pdo.number in self._late:
+            self._late.discard(pdo.number)
+            device.communication_restored()
+        if pdo.synchronous:
+            self._pending[pdo.number] = (pdo, data)
+        else:
+            apply([(pdo, data)])
+
+    def _on_sync(self, _data: bytes, now: float) -> None:
+        if not self.device.operational:
+            return
+        for pdo in self._cyclic:
+            self._sample(pdo, now)
+        if self._pending:
+            pending, self._pending = self._pending, {}
+            apply(list(pending.values()))
+        self.device.sync()
+
+    def _sample(self, pdo: Pdo, now: float) -> None:
+        """Send a synchronous TPDO: type 0 when it has changed, type n with every n-th SYNC."""
+        state = self._sent.setdefault(pdo.number, TransmitState())
+        if pdo.transmission_type == 0:
+            data = pdo.pack()
+            if data != state.last:
+                self._send(pdo, state, data, now)
+            return
+        state.count += 1
+        if state.count >= pdo.transmission_type:
+            state.count = 0
+            self._send(pdo, state, pdo.pack(), now)
+
+    def _send_events(self, now: float) -> None:
+        """Send the event-driven TPDOs that have changed or whose event timer has run out, but not within their inhibit time."""
+        for pdo in self._events:
+            state = self._sent.setdefault(pdo.number, TransmitState())
+            since = now - state.stamp + 1e-9
+            if since < pdo.inhibit_time:
+                continue
+            data = pdo.pack()
+            if data != state.last or (pdo.event_timer > 0.0 and since >= pdo.event_timer):
+                self._send(pdo, state, data, now)
+
+    def _send(self, pdo: Pdo, state: TransmitState, data: bytes, now: float) -> None:
+        state.last, state.stamp = data, now
+        self._frames.append((pdo.cob_id, data))
+
+    def _watch_deadlines(self, now: float) -> None:
+        """14xxh:05: an RPDO that came once must come again in time."""
+        if not self.device.operational:
+            return
+        for pdo in self.device.pdos.receive:
+            stamp = self._heard.get(pdo.number)
+            if stamp is None or pdo.event_timer <= 0.0 or pdo.number in self._late:
+                continue
+            if now - stamp > pdo.event_timer:
+                self._late.add(pdo.number)
+                self.device.communication_error(RPDO_LATE)
+
+    # Emergencies.
+
+    def _send_emergencies(self) -> None:
+        device = self.device
+        for code, register, data in device.errors.take():
+            cob_id = device.dictionary.get_int(0x1014, 0, 0x80 + device.node_id) & 0xFFFF_FFFF
+            if cob_id & 0x8000_0000 or not cob_id & 0x7FF:
+                continue
+            message = code.to_bytes(2, "little") + bytes([register]) + data
+            self._frames.append((cob_id & 0x7FF, message[:2] if device.dials.emcy_short else message))

@@ -1,0 +1,31 @@
+"""What the bus tests share: an open channel on the fake bus, closed behind each test, which must leave no thread behind."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+from bus_peer import FakeBus, eventually
+
+from axisbus.bus.channel import Channel
+
+
+@pytest.fixture
+def fake() -> FakeBus:
+    return FakeBus()
+
+
+@pytest.fixture
+def channel(fake: FakeBus) -> Iterator[Channel]:
+    with Channel(fake, "fake:0") as channel:
+        yield channel
+
+
+@pytest.fixture(autouse=True)
+def no_thread_left() -> Iterator[None]:
+    before = set(threading.enumerate())
+    yield
+    eventually(
+        lambda: not [t for t in threading.enumerate() if t not in before and t.name.startswith("axisbus")]
+    )

@@ -1,0 +1,121 @@
+"""Opening an adapter: each way to get it wrong has its own sentence."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import can
+import pytest
+
+from axisbus.bus import adapter, socketcan
+from axisbus.bus.socketcan import Link
+from axisbus.errors import AdapterError, ArgumentError
+
+
+def test_an_unknown_interface_gets_its_nearest_names() -> None:
+    with pytest.raises(AdapterError, match="'socketkan'") as caught:
+        adapter.open_adapter("socketkan", "can0", None, {})
+    assert "'socketcan'" in caught.value.remedy
+
+
+def test_a_bitrate_is_needed_where_the_adapter_sets_it() -> None:
+    with pytest.raises(AdapterError, match="no bitrate") as caught:
+        adapter.open_adapter("pcan", "PCAN_USBBUS1", None, {})
+    assert "bitrate" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError("pcanbasic library not found."), "PCAN-Basic"),
+        (can.CanInterfaceNotImplementedError("Cannot import module"), "PCAN-Basic"),
+        (PermissionError(13, "Permission denied"), "group"),
+        (can.CanInitializationError("in use"), "plugged in"),
+    ],
+)
+def test_what_the_driver_raises_becomes_a_remedy(
+    error: Exception, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**_: object) -> can.BusABC:
+        raise error
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(AdapterError, match="pcan:PCAN_USBBUS1 cannot be opened") as caught:
+        adapter.open_adapter("pcan", "PCAN_USBBUS1", 500_000, {})
+    assert words in caught.value.remedy
+    assert str(error) in caught.value.observed
+
+
+def test_a_kernel_without_can_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: object) -> can.BusABC:
+        raise OSError(97, "Address family not supported by protocol")
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with pytest.raises(AdapterError) as caught:
+        adapter.open_adapter("socketcan", "can0", None, {}, lambda name: Link(name, up=True))
+    assert "modprobe" in caught.value.remedy
+
+
+def test_an_option_that_the_adapter_does_not_take() -> None:
+    with pytest.raises(ArgumentError, match="colour"):
+        adapter.open_adapter(
+            "virtual", "x", None, {"colour": "red", "channel_id": 5, "protocol": 1, "self": 1}
+        )
+
+
+def test_a_link_that_is_not_there() -> None:
+    with pytest.raises(AdapterError, match="no CAN interface 'can7'"):
+        adapter.check_link("can7", 500_000, lambda _: None)
+
+
+def test_a_link_that_is_down_gets_the_line_that_brings_it_up() -> None:
+    with pytest.raises(AdapterError, match="is down") as caught:
+        adapter.check_link("can0", 500_000, lambda name: Link(name, up=False))
+    assert caught.value.remedy.startswith("sudo ip link set can0 up type can bitrate 500000")
+
+
+def test_a_link_at_another_bitrate_than_configured() -> None:
+    with pytest.raises(AdapterError, match="runs at 500000 bit/s, configured are 1000000") as caught:
+        adapter.check_link("can0", 1_000_000, lambda name: Link(name, up=True, bitrate=500_000))
+    assert "down" in caught.value.remedy
+    assert "bitrate 1000000" in caught.value.remedy
+
+
+@pytest.mark.parametrize("bitrate", [None, 500_000])
+def test_a_link_that_fits_or_does_not_tell(bitrate: int | None) -> None:
+    adapter.check_link("can0", bitrate, lambda name: Link(name, up=True, bitrate=500_000))
+    adapter.check_link("vcan0", bitrate, lambda name: Link(name, up=True, kind="vcan"))
+
+
+# As iproute2 prints it; the keys are those of its ip/iplink_can.c.
+IP_ANSWER = """[{"ifindex":4,"ifname":"can0","flags":["NOARP","UP","LOWER_UP","ECHO"],"mtu":16,"qdisc":"pfifo_fast",
+"operstate":"UP","txqlen":10,"link_type":"can","linkinfo":{"info_kind":"can","info_data":{"state":"ERROR-ACTIVE",
+"berr_counter":{"tx":0,"rx":0},"restart_ms":100,"bittiming":{"bitrate":500000,"sample_point":"0.875"}}}}]"""
+
+
+def test_the_answer_of_ip_is_read() -> None:
+    assert socketcan.parse_ip(IP_ANSWER) == Link("can0", True, "can", 500_000, 10, "ERROR-ACTIVE")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", "no json", json.dumps([{}])])
+def test_an_answer_that_is_none_is_none(text: str) -> None:
+    assert socketcan.parse_ip(text) is None
+
+
+def test_without_ip_sysfs_tells_what_it_can(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, kind, flags in (
+        ("can0", "280", "0x10041"),
+        ("eth0", "1", "0x1003"),
+        ("can1", "280", "0x10040"),
+    ):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(kind)
+        (tmp_path / name / "flags").write_text(flags)
+        (tmp_path / name / "tx_queue_len").write_text("10")
+    monkeypatch.setattr(socketcan, "_NET", tmp_path)
+    monkeypatch.setattr(socketcan, "_ip", lambda _: "")
+    assert socketcan.links() == ["can0", "can1"]
+    assert socketcan.link("can0") == Link("can0", True, queue_length=10)
+    assert socketcan.link("can1") == Link("can1", False, queue_length=10)
+    assert socketcan.link("eth0") is None

@@ -1,0 +1,321 @@
+"""The bus as the scan drives it: the grid by a clock of our own, the frames of a cycle, and the quick stop that gets out."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from collections.abc import Iterator
+
+import can
+import pytest
+from bus_peer import FakeBus, Slave, eventually
+from test_bus_plan import objects, rpdo, tpdo
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.cycle import CanCycle
+from axisbus.bus.mapping import DevicePdos
+from axisbus.bus.node import Node
+from axisbus.bus.plan import Policy, Wanted, make_plan
+from axisbus.bus.port import CanPort
+from axisbus.cia402.port import Outputs
+from axisbus.errors import AdapterError
+
+WANTED = Wanted(("statusword",), ("controlword", "target_position"))
+
+
+class Time:
+    """A clock that only moves when somebody sleeps, and then a little too long, as a real one does."""
+
+    def __init__(self, overshoot: float = 0.0) -> None:
+        self.now = 100.0
+        self.overshoot = overshoot
+        self.slept: list[float] = []
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(seconds)
+        self.now += seconds + self.overshoot
+
+
+def slave_of(fake: FakeBus, node_id: int) -> Slave:
+    slave = Slave(node_id, {(0x6041, 0): b"\x31\x02", (0x607A, 0): bytes(4), (0x6040, 0): b"\0\0"})
+    slave.nmt_state = 5
+    fake.peers.append(slave)
+    return slave
+
+
+def port_of(channel: Channel, node_id: int, rpdos: tuple[str, ...] = ("6040/16 607A/32",)) -> CanPort:
+    base = 0x200 + node_id
+    device = DevicePdos(
+        tuple(rpdo(n, text, 1, cob_id=base + 0x100 * (n - 1)) for n, text in enumerate(rpdos, start=1)),
+        (tpdo(1, "6041/16", 1, cob_id=0x180 + node_id),),
+    )
+    plan = make_plan(node_id, device, objects(), WANTED, Policy(remap=False))
+    port = CanPort(Node(channel, node_id), plan, scan_period=0.004)
+    port.prime()
+    return port
+
+
+@pytest.fixture
+def ports(channel: Channel, fake: FakeBus) -> Iterator[list[CanPort]]:
+    made = []
+    for node_id in (5, 6):
+        slave_of(fake, node_id)
+        made.append(port_of(channel, node_id))
+    fake.sent.clear()
+    yield made
+    for port in made:
+        port.close()
+        port.node.close()
+
+
+def target(node_id: int, word: int, position: int) -> tuple[int, bytes]:
+    return 0x200 + node_id, struct.pack("<Hi", word, position)
+
+
+def sdo_stop(node_id: int) -> tuple[int, bytes]:
+    return 0x600 + node_id, bytes.fromhex("2B 40 60 00 02 00 00 00")
+
+
+# -- time
+
+
+def test_the_grid_does_not_drift(channel: Channel) -> None:
+    clock = Time(overshoot=0.0003)
+    cycle = CanCycle(channel, [], clock=clock.clock, sleep=clock.sleep)
+    begun = []
+    for number in range(1, 101):
+        cycle.wait_until(100.0 + number * 0.004)
+        begun.append(cycle.now() - (100.0 + number * 0.004))
+    assert begun == pytest.approx([0.0003] * 100)
+    report = cycle.lateness()
+    assert report.cycles == 100
+    assert report.worst == pytest.approx(0.0003)
+    assert report.classes[2] == 100
+    assert "300 µs" in str(report)
+
+
+def test_a_late_cycle_is_not_waited_for(channel: Channel) -> None:
+    clock = Time()
+    cycle = CanCycle(channel, [], clock=clock.clock, sleep=clock.sleep)
+    cycle.wait_until(99.99)
+    assert clock.slept == []
+    assert cycle.lateness().worst == pytest.approx(0.01)
+
+
+def test_a_sleep_that_ends_early_is_continued(channel: Channel) -> None:
+    clock = Time()
+    cycle = CanCycle(
+        channel, [], clock=clock.clock, sleep=lambda seconds: clock.sleep(max(seconds / 2, 0.0001))
+    )
+    cycle.wait_until(100.004)
+    assert clock.now >= 100.004
+    assert len(clock.slept) > 1
+
+
+def test_real_time_never_comes_back_too_early(channel: Channel) -> None:
+    cycle = CanCycle(channel, [])
+    for _ in range(20):
+        t = cycle.now() + 0.002
+        cycle.wait_until(t)
+        assert time.monotonic() >= t
+
+
+# -- the frames of a cycle
+
+
+def test_one_cycle_sends_every_ports_frames_then_sync_then_heartbeat(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports, master_id=127, heartbeat=0.1)
+    for number, port in enumerate(ports):
+        port.write(Outputs(controlword=0x0F, target_position=number))
+    cycle.commit()
+    cycle.sync()
+    cycle.heartbeat()
+    assert fake.sent == [target(5, 0x0F, 0), target(6, 0x0F, 1), (0x080, b""), (0x77F, b"\x05")]
+    fake.sent.clear()
+    cycle.commit()  # nothing was given since
+    assert fake.sent == []
+
+
+def test_a_bus_without_sync_and_heartbeat_gets_none(channel: Channel, fake: FakeBus) -> None:
+    cycle = CanCycle(channel, [], sync_cob_id=None)
+    cycle.sync()
+    cycle.heartbeat()
+    assert fake.sent == []
+
+
+def test_our_heartbeat_keeps_its_period(channel: Channel, fake: FakeBus) -> None:
+    clock = Time()
+    cycle = CanCycle(channel, [], master_id=127, heartbeat=0.1, clock=clock.clock, sleep=clock.sleep)
+    for number in range(251):  # one second in cycles of 4 ms
+        cycle.wait_until(100.0 + number * 0.004)
+        cycle.heartbeat()
+    assert 10 <= len(fake.frames(0x77F)) <= 11
+    clock.now += 5.0  # after a suspension one is sent, not fifty
+    cycle.heartbeat()
+    cycle.heartbeat()
+    assert len(fake.frames(0x77F)) <= 12
+
+
+def test_a_deaf_master_sends_no_more_set_points(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    fake.fail_receiving(OSError("unplugged"))
+    eventually(lambda: channel.failure)
+    ports[0].write(Outputs(controlword=0x0F, target_position=1))
+    with pytest.raises(AdapterError, match="stopped receiving"):
+        cycle.commit()
+    with pytest.raises(AdapterError):
+        cycle.sync()
+    assert fake.sent == []
+
+
+def test_an_adapter_that_refuses_ends_the_cycle(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    fake.full = True
+    ports[0].write(Outputs(controlword=0x0F, target_position=1))
+    with pytest.raises(AdapterError, match="refused frame 205h"):
+        cycle.commit()
+
+
+# -- the quick stop
+
+
+def commanded(cycle: CanCycle, fake: FakeBus, ports: list[CanPort]) -> None:
+    for port in ports:
+        port.write(Outputs(controlword=0x1F, target_position=1000))
+    cycle.commit()
+    fake.sent.clear()
+
+
+def test_a_quick_stop_repeats_the_last_frames_with_another_controlword(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    """Fully prebuilt frames would carry an old target; zeros would be a target too."""
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+    cycle.quick_stop_all()
+    assert fake.sent == [
+        target(5, 0x02, 1000),
+        target(6, 0x02, 1000),
+        (0x080, b""),
+        sdo_stop(5),
+        sdo_stop(6),
+    ]
+
+
+def test_an_axis_that_was_never_commanded_is_left_alone(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports[:1])
+    cycle.quick_stop_all()
+    assert {can_id for can_id, _ in fake.sent} == {0x205, 0x080, 0x605}
+    fake.sent.clear()
+    CanCycle(channel, []).quick_stop_all()
+    assert fake.sent == []
+
+
+def test_a_frame_that_was_written_but_never_committed_is_not_sent_by_the_stop(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+    ports[0].write(Outputs(controlword=0x1F, target_position=2000))
+    cycle.quick_stop_all()
+    assert target(5, 0x02, 1000) in fake.sent
+
+
+def test_a_quick_stop_reaches_the_other_nodes_when_one_frame_fails(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+
+    def refuse(can_id: int, data: bytes, remote: bool) -> list[tuple[int, bytes]]:
+        if can_id == 0x205:
+            raise can.CanOperationError("Transmit buffer full")
+        return []
+
+    fake.peers.append(refuse)
+    cycle.quick_stop_all()
+    assert fake.frames(0x206) == [target(6, 0x02, 1000)[1]]
+    assert fake.frames(0x605) == [sdo_stop(5)[1]]  # and the first node gets it by SDO
+
+
+def test_a_quick_stop_gets_out_of_a_failed_channel(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+    fake.fail_receiving(OSError("deaf"))
+    eventually(lambda: channel.failure)
+    cycle.quick_stop_all()
+    assert target(5, 0x02, 1000) in fake.sent
+
+
+def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+    fake.stuck = threading.Event()
+    ports[0].write(Outputs(controlword=0x1F, target_position=1001))
+    scan = threading.Thread(target=cycle.commit, name="stuck scan")
+    scan.start()
+    eventually(lambda: channel._send_lock.locked())
+    cycle.quick_stop_all()
+    assert target(6, 0x02, 1000) in fake.sent
+    assert target(5, 0x02, 1001) in fake.sent
+    fake.stuck.set()
+    scan.join()
+
+
+def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
+    channel: Channel, fake: FakeBus, ports: list[CanPort]
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+    never = threading.Event()
+
+    def block(can_id: int, data: bytes, remote: bool) -> list[tuple[int, bytes]]:
+        never.wait(10)
+        return []
+
+    fake.peers.append(block)
+    begin = time.monotonic()
+    cycle.quick_stop_all()
+    assert time.monotonic() - begin < 5
+    never.set()
+
+
+def test_a_port_that_breaks_does_not_keep_the_others_from_stopping(
+    channel: Channel, fake: FakeBus, ports: list[CanPort], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cycle = CanCycle(channel, ports)
+    commanded(cycle, fake, ports)
+
+    def broken() -> None:
+        raise ValueError("a fault of ours")
+
+    monkeypatch.setattr(ports[0], "stop_frames", broken)
+    cycle.quick_stop_all()
+    assert target(6, 0x02, 1000) in fake.sent
+
+
+def test_closing_leaves_the_channel_to_its_owner(fake: FakeBus) -> None:
+    with Channel(fake, "fake:0") as channel:
+        CanCycle(channel, []).close()
+        channel.check()
+        cycle = CanCycle(channel, [], owns_channel=True)
+        cycle.close()
+        cycle.close()
+        assert not fake.is_open

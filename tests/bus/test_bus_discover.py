@@ -1,0 +1,127 @@
+"""Finding out who is on the bus: quickly, without overrunning a short queue, and without waiting for those that are not there."""
+
+from __future__ import annotations
+
+import threading
+import time
+from itertools import pairwise
+
+import pytest
+from bus_peer import FakeBus, Slave
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.discover import device_type_words, scan
+from axisbus.cia301.nmt import NmtState
+from axisbus.errors import AdapterError
+
+
+def drive(node_id: int) -> Slave:
+    return Slave(
+        node_id,
+        {
+            (0x1018, 1): (0xC0B00).to_bytes(4, "little"),
+            (0x1018, 2): (8).to_bytes(4, "little"),
+            (0x1018, 3): (0x10002).to_bytes(4, "little"),
+            (0x1018, 4): (4711).to_bytes(4, "little"),
+            (0x1008, 0): b"GIM6010-8",
+            (0x100A, 0): b"0.5.13",
+        },
+    )
+
+
+def test_everybody_is_found_with_who_they_are(channel: Channel, fake: FakeBus) -> None:
+    fake.peers += [drive(1), drive(127), Slave(64)]
+    begin = time.monotonic()
+    found = scan(channel, listen=0.6)
+    elapsed = time.monotonic() - begin
+    assert [node.node_id for node in found] == [1, 64, 127]
+    identity = found[0].identity
+    assert (identity.vendor_id, identity.product_code, identity.serial) == (0xC0B00, 8, 4711)
+    assert (identity.device_name, identity.hardware_version, identity.software_version) == (
+        "GIM6010-8",
+        None,
+        "0.5.13",
+    )
+    assert found[0].kind == "servo drive (CiA 402)"
+    assert found[1].identity.vendor_id is None  # it has no 1018h
+    assert elapsed < 3.0
+
+
+def test_a_stopped_node_is_found_by_its_heartbeat(channel: Channel, fake: FakeBus) -> None:
+    stopped = drive(7)
+    stopped.nmt_state = 4
+    fake.peers.append(stopped)
+    timer = threading.Timer(0.05, lambda: fake.inject(0x707, "04"))
+    timer.start()
+    (found,) = scan(channel, ids=range(1, 10), listen=0.3)
+    timer.join()
+    assert (found.node_id, found.answers_sdo, found.nmt) == (7, False, NmtState.STOPPED)
+    assert found.kind == ""
+
+
+def test_one_lost_answer_loses_no_node(channel: Channel, fake: FakeBus) -> None:
+    slave = drive(3)
+    slave.ignore = 1
+    fake.peers.append(slave)
+    assert [node.node_id for node in scan(channel, ids=(3,), listen=0.2)] == [3]
+
+
+def test_a_node_that_refuses_its_device_type_is_there(channel: Channel, fake: FakeBus) -> None:
+    slave = drive(3)
+    del slave.objects[0x1000, 0]
+    fake.peers.append(slave)
+    (found,) = scan(channel, ids=(3,), listen=0.1)
+    assert found.identity.device_type is None
+    assert found.identity.serial == 4711
+
+
+def test_a_queue_of_ten_frames_is_never_overrun(channel: Channel, fake: FakeBus) -> None:
+    """At 125 kbit/s the wire takes about one frame per millisecond."""
+    stamps: list[float] = []
+
+    def note(can_id: int, data: bytes, remote: bool) -> list[tuple[int, bytes]]:
+        stamps.append(time.monotonic())
+        return []
+
+    fake.peers.append(note)
+    scan(channel, listen=0.5)
+    queue = worst = 0.0
+    for before, after in pairwise(stamps):
+        queue = max(0.0, queue + 1 - (after - before) / 0.001)
+        worst = max(worst, queue)
+    assert len(stamps) == 2 * 127
+    assert worst < 10
+
+
+def test_an_empty_bus_is_an_empty_list(channel: Channel) -> None:
+    assert scan(channel, ids=range(1, 10), listen=0.05) == []
+
+
+def test_a_bus_on_which_nobody_acknowledges_is_told(channel: Channel, fake: FakeBus) -> None:
+    fake.full = True
+    with pytest.raises(AdapterError, match="refused frame 601h") as caught:
+        scan(channel)
+    assert "acknowledges" in caught.value.remedy
+
+
+def test_nothing_stays_subscribed(channel: Channel, fake: FakeBus) -> None:
+    fake.peers.append(drive(3))
+    scan(channel, ids=(3, 4), listen=0.05)
+    assert channel._receivers == {}
+    assert channel.on_failure == []
+
+
+@pytest.mark.parametrize(
+    ("device_type", "words"),
+    [
+        (0x00020192, "servo drive (CiA 402)"),
+        (0x00040192, "stepper drive (CiA 402)"),
+        (0x00010192, "frequency converter (CiA 402)"),
+        (0xFFFF0192, "drive (CiA 402)"),
+        (0x000F0191, "I/O module (CiA 401)"),
+        (0x00000000, "no standard profile"),
+        (0x00060912, "device (CiA 2322)"),
+    ],
+)
+def test_a_device_type_in_words(device_type: int, words: str) -> None:
+    assert device_type_words(device_type) == words

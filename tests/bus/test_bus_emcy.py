@@ -1,0 +1,54 @@
+"""Emergency messages: short ones are read, none is lost between two looks, and nothing grows without bound."""
+
+from __future__ import annotations
+
+from bus_peer import FakeBus, eventually
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.emcy import EmcyMonitor
+
+
+def test_a_message_of_three_bytes_is_read(channel: Channel, fake: FakeBus) -> None:
+    """canopen needs exactly eight and loses the message."""
+    monitor = EmcyMonitor(channel, 5)
+    feed = monitor.feed()
+    fake.inject(0x085, "11 86 20")
+    eventually(lambda: monitor.history)
+    (emcy,) = feed.take()
+    assert (emcy.code, emcy.register, emcy.data) == (0x8611, 0x20, bytes(5))
+    assert feed.take() == ()
+    assert channel.failure is None
+
+
+def test_a_message_without_an_error_code_is_only_counted(channel: Channel, fake: FakeBus) -> None:
+    monitor = EmcyMonitor(channel, 5)
+    fake.inject(0x085, "")
+    fake.inject(0x085, "11")
+    fake.inject(0x085, "10 32 04 01 02 03 04 05")
+    eventually(lambda: monitor.history)
+    assert monitor.malformed == 2
+    assert monitor.history[0].code == 0x3210
+    assert monitor.history[0].data == b"\x01\x02\x03\x04\x05"
+
+
+def test_each_axis_of_a_node_gets_every_message(channel: Channel, fake: FakeBus) -> None:
+    monitor = EmcyMonitor(channel, 5)
+    one, two = monitor.feed(), monitor.feed()
+    fake.inject(0x085, "11 86 20")
+    fake.inject(0x085, "00 00 00")
+    eventually(lambda: len(monitor.history) == 2)
+    assert [emcy.code for emcy in one.take()] == [0x8611, 0]
+    assert [emcy.code for emcy in two.take()] == [0x8611, 0]
+
+
+def test_a_drive_gone_mad_fills_no_memory(channel: Channel, fake: FakeBus) -> None:
+    monitor = EmcyMonitor(channel, 5)
+    feed = monitor.feed()
+    for number in range(300):
+        fake.inject(0x085, number.to_bytes(2, "little"))
+    eventually(lambda: monitor.history and monitor.history[-1].code == 299)
+    waiting = feed.take()
+    assert len(waiting) == 64
+    assert waiting[-1].code == 299
+    assert feed.lost == 300 - 64
+    assert len(monitor.history) == 64

@@ -1,0 +1,212 @@
+"""NMT: what a node says of itself is kept, and a command counts when something confirms it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+from bus_peer import FakeBus, Frame, Slave, eventually
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.nmt import Confirmation, NodeMonitor
+from axisbus.bus.node import Node
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.errors import AdapterError, ArgumentError, NodeTimeout, StateError
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(5)
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def node(channel: Channel, slave: Slave) -> Iterator[Node]:
+    with Node(channel, 5) as node:
+        yield node
+
+
+def beat(fake: FakeBus, slave: Slave, node: Node) -> None:
+    """Have one heartbeat arrive, and wait until it has been taken."""
+    before = node.nmt.reports
+    fake.inject(*slave.heartbeat())
+    eventually(lambda: node.nmt.reports > before)
+
+
+def answers_with_heartbeat(slave: Slave, fake: FakeBus) -> None:
+    """From now on the slave sends a heartbeat right after each NMT command, as if its period had just passed."""
+
+    def peer(can_id: int, data: bytes, remote: bool) -> list[Frame]:
+        return [slave.heartbeat()] if can_id == 0 and data[0] < 129 else []
+
+    fake.peers.append(peer)
+
+
+def test_a_heartbeat_tells_the_state_and_its_age(node: Node, slave: Slave, fake: FakeBus) -> None:
+    assert node.nmt.state == NmtState.UNKNOWN
+    before = time.monotonic()
+    beat(fake, slave, node)
+    assert node.nmt.state is NmtState.PRE_OPERATIONAL
+    assert node.nmt.stamp is not None
+    assert before <= node.nmt.stamp <= time.monotonic()
+
+
+def test_every_boot_up_is_counted_even_between_two_looks(node: Node, fake: FakeBus) -> None:
+    for data in ("00", "05", "00", "7F"):
+        fake.inject(0x705, data)
+    eventually(lambda: node.nmt.reports == 4)
+    assert node.nmt.bootups == 2
+    assert node.nmt.bootup_stamp is not None
+    node.nmt.wait_bootup(timeout=0.0, after=1)  # it has come: no waiting, no matter how long ago
+
+
+def test_a_boot_up_that_never_comes_is_a_time_out_with_its_remedy(node: Node) -> None:
+    with pytest.raises(NodeTimeout, match="no boot-up") as caught:
+        node.nmt.wait_bootup(timeout=0.02)
+    assert caught.value.node == 5
+    assert "power" in caught.value.remedy
+
+
+def test_an_overdue_heartbeat_ends_operational(node: Node, slave: Slave, fake: FakeBus) -> None:
+    slave.nmt_state = 5
+    beat(fake, slave, node)
+    stamp = node.nmt.stamp
+    assert stamp is not None
+    assert node.nmt.operational(stamp + 1000)  # nobody watches it
+    node.nmt.watch(0.3)
+    beat(fake, slave, node)
+    stamp = node.nmt.stamp
+    assert stamp is not None
+    assert node.nmt.operational(stamp + 0.29)
+    assert not node.nmt.operational(stamp + 0.31)
+    assert node.nmt.overdue(stamp + 0.31)
+
+
+def test_the_watch_counts_from_its_beginning(node: Node, slave: Slave, fake: FakeBus) -> None:
+    """A heartbeat heard long ago must not make the node overdue at once."""
+    beat(fake, slave, node)
+    time.sleep(0.05)
+    node.nmt.watch(0.02)
+    assert not node.nmt.overdue(time.monotonic())
+
+
+@pytest.mark.parametrize(
+    ("data", "state"), [("04", NmtState.STOPPED), ("FF", NmtState.PRE_OPERATIONAL), ("50", 80)]
+)
+def test_toggle_bits_and_unknown_states_are_read(node: Node, fake: FakeBus, data: str, state: int) -> None:
+    fake.inject(0x705, data)
+    eventually(lambda: node.nmt.reports)
+    assert node.nmt.state == state
+
+
+def test_a_command_is_confirmed_by_the_heartbeat(node: Node, slave: Slave, fake: FakeBus) -> None:
+    beat(fake, slave, node)
+    answers_with_heartbeat(slave, fake)
+    assert node.command(NmtCommand.START) is Confirmation.HEARTBEAT
+    assert node.nmt.state is NmtState.OPERATIONAL
+    assert fake.frames(0) == [b"\x01\x05"]
+
+
+def test_a_heartbeat_from_before_the_command_confirms_nothing(
+    node: Node, slave: Slave, fake: FakeBus
+) -> None:
+    slave.nmt_state = 5
+    beat(fake, slave, node)
+    with pytest.raises(NodeTimeout, match="'start'"):
+        node.command(NmtCommand.START, timeout=0.02)
+
+
+def test_a_node_that_stays_where_it_is_is_named(node: Node, slave: Slave, fake: FakeBus) -> None:
+    beat(fake, slave, node)
+    answers_with_heartbeat(slave, fake)
+    slave.nmt_state = 127
+    fake.peers.remove(slave)  # it hears no command any more, but goes on beating
+    with pytest.raises(NodeTimeout) as caught:
+        node.command(NmtCommand.START, timeout=0.05)
+    assert "expected operational" in caught.value.observed
+    assert "NMT state pre-operational" in caught.value.observed
+
+
+def test_without_heartbeat_node_guarding_confirms(node: Node, slave: Slave, fake: FakeBus) -> None:
+    slave.answers_guarding = True
+    assert node.command(NmtCommand.START) is Confirmation.GUARDING
+    assert fake.remote == [0x705]
+    assert not node.nmt.has_heartbeat  # an answer is no heartbeat: the next command asks again
+    assert node.command(NmtCommand.ENTER_PRE_OPERATIONAL) is Confirmation.GUARDING
+
+
+def test_without_heartbeat_and_guarding_the_sdo_server_does(node: Node, slave: Slave) -> None:
+    assert node.command(NmtCommand.START, timeout=0.5) is Confirmation.SDO
+    assert node.nmt.state is NmtState.OPERATIONAL
+    assert node.nmt.assumed
+    assert node.nmt.operational(time.monotonic())
+    assert node.command(NmtCommand.STOP, timeout=0.5) is Confirmation.SDO  # it no longer answers
+    assert node.nmt.state is NmtState.STOPPED
+
+
+def test_a_node_that_shows_nothing_is_a_time_out(node: Node, slave: Slave) -> None:
+    slave.ignore = 100
+    with pytest.raises(NodeTimeout, match="did not confirm") as caught:
+        node.command(NmtCommand.START, timeout=0.3)
+    assert "never reported" in caught.value.observed
+
+
+@pytest.mark.parametrize("reset", [NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION])
+def test_a_reset_is_confirmed_by_the_boot_up(node: Node, reset: NmtCommand) -> None:
+    assert node.command(reset) is Confirmation.BOOT_UP
+    assert node.nmt.bootups == 1
+
+
+def test_another_masters_command_is_seen_where_no_heartbeat_tells(node: Node, fake: FakeBus) -> None:
+    node.nmt.assume(NmtState.OPERATIONAL)
+    fake.inject(0x000, "02 00")
+    eventually(lambda: node.nmt.state is NmtState.STOPPED)
+    assert not node.nmt.operational(time.monotonic())
+
+
+def test_waiting_ends_when_the_channel_fails(node: Node, fake: FakeBus) -> None:
+    caught: list[BaseException] = []
+
+    def wait() -> None:
+        try:
+            node.nmt.wait_state(NmtState.OPERATIONAL, timeout=60)
+        except AdapterError as error:
+            caught.append(error)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    fake.fail_receiving(OSError("unplugged"))
+    thread.join(5)
+    assert len(caught) == 1
+
+
+def test_waiting_in_the_receive_thread_is_an_error(node: Node, channel: Channel, fake: FakeBus) -> None:
+    caught: list[BaseException] = []
+
+    def receiver(data: bytes, _: float) -> None:
+        try:
+            node.nmt.wait_state(NmtState.OPERATIONAL, timeout=60)
+        except StateError as error:
+            caught.append(error)
+
+    channel.subscribe(0x185, receiver)
+    fake.inject(0x185, "00")
+    eventually(lambda: caught)
+
+
+def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None:
+    monitor = NodeMonitor(channel, 5)
+    monitor.close()
+    seen: list[bytes] = []
+    channel.subscribe(0x705, lambda data, _: seen.append(data))
+    fake.inject(0x705, "05")
+    eventually(lambda: seen)
+    assert monitor.reports == 0
+
+
+def test_a_node_id_out_of_range_is_refused(channel: Channel) -> None:
+    with pytest.raises(ArgumentError, match="128"):
+        Node(channel, 128)

@@ -1,0 +1,222 @@
+"""Bringing a live drive's PDOs where the plan wants them: a dialogue with a slave that keeps CiA 301's rules."""
+
+from __future__ import annotations
+
+import pytest
+from bus_peer import FakeBus, Slave, pdo_objects
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.pdo import configure
+from axisbus.bus.pdo_read import read_pdo, read_pdos
+from axisbus.bus.plan import Change, Plan, Policy, Wanted
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia402.port import Source
+from axisbus.errors import BootError
+
+NODE = 5
+OFF = 1 << 31
+NO_RTR = 1 << 30
+PAIR = Wanted(("statusword", "mode", "position"), ("controlword", "mode", "target_position"))
+M = MappedObject
+
+
+def drive() -> dict[tuple[int, int], bytes]:
+    """A drive as it comes from its maker: RPDO1 6040, TPDO1 6041, the others empty and off."""
+    return {
+        **pdo_objects(0x1400, 0x1600, 0x205, 255, [0x60400010]),
+        **pdo_objects(0x1401, 0x1601, OFF | 0x305, 255, []),
+        **pdo_objects(0x1800, 0x1A00, NO_RTR | 0x185, 255, [0x60410010], inhibit=0, event=0),
+        **pdo_objects(0x1801, 0x1A01, OFF | NO_RTR | 0x285, 255, [], inhibit=0, event=0),
+    }
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(NODE, drive())
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def sdo(channel: Channel, slave: Slave) -> SdoClient:
+    return SdoClient(channel, NODE)
+
+
+def writes_to(slave: Slave, *indices: int) -> list[tuple[str, int]]:
+    return [
+        (f"{index:04X}:{sub}", int.from_bytes(data, "little"))
+        for index, sub, data in slave.writes
+        if index in indices
+    ]
+
+
+# -- reading
+
+
+def test_the_parameters_are_read(sdo: SdoClient) -> None:
+    pdos = read_pdos(sdo)
+    assert pdos.rpdos == (
+        Pdo(1, 0x205, True, 255, (M(0x6040, 0, 16),)),
+        Pdo(2, 0x305, False, 255, ()),
+    )
+    assert pdos.tpdos == (
+        Pdo(1, 0x185, True, 255, (M(0x6041, 0, 16),), 0, 0),
+        Pdo(2, 0x285, False, 255, (), 0, 0),
+    )
+
+
+def test_a_pdo_with_less_than_the_standard_asks_is_read(sdo: SdoClient, slave: Slave) -> None:
+    """No timers, a count of three with two entries, and an ARRAY or RECORD makes no difference: it is read by number."""
+    slave.objects.update(pdo_objects(0x1802, 0x1A02, 0x385, 1, [0x60640020, 0x00050008, 0x606C0010], slots=2))
+    assert read_pdo(sdo, receive=False, number=3) == Pdo(
+        3, 0x385, True, 1, (M(0x6064, 0, 32), M(0x0005, 0, 8)), None, None
+    )
+
+
+def test_a_multiplexed_pdo_has_no_mapping(sdo: SdoClient, slave: Slave) -> None:
+    slave.objects[0x1A00, 0] = b"\xff"
+    pdo = read_pdo(sdo, receive=False, number=1)
+    assert pdo is not None
+    assert pdo.mapping == ()
+
+
+def test_a_communication_record_without_mapping_is_read(sdo: SdoClient, slave: Slave) -> None:
+    slave.objects = {key: value for key, value in slave.objects.items() if key[0] != 0x1600}
+    assert read_pdos(sdo).rpdos[0].mapping == ()
+
+
+# -- applying
+
+
+def test_remapping_follows_the_procedure_of_cia_301(sdo: SdoClient, slave: Slave) -> None:
+    """Off, no entries, the entries, their count, the type, on: the slave refuses any other order."""
+    plan = configure(sdo, PAIR)
+    assert writes_to(slave, 0x1400, 0x1600) == [
+        ("1400:1", OFF | 0x205),
+        ("1600:0", 0),
+        ("1600:1", 0x60400010),
+        ("1600:2", 0x60600008),
+        ("1600:3", 0x607A0020),
+        ("1600:0", 3),
+        ("1400:2", 1),
+        ("1400:1", 0x205),
+    ]
+    assert writes_to(slave, 0x1800, 0x1A00)[-1] == ("1800:1", NO_RTR | 0x185)  # its own flag is kept
+    assert plan.inputs["position"] is Source.SYNC_PDO
+    assert [pdo.change for pdo in plan.pdos] == [Change.MAPPING, Change.MAPPING]
+    assert slave.number(0x1A00, 0) == 3
+
+
+def test_all_pdos_are_off_before_the_first_mapping_changes(sdo: SdoClient, slave: Slave) -> None:
+    """An object may be in one RPDO only, in some drives."""
+    configure(sdo, PAIR)
+    names = [name for name, _ in writes_to(slave, 0x1400, 0x1600, 0x1800, 0x1A00)]
+    assert names[:3] == ["1400:1", "1800:1", "1600:0"]
+    assert names[-2:] == ["1400:1", "1800:1"]
+
+
+def test_event_driven_gets_its_timers(sdo: SdoClient, slave: Slave) -> None:
+    plan = configure(sdo, PAIR, Policy(sync=False))
+    assert slave.number(0x1800, 5) == 20
+    assert slave.number(0x1800, 3) == 50
+    assert plan.inputs["statusword"] is Source.EVENT_PDO
+    assert plan.active[-1].target.event_timer == 20
+
+
+def test_a_timer_that_the_drive_does_not_take_is_no_failure(sdo: SdoClient, slave: Slave) -> None:
+    slave.abort_on[0x1800, 5] = 0x0601_0002
+    plan = configure(sdo, PAIR, Policy(sync=False))
+    assert plan.active[-1].target.event_timer == 0  # as it reads back: freshness will poll
+    assert slave.number(0x1800, 1) == NO_RTR | 0x185
+
+
+def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: Slave) -> None:
+    slave.fixed_mapping = True
+    seen: list[Plan] = []
+    plan = configure(sdo, PAIR, on_plan=seen.append)
+    assert [p.remapped for p in seen] == [True, False]
+    assert plan.outputs == {
+        "controlword": Source.SYNC_PDO,
+        "mode": Source.SDO,
+        "target_position": Source.SDO,
+    }
+    assert slave.number(0x1600, 0) == 1
+    assert slave.number(0x1600, 1) == 0x60400010
+    assert slave.number(0x1400, 1) == 0x205  # on again
+    assert slave.number(0x1400, 2) == 1
+    assert slave.number(0x1401, 1) == OFF | 0x305  # and what was off is off
+    assert any("the mapping of RPDO1 is fixed (abort code 06010002h)" in note for note in plan.notes)
+
+
+def test_a_drive_that_takes_nothing_is_used_as_it_is(sdo: SdoClient, slave: Slave) -> None:
+    slave.fixed_communication = True
+    before = dict(slave.objects)
+    plan = configure(sdo, PAIR)
+    assert slave.objects == before
+    assert plan.outputs["controlword"] is Source.EVENT_PDO
+    assert plan.inputs["position"] is Source.SDO
+    assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+
+
+def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClient, slave: Slave) -> None:
+    """The EDS says that 6060h may be mapped, the drive says no at the second entry."""
+    original = slave._write
+
+    def write(index: int, subindex: int, value: bytes) -> int:
+        if index in (0x1600, 0x1601) and subindex and value[2:4] == b"\x60\x60":
+            return 0x0604_0041
+        return original(index, subindex, value)
+
+    slave._write = write  # type: ignore[method-assign]
+    plan = configure(sdo, PAIR)
+    assert plan.outputs == {
+        "controlword": Source.SYNC_PDO,
+        "mode": Source.SDO,
+        "target_position": Source.SYNC_PDO,
+    }
+    assert slave.number(0x1600, 0) == 2
+    assert any("6060h cannot be mapped into RPDO1" in note for note in plan.notes)
+
+
+def test_a_drive_that_says_yes_and_does_not_do_it(sdo: SdoClient, slave: Slave) -> None:
+    original = slave._write
+
+    def write(index: int, subindex: int, value: bytes) -> int:
+        code = original(index, subindex, value)
+        if (index, subindex) == (0x1600, 0) and value == b"\x03":
+            slave.objects[0x1600, 3] = (0x60FF0020).to_bytes(4, "little")
+        return code
+
+    slave._write = write  # type: ignore[method-assign]
+    with pytest.raises(
+        BootError, match="RPDO1 took its mapping without an error but reads back another"
+    ) as caught:
+        configure(sdo, PAIR)
+    error = caught.value
+    assert (error.node, error.step, error.index) == (NODE, "PDO configuration", 0x1600)
+    assert "607A:00/32" in error.observed
+    assert "60FF:00/32" in error.observed
+    assert "remap" in error.remedy
+
+
+def test_a_second_boot_writes_nothing(sdo: SdoClient, slave: Slave) -> None:
+    configure(sdo, PAIR)
+    slave.writes.clear()
+    plan = configure(sdo, PAIR)
+    assert slave.writes == []
+    assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+
+
+def test_a_mapping_of_bits_and_dummies_is_kept_and_understood(sdo: SdoClient, slave: Slave) -> None:
+    """4 bits of a maker's object and a dummy between the values: canopen decodes such frames wrongly."""
+    slave.objects.update(
+        pdo_objects(
+            0x1800, 0x1A00, 0x185, 1, [0x20000104, 0x60410010, 0x00050004, 0x60640020], inhibit=0, event=0
+        )
+    )
+    wanted = Wanted(("statusword", "position"), ())
+    plan = configure(sdo, wanted, Policy(remap=False))
+    (pdo,) = plan.active
+    assert pdo.values == (None, "statusword", None, "position")
+    assert slave.writes == []

@@ -1,0 +1,487 @@
+"""The PDO planner: drive configurations typed by hand, and the plan that each must get."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+
+from axisbus.bus.dictionary import Dictionary
+from axisbus.bus.mapping import DevicePdos, MapEntry, axis_objects
+from axisbus.bus.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
+from axisbus.bus.plantext import describe
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia402.port import Source
+from axisbus.eds.model import Eds, Object, ObjectType, Variable
+
+NODE = 5
+
+# object: bits, signed, RPDO, TPDO (CiA 402-3)
+CIA402 = {
+    0x6040: (16, False, True, False),
+    0x6060: (8, True, True, False),
+    0x607A: (32, True, True, False),
+    0x60FF: (32, True, True, False),
+    0x6071: (16, True, True, False),
+    0x6041: (16, False, False, True),
+    0x6061: (8, True, False, True),
+    0x6062: (32, True, False, True),
+    0x6064: (32, True, False, True),
+    0x606C: (32, True, False, True),
+    0x6077: (16, True, False, True),
+}
+
+
+def objects(*without: int, axis: int = 1, unmappable: tuple[int, ...] = ()) -> dict[int, MapEntry]:
+    """The objects of an axis, less some, and with some that may not be mapped."""
+    offset = 0x800 * (axis - 1)
+    return {
+        index + offset: MapEntry(
+            index + offset,
+            0,
+            bits,
+            signed,
+            receive and index not in unmappable,
+            transmit and index not in unmappable,
+        )
+        for index, (bits, signed, receive, transmit) in CIA402.items()
+        if index not in without
+    }
+
+
+def mapped(text: str) -> tuple[MappedObject, ...]:
+    """``"6040/16 607A/32"`` as a mapping."""
+    entries = []
+    for word in text.split():
+        index, bits = word.split("/")
+        entries.append(MappedObject(int(index, 16), 0, int(bits)))
+    return tuple(entries)
+
+
+def rpdo(
+    number: int, text: str, transmission: int = 255, valid: bool = True, cob_id: int | None = None
+) -> Pdo:
+    default = 0x100 + 0x100 * number + NODE if number <= 4 else 0
+    return Pdo(number, default if cob_id is None else cob_id, valid, transmission, mapped(text))
+
+
+def tpdo(
+    number: int,
+    text: str,
+    transmission: int = 255,
+    valid: bool = True,
+    cob_id: int | None = None,
+    event: int | None = None,
+    inhibit: int | None = None,
+) -> Pdo:
+    default = 0x80 + 0x100 * number + NODE if number <= 4 else 0
+    return Pdo(
+        number, default if cob_id is None else cob_id, valid, transmission, mapped(text), inhibit, event
+    )
+
+
+# What CiA 402-3 proposes as default mapping: the controlword in every RPDO.
+GENERIC = DevicePdos(
+    (
+        rpdo(1, "6040/16"),
+        rpdo(2, "6040/16 6060/8"),
+        rpdo(3, "6040/16 607A/32"),
+        rpdo(4, "6040/16 60FF/32"),
+    ),
+    (
+        tpdo(1, "6041/16", event=0, inhibit=0),
+        tpdo(2, "6041/16 6061/8", event=0, inhibit=0),
+        tpdo(3, "6041/16 6064/32", event=0, inhibit=0),
+        tpdo(4, "6041/16 606C/32", event=0, inhibit=0),
+    ),
+)
+EMPTY = DevicePdos(
+    tuple(rpdo(number, "", valid=False) for number in (1, 2, 3, 4)),
+    tuple(tpdo(number, "", valid=False) for number in (1, 2, 3, 4)),
+)
+NO_TORQUE = Wanted(
+    inputs=("statusword", "mode", "position", "velocity"),
+    outputs=("controlword", "mode", "target_position", "target_velocity"),
+)
+
+
+def lines(plan: Plan) -> dict[str, str]:
+    """The plan as ``{"RPDO1": "205 1 6040/16 … remapped"}``."""
+    return {
+        pdo.name: f"{pdo.target.cob_id:03X} {pdo.target.transmission_type} "
+        + " ".join(f"{m.index:04X}/{m.bits}" for m in pdo.target.mapping)
+        + f" {pdo.change.name}"
+        for pdo in plan.pdos
+    }
+
+
+@dataclass
+class Case:
+    device: DevicePdos
+    plan: dict[str, str]
+    by_sdo: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    objects: dict[int, MapEntry] | None = None
+    wanted: Wanted | None = None
+    policy: Policy | None = None
+    axis: int = 1
+
+
+CASES = {
+    "an empty drive gets the standard layout with SYNC": Case(
+        EMPTY,
+        {
+            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO2": "305 1 60FF/32 6071/16 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
+            "TPDO2": "285 1 606C/32 6077/16 MAPPING",
+            "TPDO3": "385 1 6062/32 MAPPING",
+        },
+    ),
+    "without SYNC it is event-driven": Case(
+        EMPTY,
+        {
+            "RPDO1": "205 255 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO2": "305 255 60FF/32 6071/16 MAPPING",
+            "TPDO1": "185 255 6041/16 6061/8 6064/32 MAPPING",
+            "TPDO2": "285 255 606C/32 6077/16 MAPPING",
+            "TPDO3": "385 255 6062/32 MAPPING",
+        },
+        policy=Policy(sync=False),
+    ),
+    "a mapping that covers what is wanted is kept, its repetitions are switched off": Case(
+        GENERIC,
+        {
+            "RPDO2": "305 1 6040/16 6060/8 COMMUNICATION",
+            "RPDO3": "405 1 6040/16 607A/32 COMMUNICATION",
+            "RPDO4": "505 1 6040/16 60FF/32 COMMUNICATION",
+            "TPDO2": "285 1 6041/16 6061/8 COMMUNICATION",
+            "TPDO3": "385 1 6041/16 6064/32 COMMUNICATION",
+            "TPDO4": "485 1 6041/16 606C/32 COMMUNICATION",
+            "TPDO1": "185 255 6041/16 DISABLE",
+        },
+        wanted=NO_TORQUE,
+    ),
+    "it is remapped when torque is wanted too": Case(
+        GENERIC,
+        {
+            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO2": "305 1 60FF/32 6071/16 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
+            "TPDO2": "285 1 606C/32 6077/16 MAPPING",
+            "TPDO3": "385 1 6062/32 MAPPING",
+            "TPDO4": "485 255 6041/16 606C/32 DISABLE",
+        },
+    ),
+    "a fixed mapping sends torque by SDO": Case(
+        GENERIC,
+        {
+            "RPDO2": "305 1 6040/16 6060/8 COMMUNICATION",
+            "RPDO3": "405 1 6040/16 607A/32 COMMUNICATION",
+            "RPDO4": "505 1 6040/16 60FF/32 COMMUNICATION",
+            "TPDO2": "285 1 6041/16 6061/8 COMMUNICATION",
+            "TPDO3": "385 1 6041/16 6064/32 COMMUNICATION",
+            "TPDO4": "485 1 6041/16 606C/32 COMMUNICATION",
+            "TPDO1": "185 255 6041/16 DISABLE",
+        },
+        by_sdo=("target_torque", "torque", "demand"),
+        policy=Policy(remap=False),
+    ),
+    "nothing may be changed at all": Case(
+        GENERIC,
+        {
+            "RPDO2": "305 255 6040/16 6060/8 KEEP",
+            "RPDO3": "405 255 6040/16 607A/32 KEEP",
+            "RPDO4": "505 255 6040/16 60FF/32 KEEP",
+            "TPDO2": "285 255 6041/16 6061/8 KEEP",
+            "TPDO3": "385 255 6041/16 6064/32 KEEP",
+            "TPDO4": "485 255 6041/16 606C/32 KEEP",
+        },
+        wanted=NO_TORQUE,
+        policy=Policy(remap=False, communication=False),
+    ),
+    "a PDO that is off but mapped is only switched on": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16 6060/8 607A/32", 1, valid=False),),
+            (tpdo(1, "6041/16 6061/8 6064/32", 1, valid=False),),
+        ),
+        {
+            "RPDO1": "205 1 6040/16 6060/8 607A/32 COMMUNICATION",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 COMMUNICATION",
+        },
+        wanted=Wanted(("statusword", "mode", "position"), ("controlword", "mode", "target_position")),
+    ),
+    "a drive that is as it should be is left alone": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16 6060/8 607A/32", 0), rpdo(2, "60FF/32 6071/16", 240)),
+            (tpdo(1, "6041/16 6061/8 6064/32", 1), tpdo(2, "606C/32 6077/16", 1), tpdo(3, "6062/32", 1)),
+        ),
+        {
+            "RPDO1": "205 0 6040/16 6060/8 607A/32 KEEP",
+            "RPDO2": "305 240 60FF/32 6071/16 KEEP",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 KEEP",
+            "TPDO2": "285 1 606C/32 6077/16 KEEP",
+            "TPDO3": "385 1 6062/32 KEEP",
+        },
+    ),
+    "one RPDO and one TPDO are filled by order of importance": Case(
+        DevicePdos(EMPTY.rpdos[:1], EMPTY.tpdos[:1]),
+        {
+            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
+        },
+        by_sdo=("target_velocity", "target_torque", "velocity", "torque", "demand"),
+    ),
+    "room that is left is used": Case(
+        DevicePdos(EMPTY.rpdos[:1], EMPTY.tpdos[:1]),
+        {
+            "RPDO1": "205 1 6040/16 6060/8 60FF/32 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 606C/32 MAPPING",
+        },
+        wanted=Wanted(("statusword", "mode", "velocity"), ("controlword", "mode", "target_velocity")),
+    ),
+    "a mode that cannot be mapped travels by SDO": Case(
+        EMPTY,
+        {
+            "RPDO1": "205 1 6040/16 607A/32 MAPPING",
+            "RPDO2": "305 1 60FF/32 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
+            "TPDO2": "285 1 606C/32 MAPPING",
+        },
+        by_sdo=("mode",),
+        objects=objects(unmappable=(0x6060,)),
+        wanted=NO_TORQUE,
+    ),
+    "objects that the drive does not have are missing and not mapped": Case(
+        EMPTY,
+        {
+            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
+        },
+        missing=("target_velocity", "velocity"),
+        objects=objects(0x60FF, 0x606C),
+        wanted=NO_TORQUE,
+    ),
+    "what the drive refused to map is left out": Case(
+        EMPTY,
+        {
+            "RPDO1": "205 1 6040/16 607A/32 MAPPING",
+            "RPDO2": "305 1 60FF/32 MAPPING",
+            "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
+            "TPDO2": "285 1 606C/32 MAPPING",
+        },
+        by_sdo=("mode",),
+        wanted=NO_TORQUE,
+        policy=Policy(refused=frozenset({0x6060})),
+    ),
+    "a target position mapped with half its bits carries nothing": Case(
+        DevicePdos((rpdo(1, "6040/16 607A/16"),), (tpdo(1, "6041/16 6064/16"),)),
+        {"RPDO1": "205 1 6040/16 607A/16 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/16 COMMUNICATION"},
+        by_sdo=("target_position", "position"),
+        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        policy=Policy(remap=False),
+    ),
+    "COB-IDs without node ID are everybody's and are replaced": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16 607A/32", 1, cob_id=0x200),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x180),)
+        ),
+        {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/32 COMMUNICATION"},
+        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+    ),
+    "a COB-ID that another node uses is replaced": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16 607A/32", 1, cob_id=0x206),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x1C5),)
+        ),
+        {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "1C5 1 6041/16 6064/32 KEEP"},
+        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        policy=Policy(taken=frozenset({0x206})),
+    ),
+    "the second axis takes PDOs 5 to 8 and spare COB-IDs": Case(
+        DevicePdos(
+            (*GENERIC.rpdos, *(rpdo(n, "", valid=False) for n in (5, 6))),
+            (*GENERIC.tpdos, *(tpdo(n, "", valid=False) for n in (5, 6, 7))),
+        ),
+        {
+            "RPDO5": "27F 1 6840/16 6860/8 687A/32 MAPPING",
+            "RPDO6": "37F 1 68FF/32 6871/16 MAPPING",
+            "TPDO5": "47F 1 6841/16 6861/8 6864/32 MAPPING",
+            "TPDO6": "57F 1 686C/32 6877/16 MAPPING",
+            "TPDO7": "1FF 1 6862/32 MAPPING",
+        },
+        objects=objects() | objects(axis=2),
+        policy=Policy(spare=spare_cob_ids(frozenset({NODE}))),
+        axis=2,
+    ),
+    "the second axis takes the block of 64 where the device has one": Case(
+        DevicePdos(
+            (*GENERIC.rpdos, rpdo(65, "6840/16 687A/32", 1, cob_id=0x245)),
+            (*GENERIC.tpdos, tpdo(65, "6841/16 6864/32", 1, cob_id=0x1C5)),
+        ),
+        {
+            "RPDO65": "245 1 6840/16 6860/8 687A/32 MAPPING",
+            "TPDO65": "1C5 1 6841/16 6861/8 6864/32 MAPPING",
+        },
+        objects=objects(axis=2),
+        wanted=Wanted(("statusword", "mode", "position"), ("controlword", "mode", "target_position")),
+        axis=2,
+    ),
+    "a second axis without PDOs of its own travels by SDO": Case(
+        GENERIC,
+        {},
+        by_sdo=("controlword", "target_position", "statusword", "position"),
+        objects=objects(axis=2),
+        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        axis=2,
+    ),
+    "an RPDO that commands both axes serves neither": Case(
+        DevicePdos((rpdo(1, "6040/16 6840/16", 1),), (tpdo(1, "6041/16 6841/16", 1),)),
+        {"TPDO1": "185 1 6041/16 6841/16 KEEP"},
+        by_sdo=("controlword",),
+        objects=objects() | objects(axis=2),
+        wanted=Wanted(("statusword",), ("controlword",)),
+        policy=Policy(remap=False),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_drive_gets_its_plan(name: str) -> None:
+    case = CASES[name]
+    plan = make_plan(NODE, case.device, case.objects or objects(), case.wanted, case.policy, axis=case.axis)
+    assert lines(plan) == case.plan
+    sources = {**plan.inputs, **{f"{key}": value for key, value in plan.outputs.items()}}
+    by_sdo = {name for side in (plan.inputs, plan.outputs) for name, how in side.items() if how is Source.SDO}
+    missing = {name for name, how in sources.items() if how is Source.NONE}
+    assert by_sdo == set(case.by_sdo)
+    assert missing == set(case.missing)
+    assert all(pdo.target.bits <= 64 for pdo in plan.pdos)
+    assert len(plan.notes) >= len(by_sdo) + len(missing)
+
+
+def test_event_timer_and_inhibit_time_are_set_where_they_are_off() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", event=0, inhibit=0), tpdo(2, "6064/32")))
+    wanted = Wanted(("statusword", "position"), ())
+    plan = make_plan(NODE, device, objects(), wanted, Policy(sync=False, event_timer=20, inhibit_time=50))
+    first, second = (pdo.target for pdo in plan.pdos)
+    assert (first.event_timer, first.inhibit_time) == (20, 50)
+    assert (second.event_timer, second.inhibit_time) == (None, None)  # the drive has no such entries
+
+
+@pytest.mark.parametrize(("has", "gets"), [(0, 20), (5, 5), (20, 20), (1000, 20)])
+def test_a_tighter_event_timer_stays(has: int, gets: int) -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", event=has),))
+    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy(sync=False))
+    assert plan.pdos[0].target.event_timer == gets
+
+
+def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
+    wanted = Wanted(
+        synchronous_inputs=frozenset({"position"}), synchronous_outputs=frozenset({"target_torque"})
+    )
+    assert make_plan(NODE, EMPTY, objects(), wanted).impossible == ()
+    no_sync = make_plan(NODE, EMPTY, objects(), wanted, Policy(sync=False))
+    assert len(no_sync.impossible) == 2
+    assert "sync = false" in no_sync.impossible[0]
+    fixed = make_plan(NODE, GENERIC, objects(), wanted, Policy(remap=False))
+    assert fixed.impossible == ("target torque must travel in a synchronous PDO, but travels by SDO",)
+
+
+def test_a_tpdo_sent_at_sync_only_on_change_is_not_taken_for_periodic() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", transmission=0),))
+    plan = make_plan(
+        NODE, device, objects(), Wanted(("statusword",), ()), Policy(remap=False, communication=False)
+    )
+    assert plan.inputs == {"statusword": Source.EVENT_PDO}
+
+
+def test_a_tpdo_sent_only_on_request_is_no_source() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", transmission=253),))
+    plan = make_plan(
+        NODE, device, objects(), Wanted(("statusword",), ()), Policy(remap=False, communication=False)
+    )
+    assert plan.inputs == {"statusword": Source.SDO}
+
+
+def test_the_sign_of_every_entry_is_known() -> None:
+    plan = make_plan(NODE, EMPTY, objects())
+    signs = {(m.index, s) for pdo in plan.pdos for m, s in zip(pdo.target.mapping, pdo.signed, strict=True)}
+    assert (0x6040, False) in signs
+    assert (0x6041, False) in signs
+    assert {i for i, s in signs if s} == {
+        0x6060, 0x607A, 0x60FF, 0x6071, 0x6061, 0x6064, 0x606C, 0x6077, 0x6062,
+    }  # fmt: skip
+
+
+def test_the_plan_can_be_read() -> None:
+    text = describe(make_plan(NODE, GENERIC, objects(0x6062), policy=Policy(remap=False)))
+    assert "RPDO3 405h with SYNC (type 1): 6040:00/16 controlword, 607A:00/32 target position" in text
+    assert "TPDO1 185h switched off, others carry the same" in text
+    assert "6071h (Target torque) travels by SDO: the mapping is fixed and does not hold it" in text
+    assert "6062h (Position demand value) is not in the drive's dictionary" in text
+
+
+# -- what a drive's dictionary says of mapping
+
+
+def eds(*entries: tuple[int, DataType, str, bool]) -> Eds:
+    return Eds(
+        "test.eds",
+        {
+            index: Object(
+                index,
+                "x",
+                ObjectType.VAR,
+                {0: Variable(index, 0, "x", data_type, access, pdo_mapping=mappable)},
+            )
+            for index, data_type, access, mappable in entries
+        },
+        {},
+    )
+
+
+def test_the_dictionary_says_what_may_be_mapped() -> None:
+    file = eds(
+        (0x6040, DataType.UNSIGNED16, "rww", True),
+        (0x6041, DataType.UNSIGNED16, "ro", True),
+        (0x6060, DataType.INTEGER8, "rw", False),
+        (0x60FF, DataType.UNSIGNED32, "rw", True),  # mistyped as in some files
+        (0x6071, DataType.INTEGER32, "rw", True),  # 32 bits in this drive
+    )
+    found = axis_objects(Dictionary(file), DevicePdos((), ()))
+    assert found == {
+        0x6040: MapEntry(0x6040, 0, 16, False, True, False),
+        0x6041: MapEntry(0x6041, 0, 16, False, False, True),
+        0x6060: MapEntry(0x6060, 0, 8, True, False, False),
+        0x60FF: MapEntry(0x60FF, 0, 32, True, True, True),
+        0x6071: MapEntry(0x6071, 0, 32, True, True, True),
+    }
+
+
+def test_an_object_that_the_file_forgot_but_the_drive_maps_exists() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16 6064/32"),))
+    found = axis_objects(Dictionary(eds((0x6041, DataType.UNSIGNED16, "ro", True))), device)
+    assert found[0x6064] == MapEntry(0x6064, 0, 32, True, False, False)
+
+
+def test_without_a_file_the_standards_objects_are_taken() -> None:
+    found = axis_objects(Dictionary(), DevicePdos((), ()), axis=2)
+    expected = objects(axis=2)
+    assert {index: (e.bits, e.signed) for index, e in found.items()} == {
+        index: (e.bits, e.signed) for index, e in expected.items()
+    }
+    assert found[0x6840].receive
+    assert found[0x6841].transmit
+
+
+def test_planning_twice_changes_nothing_more() -> None:
+    """Once a plan holds, the next boot finds the drive as it wants it."""
+    first = make_plan(NODE, EMPTY, objects())
+    after = DevicePdos(
+        tuple(pdo.target for pdo in first.pdos if pdo.receive),
+        tuple(pdo.target for pdo in first.pdos if not pdo.receive),
+    )
+    second = make_plan(NODE, after, objects())
+    assert {pdo.change for pdo in second.pdos} == {Change.KEEP}
+    assert not second.remapped
+    assert replace(second, pdos=()) == replace(first, pdos=())

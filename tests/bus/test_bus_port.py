@@ -1,0 +1,477 @@
+"""One axis over CAN: frames become samples with their age, outputs become frames, and the rest travels by SDO."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from bus_peer import FakeBus, Slave, eventually
+from test_bus_plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
+
+from axisbus.bus import freshness
+from axisbus.bus.channel import Channel
+from axisbus.bus.mapping import DevicePdos
+from axisbus.bus.node import Node
+from axisbus.bus.plan import Policy, Wanted, make_plan
+from axisbus.bus.port import CanPort
+from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, Source
+from axisbus.errors import BootError
+
+NODE = 5
+PERIOD = 0.004
+WHOLE = DevicePdos(
+    (rpdo(1, "6040/16 6060/8 607A/32", 1), rpdo(2, "60FF/32 6071/16", 1)),
+    (tpdo(1, "6041/16 6061/8 6064/32", 1), tpdo(2, "606C/32 6077/16", 1)),
+)
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(
+        NODE,
+        {
+            (0x6040, 0): b"\0\0",
+            (0x6060, 0): b"\x01",
+            (0x607A, 0): struct.pack("<i", -111),
+            (0x60FF, 0): struct.pack("<i", 0),
+            (0x6071, 0): b"\0\0",
+            (0x6041, 0): b"\x31\x02",
+            (0x6061, 0): b"\x01",
+            (0x6062, 0): struct.pack("<i", -110),
+            (0x6064, 0): struct.pack("<i", -112),
+            (0x606C, 0): struct.pack("<i", -3),
+            (0x6077, 0): struct.pack("<h", -4),
+            (0x6081, 0): struct.pack("<I", 900),
+        },
+    )
+    slave.nmt_state = 5
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def node(channel: Channel, slave: Slave) -> Iterator[Node]:
+    with Node(channel, NODE) as node:
+        yield node
+
+
+Maker = Callable[..., CanPort]
+
+
+@pytest.fixture
+def make(node: Node) -> Iterator[Maker]:
+    ports: list[CanPort] = []
+
+    def build(device: DevicePdos, wanted: Wanted | None = None, axis: int = 1, **policy: object) -> CanPort:
+        rules = Policy(**{"remap": False, **policy})  # type: ignore[arg-type]
+        plan = make_plan(NODE, device, objects(0x6062, axis=axis), wanted, rules, axis)
+        port = CanPort(node, plan, scan_period=PERIOD)
+        port.prime()
+        ports.append(port)
+        return port
+
+    yield build
+    for port in ports:
+        port.close()
+
+
+def arrived(node: Node, fake: FakeBus, can_id: int, data: bytes | str) -> None:
+    """Have a frame arrive, and wait until the receive thread has passed it on."""
+    before = node.channel.counters.received
+    fake.inject(can_id, data)
+    eventually(lambda: node.channel.counters.received > before)
+    node.channel.check()
+
+
+def values(port: CanPort) -> tuple[int | None, ...]:
+    seen = port.read(time.monotonic())
+    samples = (seen.statusword, seen.mode, seen.position, seen.velocity, seen.torque, seen.demand)
+    return tuple(None if sample is None else sample.value for sample in samples)
+
+
+# -- inputs
+
+
+def test_priming_reads_what_no_frame_has_brought(make: Maker) -> None:
+    port = make(WHOLE)
+    assert values(port) == (0x0231, 1, -112, -3, -4, None)
+
+
+def test_a_frame_becomes_samples_with_its_stamp(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    before = time.monotonic()
+    arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, -1, -5000))
+    seen = port.read(time.monotonic())
+    assert (seen.statusword, seen.mode, seen.position) == (
+        Sample(0x0637, seen.statusword.stamp),  # type: ignore[union-attr]
+        Sample(-1, seen.statusword.stamp),  # type: ignore[union-attr]
+        Sample(-5000, seen.statusword.stamp),  # type: ignore[union-attr]
+    )
+    assert before <= seen.statusword.stamp <= time.monotonic()  # type: ignore[union-attr]
+    assert values(port) == (0x0637, -1, -5000, -3, -4, None)
+
+
+def test_the_newest_of_several_frames_counts(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    for number in range(5):
+        arrived(node, fake, 0x285, struct.pack("<ih", number, -number))
+    assert values(port)[3:5] == (4, -4)
+
+
+def test_a_short_frame_is_counted_and_a_long_one_cut(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    arrived(node, fake, 0x285, struct.pack("<ih", 7, 8))
+    arrived(node, fake, 0x285, b"\xff\xff\xff")
+    assert values(port)[3:5] == (7, 8)
+    assert port.short_frames == 1
+    arrived(node, fake, 0x285, struct.pack("<ihH", 9, 10, 0xFFFF))
+    assert values(port)[3:5] == (9, 10)
+
+
+def test_bits_and_dummies_in_a_tpdo_are_stepped_over(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(DevicePdos((), (tpdo(1, "2000/4 6041/16 0005/4 6064/32", 1),)))
+    raw = 0xF | 0x0637 << 4 | 0x9 << 20 | (-2 & 0xFFFFFFFF) << 24
+    arrived(node, fake, 0x185, raw.to_bytes(7, "little"))
+    assert values(port)[0] == 0x0637
+    assert values(port)[2] == -2
+
+
+def test_emergencies_and_the_nmt_state_come_along(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    assert port.read(0.0).nmt == -1
+    arrived(node, fake, 0x085, "11 86 20")
+    arrived(node, fake, 0x705, "05")
+    seen = port.read(time.monotonic())
+    assert [emcy.code for emcy in seen.emcy] == [0x8611]
+    assert (seen.operational, seen.nmt) == (True, 5)
+    assert port.read(time.monotonic()).emcy == ()
+    arrived(node, fake, 0x705, "7F")
+    seen = port.read(time.monotonic())
+    assert (seen.operational, seen.nmt) == (False, 127)
+
+
+def test_an_overdue_heartbeat_is_not_operational(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    node.nmt.watch(0.3)
+    arrived(node, fake, 0x705, "05")
+    assert port.read(time.monotonic()).operational or time.monotonic() - node.nmt.stamp > 0.3  # type: ignore[operator]
+    assert not port.read(time.monotonic() + 0.4).operational
+
+
+def test_a_rebooted_node_is_unknown_and_gets_nothing(make: Maker, node: Node, fake: FakeBus) -> None:
+    """Its mapping is lost: its frames would be misread, and ours too."""
+    port = make(WHOLE)
+    port.write(Outputs(controlword=0x0F, target_position=1))
+    port.take_frames()
+    arrived(node, fake, 0x705, "00")
+    arrived(node, fake, 0x705, "05")
+    arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, 1, 1))
+    assert values(port) == (None,) * 6
+    assert not port.read(time.monotonic()).operational
+    port.write(Outputs(controlword=0x0F, target_position=2, sdo=(SdoRequest(7, 0x6081, 0, 1),)))
+    assert port.take_frames() == []
+    assert port.read(time.monotonic()).sdo == (SdoReply(7, None, 0x0504_0000),)
+
+
+# -- polling
+
+
+def test_without_a_pdo_values_are_polled(make: Maker, slave: Slave) -> None:
+    port = make(DevicePdos((), (tpdo(1, "6041/16", 1),)))
+    assert port.capabilities.inputs["position"] is Source.SDO
+    slave.objects[0x6064, 0] = struct.pack("<i", 4321)
+    now = time.monotonic()
+    port.read(now)
+    eventually(lambda: port.read(now).position.value == 4321)  # type: ignore[union-attr]
+
+
+def test_polls_keep_their_period(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(
+        DevicePdos((), (tpdo(1, "6041/16 6061/8", 1),)), Wanted(("statusword", "mode", "position"), ())
+    )
+    asked = [bytes.fromhex("40 64 60 00 00 00 00 00")]
+    fake.sent.clear()
+    for now in (1000.0, 1000.01, 1000.09):
+        port.read(now)
+        eventually(lambda: node.worker.idle)
+    assert fake.frames(0x605) == asked
+    port.read(1000.11)
+    eventually(lambda: node.worker.idle)
+    assert fake.frames(0x605) == asked * 2
+
+
+def test_a_silent_event_tpdo_is_watched_by_polling(make: Maker) -> None:
+    """67 % of drives send the statusword only on change: silence alone means nothing."""
+    device = DevicePdos((rpdo(1, "6040/16"),), (tpdo(1, "6041/16 6064/32"),))
+    ages = make(device, sync=False).capabilities.max_age
+    assert ages["statusword"] == ages["position"] == pytest.approx(3 * 0.1 + 0.05)
+
+
+def test_a_standing_axis_with_a_silent_tpdo_has_fresh_positions(make: Maker, slave: Slave) -> None:
+    """Or nobody could tell whether it stands."""
+    port = make(DevicePdos((), (tpdo(1, "6041/16 6064/32"),)), sync=False)
+    first = port.read(time.monotonic()).position
+    assert first is not None
+    eventually(lambda: port.read(time.monotonic()).position.stamp > first.stamp)  # type: ignore[union-attr]
+
+
+def test_a_polled_value_does_not_replace_a_newer_frame(
+    make: Maker, node: Node, slave: Slave, fake: FakeBus
+) -> None:
+    """The answer waited in the drive while a TPDO with a newer value overtook it."""
+    port = make(DevicePdos((), (tpdo(1, "6041/16"),)), Wanted(("statusword",), ()), sync=False)
+    slave.hold = True
+    port.read(time.monotonic())
+    eventually(lambda: slave.held)
+    arrived(node, fake, 0x185, "37 06")
+    for can_id, data in slave.release():  # says 0231h
+        fake.inject(can_id, data)
+    eventually(lambda: node.worker.idle)
+    assert values(port)[0] == 0x0637
+
+
+@pytest.mark.parametrize(
+    ("device", "sync", "ages"),
+    [
+        (WHOLE, True, {"statusword": 0.05, "position": 0.05, "velocity": 0.05}),
+        (
+            DevicePdos((), (tpdo(1, "6041/16 6061/8 6064/32", event=20),)),
+            False,
+            {"statusword": 3 * 0.020 + 0.05, "position": 3 * 0.020 + 0.05, "velocity": 3 * 0.25 + 0.05},
+        ),
+        (
+            DevicePdos((), (tpdo(1, "6041/16 6061/8 6064/32"),)),
+            False,
+            {"statusword": 3 * 0.1 + 0.05, "position": 3 * 0.1 + 0.05, "mode": math.inf, "torque": 0.8},
+        ),
+        (
+            DevicePdos((), (tpdo(1, "6041/16"), tpdo(2, "6041/16 6064/32", event=20))),
+            False,
+            {"statusword": 3 * 0.020 + 0.05, "position": 3 * 0.020 + 0.05},
+        ),
+    ],
+)
+def test_the_maximum_age_fits_the_source(device: DevicePdos, sync: bool, ages: dict[str, float]) -> None:
+    plan = make_plan(NODE, device, objects(), policy=Policy(sync=sync, remap=False))
+    found = freshness.max_ages(plan, PERIOD)
+    assert {name: found[name] for name in ages} == pytest.approx(ages)
+
+
+def test_a_slow_scan_has_older_values() -> None:
+    plan = make_plan(NODE, WHOLE, objects(), policy=Policy(remap=False))
+    assert freshness.max_ages(plan, 0.02)["statusword"] == pytest.approx(0.1)
+
+
+# -- outputs
+
+
+def test_an_rpdo_starts_with_what_the_drive_has(make: Maker) -> None:
+    """canopen would send target position 0 with the first controlword."""
+    port = make(WHOLE)
+    port.write(Outputs(controlword=0x06))
+    assert port.take_frames() == [(0x205, struct.pack("<Hbi", 0x06, 1, -111))]
+
+
+def test_what_cannot_be_read_starts_with_what_shows_the_same(make: Maker, slave: Slave) -> None:
+    for index in (0x607A, 0x6060, 0x60FF, 0x6071):
+        del slave.objects[index, 0]
+    port = make(WHOLE)
+    port.write(Outputs(controlword=0x06, target_torque=0))
+    assert port.take_frames() == [
+        (0x305, struct.pack("<ih", 0, 0)),
+        (0x205, struct.pack("<Hbi", 0x06, 1, -112)),
+    ]
+
+
+def test_a_strangers_object_that_cannot_be_read_is_a_boot_error(make: Maker, slave: Slave) -> None:
+    with pytest.raises(BootError, match="RPDO1 holds 60FEh:00") as caught:
+        make(DevicePdos((rpdo(1, "6040/16 60FE/32", 1),), ()))
+    assert caught.value.index == 0x60FE
+
+
+def test_frames_are_given_out_once(make: Maker) -> None:
+    port = make(WHOLE)
+    port.write(Outputs(controlword=0x0F, mode=8, target_position=77))
+    assert port.take_frames() == [(0x205, struct.pack("<Hbi", 0x0F, 8, 77))]
+    assert port.take_frames() == []
+
+
+def test_no_controlword_sends_nothing_that_holds_it(make: Maker) -> None:
+    port = make(WHOLE)
+    port.write(Outputs(target_position=5))
+    assert port.take_frames() == []
+    port.write(Outputs(target_position=5, target_velocity=6))
+    assert port.take_frames() == [(0x305, struct.pack("<ih", 6, 0))]
+
+
+def test_nmt_stop_is_sent_once(make: Maker) -> None:
+    port = make(WHOLE)
+    for _ in range(3):
+        port.write(Outputs(nmt_stop=True))
+    assert port.take_frames() == []
+    port.write(Outputs())
+    port.write(Outputs(nmt_stop=True))
+    assert port.take_frames() == [(0x000, b"\x02\x05")]
+
+
+def test_sdo_requests_are_answered_in_the_inputs(make: Maker, slave: Slave) -> None:
+    port = make(WHOLE)
+    slave.abort_on[0x6081, 0] = 0x0609_0031
+    port.write(Outputs(sdo=(SdoRequest(1, 0x6064, 0, None), SdoRequest(2, 0x6081, 0, 5))))
+    replies: list[SdoReply] = []
+    eventually(lambda: replies.extend(port.read(time.monotonic()).sdo) or len(replies) == 2)
+    assert replies == [SdoReply(1, -112, None), SdoReply(2, None, 0x0609_0031)]
+
+
+def test_a_cancelled_request_is_not_answered(make: Maker, slave: Slave, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    slave.hold = True
+    port.write(Outputs(sdo=(SdoRequest(1, 0x6064, 0, None), SdoRequest(2, 0x6081, 0, 5))))
+    eventually(lambda: slave.held)
+    port.write(Outputs(cancel=(2,)))
+    for can_id, data in slave.release():
+        fake.inject(can_id, data)
+    eventually(lambda: node.worker.idle)
+    assert port.read(time.monotonic()).sdo == (SdoReply(1, -112, None),)
+    assert slave.writes == []
+
+
+def test_an_sdo_write_to_a_mapped_object_is_not_undone_by_the_next_rpdo(
+    make: Maker, slave: Slave, node: Node
+) -> None:
+    """Many drives map the profile velocity beside the target position."""
+    device = DevicePdos((rpdo(1, "6040/16 6060/8", 1), rpdo(2, "607A/32 6081/32", 1)), ())
+    port = make(device, Wanted((), ("controlword", "mode", "target_position")))
+    port.write(Outputs(target_position=1))
+    assert port.take_frames() == [(0x305, struct.pack("<iI", 1, 900))]
+    port.write(Outputs(target_position=2, sdo=(SdoRequest(1, 0x6081, 0, 1234),)))
+    assert port.take_frames() == [(0x305, struct.pack("<iI", 2, 1234))]
+    eventually(lambda: node.worker.idle)
+    slave.abort_on[0x6081, 0] = 0x0609_0031
+    port.write(Outputs(sdo=(SdoRequest(2, 0x6081, 0, 99999),)))
+    eventually(lambda: any(reply.id == 2 for reply in port.read(time.monotonic()).sdo))
+    port.write(Outputs(target_position=3))
+    assert port.take_frames() == [(0x305, struct.pack("<iI", 3, 1234))]  # refused: the old value is back
+
+
+# -- outputs without an RPDO
+
+
+FIXED = DevicePdos((rpdo(1, "6040/16", 1),), (tpdo(1, "6041/16 6064/32", 1),))
+PP = Wanted(("statusword", "position"), ("controlword", "mode", "target_position"))
+
+
+def test_a_value_without_rpdo_is_written_when_it_changes(make: Maker, slave: Slave, node: Node) -> None:
+    port = make(FIXED, PP)
+    for _ in range(3):
+        port.write(Outputs(mode=1, target_position=5))
+        eventually(lambda: node.worker.idle)
+    assert slave.writes == [(0x6060, 0, b"\x01"), (0x607A, 0, struct.pack("<i", 5))]
+
+
+def test_a_motion_waits_for_its_target_that_travels_by_sdo(
+    make: Maker, slave: Slave, node: Node, fake: FakeBus
+) -> None:
+    """The edge in the RPDO would be much faster than the target by SDO."""
+    port = make(FIXED, PP)
+    port.write(Outputs(controlword=0x0F))
+    assert port.take_frames() == [(0x205, b"\x0f\x00")]
+    slave.hold = True
+    port.write(Outputs(controlword=0x1F, target_position=5))
+    assert port.take_frames() == [(0x205, b"\x0f\x00")]
+    for can_id, data in slave.release():
+        fake.inject(can_id, data)
+    eventually(lambda: node.worker.idle)
+    port.write(Outputs(controlword=0x1F, target_position=5))
+    assert port.take_frames() == [(0x205, b"\x1f\x00")]
+
+
+@pytest.mark.parametrize("word", [0x0002, 0x0000, 0x0006, 0x0007, 0x010F])
+def test_a_stop_never_waits_for_a_target(make: Maker, slave: Slave, node: Node, word: int) -> None:
+    port = make(FIXED, PP)
+    port.write(Outputs(controlword=0x0F))
+    port.take_frames()
+    slave.hold = True
+    port.write(Outputs(controlword=word, target_position=5))
+    assert port.take_frames() == [(0x205, word.to_bytes(2, "little"))]
+    node.worker.close()
+
+
+def test_a_refused_value_is_tried_again_but_not_in_every_cycle(make: Maker, slave: Slave, node: Node) -> None:
+    port = make(FIXED, PP)
+    slave.abort_on[0x6060, 0] = 0x0609_0030
+    for _ in range(20):
+        port.write(Outputs(mode=9))
+        eventually(lambda: node.worker.idle)
+    assert 1 <= len(slave.writes) < 20
+    del slave.abort_on[0x6060, 0]
+
+    def written() -> bool:
+        port.write(Outputs(mode=9))
+        return slave.objects[0x6060, 0] == b"\x09"
+
+    eventually(written)
+
+
+NO_PDO = DevicePdos((), (tpdo(1, "6041/16 6064/32", 1),))
+
+
+def test_a_controlword_without_rpdo_goes_behind_its_target(make: Maker, slave: Slave, node: Node) -> None:
+    port = make(NO_PDO, PP)
+    port.write(Outputs(controlword=0x1F, target_position=5))
+    assert port.take_frames() == []
+    eventually(lambda: node.worker.idle)
+    assert [write[0] for write in slave.writes] == [0x607A, 0x6040]
+    port.write(Outputs(controlword=0x1F, target_position=5))
+    eventually(lambda: node.worker.idle)
+    assert len(slave.writes) == 2  # nothing changed
+
+
+def test_a_quick_stop_without_rpdo_goes_before_everything(make: Maker, slave: Slave, node: Node) -> None:
+    port = make(NO_PDO, PP)
+    node.sdo.timeout = 60.0
+    slave.hold = True
+    port.write(Outputs(controlword=0x1F, target_position=5, sdo=(SdoRequest(1, 0x6081, 0, 5),)))
+    eventually(lambda: slave.held)
+    slave.release()
+    port.write(Outputs(controlword=0x02, target_position=5))
+    eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
+    assert (0x6081, 0, b"\x05\0\0\0") not in slave.writes[1:]
+    eventually(lambda: node.worker.idle)
+
+
+# -- the second axis
+
+
+def test_the_second_axis_has_its_own_objects(make: Maker, slave: Slave, node: Node) -> None:
+    slave.objects.update({(0x6881, 0): bytes(4), (0x6841, 0): b"\x40\x02", (0x2000, 0): b"\x09"})
+    device = DevicePdos((rpdo(5, "6840/16", 1, cob_id=0x27F),), (tpdo(5, "6841/16", 1, cob_id=0x47F),))
+    port = make(device, Wanted(("statusword",), ("controlword",)), axis=2)
+    assert values(port)[0] == 0x0240
+    port.write(Outputs(controlword=0x06, sdo=(SdoRequest(1, 0x6081, 0, 5), SdoRequest(2, 0x2000, 0, None))))
+    assert port.take_frames() == [(0x27F, b"\x06\x00")]
+    replies: list[SdoReply] = []
+    eventually(lambda: replies.extend(port.read(time.monotonic()).sdo) or len(replies) == 2)
+    assert slave.objects[0x6881, 0] == b"\x05\0\0\0"
+    assert replies[1] == SdoReply(2, 9, None)  # a maker's object has no axis offset
+    assert port.stop_frames() == (
+        ((0x27F, b"\x02\x00"),),
+        ((0x605, bytes.fromhex("2B 40 68 00 02 00 00 00")),),
+    )
+
+
+def test_what_the_port_can_do_is_told(make: Maker) -> None:
+    told = make(GENERIC, NO_TORQUE).capabilities
+    assert set(told.inputs.values()) == {Source.SYNC_PDO}
+    assert told.outputs == dict.fromkeys(NO_TORQUE.outputs, Source.SYNC_PDO)
+    assert make(EMPTY).capabilities.outputs["controlword"] is Source.SDO
+
+
+def test_a_closed_port_hears_nothing(make: Maker, node: Node, fake: FakeBus) -> None:
+    port = make(WHOLE)
+    port.close()
+    arrived(node, fake, 0x185, struct.pack("<Hbi", 0x0637, 1, 1))
+    assert values(port)[0] == 0x0231

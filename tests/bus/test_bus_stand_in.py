@@ -1,0 +1,136 @@
+"""The whole bus against the stand-in drive on python-can's virtual bus: from nothing to an enabled drive, in frames."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.cycle import CanCycle
+from axisbus.bus.discover import scan
+from axisbus.bus.node import Node
+from axisbus.bus.pdo import configure
+from axisbus.bus.plan import Policy, Wanted
+from axisbus.bus.port import CanPort
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia402.port import Inputs, Outputs, Source
+from axisbus.eds import load
+
+sim_network = pytest.importorskip("axisbus.sim.network")
+sim_build = pytest.importorskip("axisbus.sim.build")
+
+EDS = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
+PERIOD = 0.005
+NODES = (3, 4)
+_channels = itertools.count()
+
+
+@pytest.fixture
+def nodes() -> Iterator[list[Node]]:
+    """Two stand-ins on a channel of their own, listened to since before they boot."""
+    name = f"stand-ins {next(_channels)}"
+    with Channel.open("virtual", name) as channel, ExitStack() as stack:
+        made = [stack.enter_context(Node(channel, node_id, load(EDS))) for node_id in NODES]
+        devices = [sim_build.device_from_eds(load(EDS), node_id) for node_id in NODES]
+        with sim_network.StandIns(name, devices):
+            for node in made:
+                node.nmt.wait_bootup(5.0)
+            yield made
+
+
+@pytest.fixture
+def channel(nodes: list[Node]) -> Channel:
+    return nodes[0].channel
+
+
+class Master:
+    """A scan of a few lines: the same outputs for all ports in every cycle."""
+
+    def __init__(self, channel: Channel, nodes: list[Node], policy: Policy) -> None:
+        self.ports = []
+        for node in nodes:
+            node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+            plan = configure(node.sdo, Wanted(), policy)
+            self.ports.append(CanPort(node, plan, scan_period=PERIOD))
+            node.command(NmtCommand.START)
+            self.ports[-1].prime()
+        self.cycle = CanCycle(
+            channel, self.ports, sync_cob_id=0x80 if policy.sync else None, master_id=127, heartbeat=0.05
+        )
+        self._next = self.cycle.now()
+
+    def until(self, statusword: int, mask: int, outputs: Outputs, seconds: float = 10.0) -> list[Inputs]:
+        """Cycle until every drive shows the statusword; return the last inputs."""
+        deadline = time.monotonic() + seconds
+        while True:
+            self.cycle.wait_until(self._next)
+            self._next = max(self._next + PERIOD, self.cycle.now())
+            seen = [port.read(self.cycle.now()) for port in self.ports]
+            if all(i.statusword is not None and i.statusword.value & mask == statusword for i in seen):
+                return seen
+            assert time.monotonic() < deadline, seen
+            for port in self.ports:
+                port.write(outputs)
+            self.cycle.commit()
+            self.cycle.sync()
+            self.cycle.heartbeat()
+
+
+def test_the_stand_ins_are_found(channel: Channel, nodes: list[Node]) -> None:
+    found = scan(channel, ids=range(1, 11), listen=0.3)
+    assert [node.node_id for node in found] == list(NODES)
+    assert found[0].kind.endswith("(CiA 402)")
+    assert nodes[0].identity() == found[0].identity
+
+
+@pytest.mark.parametrize("sync", [True, False])
+def test_from_boot_up_to_operation_enabled_and_a_quick_stop(
+    channel: Channel, nodes: list[Node], sync: bool
+) -> None:
+    master = Master(channel, nodes, Policy(sync=sync))
+    for port in master.ports:
+        told = port.capabilities
+        wanted = Source.SYNC_PDO if sync else Source.EVENT_PDO
+        assert {told.inputs[name] for name in ("statusword", "mode", "position")} == {wanted}
+        assert {told.outputs[name] for name in ("controlword", "mode", "target_position")} == {wanted}
+    master.until(0x40, 0x4F, Outputs())
+    master.until(0x21, 0x6F, Outputs(controlword=0x06))
+    master.until(0x23, 0x6F, Outputs(controlword=0x07))
+    seen = master.until(0x27, 0x6F, Outputs(controlword=0x0F, mode=1))
+    assert all(inputs.operational for inputs in seen)
+    assert all(inputs.position is not None and abs(inputs.position.value) < 100 for inputs in seen)
+    master.cycle.quick_stop_all()
+    for node in nodes:
+        deadline = time.monotonic() + 5
+        while node.sdo.read(0x6041) & 0x6F == 0x27:  # type: ignore[operator]
+            assert time.monotonic() < deadline
+    channel.check()
+
+
+def test_a_drive_whose_mapping_is_used_as_it_is(channel: Channel, nodes: list[Node]) -> None:
+    master = Master(channel, nodes[:1], Policy(remap=False))
+    assert not any(pdo.change.name == "MAPPING" for pdo in master.ports[0].plan.pdos)
+    master.until(0x21, 0x6F, Outputs(controlword=0x06))
+
+
+def test_a_drive_that_resets_is_unknown_until_it_is_booted_again(channel: Channel, nodes: list[Node]) -> None:
+    master = Master(channel, nodes[:1], Policy())
+    port = master.ports[0]
+    master.until(0x40, 0x4F, Outputs())
+    nodes[0].command(NmtCommand.RESET_NODE, timeout=5.0)
+    assert port.rebooted
+    seen = port.read(master.cycle.now())
+    assert (seen.operational, seen.statusword) == (False, None)
+
+
+def test_sdo_and_pdo_side_by_side(channel: Channel, nodes: list[Node]) -> None:
+    """User threads read while the scan runs: nothing is mixed up."""
+    master = Master(channel, nodes, Policy())
+    values = [nodes[0].sdo.read("6502h") for _ in range(20)]
+    master.until(0x21, 0x6F, Outputs(controlword=0x06))
+    assert len(set(values)) == 1

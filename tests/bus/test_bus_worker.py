@@ -1,0 +1,188 @@
+"""The SDO worker of a node: in order, never in the scan's way, and giving way to a quick stop."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+from bus_peer import FakeBus, Slave, eventually
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.sdo import SdoClient
+from axisbus.bus.worker import QUEUE_LIMIT, Job, SdoWorker
+from axisbus.errors import BusError, Interrupted
+
+TIMED_OUT = 0x0504_0000
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(
+        5,
+        {
+            (0x6040, 0): b"\x0f\x00",
+            (0x6064, 0): b"\xfe\xff\xff\xff",
+            (0x6081, 0): bytes(4),
+            (0x6083, 0): bytes(4),
+            (0x1008, 0): b"a name",
+        },
+    )
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def worker(channel: Channel, slave: Slave) -> Iterator[SdoWorker]:
+    worker = SdoWorker(channel, SdoClient(channel, 5, timeout=60.0))
+    yield worker
+    worker.close()
+
+
+class Ends:
+    """Collects the ends of jobs: (key, value, abort)."""
+
+    def __init__(self) -> None:
+        self.all: list[tuple[object, int | None, int | None]] = []
+
+    def job(self, key: object, index: int, value: int | None = None) -> Job:
+        return Job(key, index, 0, value, lambda got, code: self.all.append((key, got, code)))
+
+
+def test_jobs_are_carried_out_in_their_order(worker: SdoWorker, slave: Slave) -> None:
+    ends = Ends()
+    worker.submit(ends.job(1, 0x6081, 100))
+    worker.submit(ends.job(2, 0x6083, 200))
+    worker.submit(ends.job(3, 0x6064))
+    worker.submit(ends.job(4, 0x6081, 300))
+    eventually(lambda: len(ends.all) == 4)
+    assert ends.all == [(1, None, None), (2, None, None), (3, -2, None), (4, None, None)]
+    assert [write[0] for write in slave.writes] == [0x6081, 0x6083, 0x6081]
+    eventually(lambda: worker.idle)
+
+
+def test_what_fails_comes_back_as_an_abort_code(worker: SdoWorker, slave: Slave) -> None:
+    slave.abort_on[0x6083, 0] = 0x0609_0031
+    ends = Ends()
+    worker.submit(ends.job("refused", 0x6083, 1))
+    worker.submit(ends.job("missing", 0x60FE))
+    worker.submit(ends.job("too big", 0x6081, 1 << 40))
+    worker.submit(ends.job("no number", 0x1008))
+    worker.submit(ends.job("fine", 0x6081, 1))
+    eventually(lambda: len(ends.all) == 5)
+    assert ends.all == [
+        ("refused", None, 0x0609_0031),
+        ("missing", None, 0x0602_0000),
+        ("too big", None, 0x0609_0030),
+        ("no number", None, 0x0607_0010),
+        ("fine", None, None),
+    ]
+
+
+def test_a_quick_stop_never_waits_behind_sdo(worker: SdoWorker, slave: Slave) -> None:
+    ends = Ends()
+    slave.hold = True
+    worker.submit(ends.job("running", 0x6064))
+    worker.submit(ends.job("waiting", 0x6081, 5))
+    eventually(lambda: slave.held)
+    slave.release()
+    worker.urgent(ends.job("stop", 0x6040, 2))
+    eventually(lambda: len(ends.all) == 3)
+    assert slave.objects[0x6040, 0] == b"\x02\x00"
+    assert set(ends.all) == {
+        ("running", None, TIMED_OUT),
+        ("waiting", None, TIMED_OUT),
+        ("stop", None, None),
+    }
+    assert slave.aborts_received == [(0x6064, 0, 0x0800_0000)]
+    assert [write[0] for write in slave.writes] == [0x6040]
+
+
+def test_quick_stops_of_both_axes_are_carried_out(worker: SdoWorker, slave: Slave) -> None:
+    """An urgent job of the second axis must not drop that of the first."""
+    slave.objects[0x6840, 0] = b"\x0f\x00"
+    ends = Ends()
+    slave.hold = True
+    worker.submit(ends.job("running", 0x6064))
+    eventually(lambda: slave.held)
+    slave.release()
+    worker.urgent(ends.job("axis 1", 0x6040, 2))
+    worker.urgent(ends.job("axis 2", 0x6840, 2))
+    eventually(lambda: len(ends.all) == 3)
+    assert slave.objects[0x6040, 0] == b"\x02\x00"
+    assert slave.objects[0x6840, 0] == b"\x02\x00"
+
+
+def test_a_quick_stop_passes_a_users_transfer_too(worker: SdoWorker, slave: Slave, channel: Channel) -> None:
+    """The worker waits for the client's lock, which a user's transfer with a silent node holds."""
+    ends = Ends()
+    client = worker._sdo
+    slave.hold = True
+    user: list[BaseException] = []
+
+    def read() -> None:
+        try:
+            client.upload(0x6064)
+        except Interrupted as error:
+            user.append(error)
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    eventually(lambda: slave.held)
+    worker.submit(ends.job("behind the user", 0x6081, 5))
+    eventually(lambda: worker._running is not None)
+    slave.release()
+    worker.urgent(ends.job("stop", 0x6040, 2))
+    eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
+    thread.join(5)
+    assert len(user) == 1
+
+
+def test_cancelled_jobs_never_run_and_say_nothing(worker: SdoWorker, slave: Slave) -> None:
+    ends = Ends()
+    slave.hold = True
+    worker.submit(ends.job(1, 0x6064))
+    worker.submit(ends.job(2, 0x6081, 5))
+    worker.submit(ends.job(3, 0x6083, 6))
+    eventually(lambda: slave.held)
+    slave.release()
+    worker.cancel({1, 2})
+    eventually(lambda: ends.all)
+    assert ends.all == [(3, None, None)]
+    assert slave.aborts_received == [(0x6064, 0, 0x0800_0000)]
+    assert [write[0] for write in slave.writes] == [0x6083]
+
+
+def test_the_queue_is_bounded(worker: SdoWorker, slave: Slave) -> None:
+    ends = Ends()
+    slave.hold = True
+    worker.submit(ends.job("running", 0x6064))
+    eventually(lambda: slave.held)
+    for number in range(QUEUE_LIMIT):
+        worker.submit(ends.job(number, 0x6081, number))
+    assert ends.all == []
+    worker.submit(ends.job("one too many", 0x6081, 1))
+    assert ends.all == [("one too many", None, 0x0504_0005)]
+
+
+def test_closing_ends_everything_quickly(channel: Channel, slave: Slave) -> None:
+    worker = SdoWorker(channel, SdoClient(channel, 5, timeout=60.0))
+    ends = Ends()
+    slave.hold = True
+    worker.submit(ends.job("running", 0x6064))
+    worker.submit(ends.job("waiting", 0x6081, 1))
+    eventually(lambda: slave.held)
+    worker.close()
+    assert set(ends.all) == {("running", None, TIMED_OUT), ("waiting", None, TIMED_OUT)}
+    worker.submit(ends.job("late", 0x6064))
+    assert ends.all[-1] == ("late", None, 0x0504_0005)
+
+
+def test_a_callback_that_raises_is_known_to_the_channel(worker: SdoWorker, channel: Channel) -> None:
+    def broken(value: int | None, code: int | None) -> None:
+        raise ValueError("a fault of ours")
+
+    worker.submit(Job(1, 0x6064, 0, None, broken))
+    eventually(lambda: channel.failure)
+    with pytest.raises(BusError, match="SDO worker of node 5"):
+        channel.check()

@@ -1,0 +1,99 @@
+"""Real files of many makers, where a folder of them is given: all are read, written back, and reach canopen as they are meant."""
+
+from __future__ import annotations
+
+import configparser
+import logging
+import os
+import re
+from pathlib import Path
+
+import pytest
+from eds_texts import canopen_facts, our_facts
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds import canopen_text, reader, writer
+
+FOLDER = Path(
+    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
+)
+FILES = (
+    sorted(path for path in FOLDER.glob("*") if path.suffix in (".eds", ".dcf")) if FOLDER.is_dir() else []
+)
+
+pytestmark = pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
+
+# What canopen misreads though DS 306 allows it: compact sub-indices, and keys in another case than the standard prints them.
+MISREAD_BY_CANOPEN = re.compile(r"CompactSubObj|^Pdo", re.MULTILINE)
+NO_LIMITS_IN_CANOPEN = frozenset(
+    (
+        DataType.REAL32,
+        DataType.REAL64,
+        DataType.INTEGER24,
+        DataType.INTEGER40,
+        DataType.INTEGER48,
+        DataType.INTEGER56,
+    )
+)
+LIBRARY_TYPES = range(1, 0x1C)
+
+
+@pytest.fixture(scope="module")
+def readings() -> dict[str, reader.Reading]:
+    logging.getLogger("canopen").setLevel(logging.ERROR)
+    return {path.name: reader.read(path.read_bytes(), path.name) for path in FILES}
+
+
+def comparable(facts: dict[tuple[int, int], tuple[object, ...]]) -> dict[tuple[int, int], tuple[object, ...]]:
+    """Return the facts without what canopen cannot hold: limits of some types, types of the maker's, exact times."""
+    known: dict[tuple[int, int], tuple[object, ...]] = {}
+    for key, (name, kind, access, mapping, default, value, low, high) in facts.items():
+        if kind in NO_LIMITS_IN_CANOPEN:
+            low = high = None
+        if kind in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
+            default = value = None
+        if kind not in LIBRARY_TYPES:
+            kind = int(DataType.DOMAIN)
+        text = name if isinstance(name, str) else ""
+        known[key] = (text, kind, access, mapping, default, value, low, high)
+    return known
+
+
+def test_every_file_is_read_and_written_back_byte_for_byte(readings: dict[str, reader.Reading]) -> None:
+    for path in FILES:
+        reading = readings[path.name]
+        assert reading.eds.objects
+        assert writer.dumps(reading.document) == path.read_bytes(), path.name
+
+
+def test_findings_point_into_the_file(readings: dict[str, reader.Reading]) -> None:
+    for name, reading in readings.items():
+        for finding in reading.eds.findings:
+            assert 0 <= finding.line <= len(reading.document.lines), (name, finding)
+            if finding.line:
+                assert 1 <= finding.column <= len(reading.document.lines[finding.line - 1]) + 1, (
+                    name,
+                    finding,
+                )
+
+
+def test_every_file_reaches_canopen_as_we_read_it(readings: dict[str, reader.Reading]) -> None:
+    for name, reading in readings.items():
+        theirs = comparable(canopen_facts(canopen_text(reading.eds), 5))
+        assert theirs == comparable(our_facts(reading.eds, 5)), name
+
+
+def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, reader.Reading]) -> None:
+    compared = 0
+    for path in FILES:
+        eds = readings[path.name].eds
+        text = path.read_bytes().decode("ascii", errors="replace").replace("\r\n", "\n")
+        if eds.findings or MISREAD_BY_CANOPEN.search(text):
+            continue
+        try:
+            theirs = canopen_facts(text, 5)
+        except (configparser.Error, ValueError):
+            continue  # it refuses partial [DummyUsage] and empty numbers
+        assert comparable(our_facts(eds, 5)) == comparable(theirs), path.name
+        compared += 1
+    assert compared >= len(FILES) // 4

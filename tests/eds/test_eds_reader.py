@@ -1,0 +1,212 @@
+"""Objects from sections: what is there, what is missing, and what real files do instead."""
+
+from __future__ import annotations
+
+import pytest
+from eds_texts import HEAD, HEAD_LINES, only, read, record, rules, variable
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds import Number, ObjectType, Severity, loads
+
+
+def test_a_plain_variable_has_everything_that_its_section_says() -> None:
+    eds = read(
+        "[6081]\nParameterName=Profile velocity\nObjectType=0x7\nDataType=0x0007\nAccessType=rww\n"
+        "DefaultValue=1000\nPDOMapping=1\nLowLimit=1\nHighLimit=5000\nObjFlags=0x1\n"
+    )
+    entry = eds.get(0x6081)
+    assert entry is not None
+    assert (entry.index, entry.subindex, entry.name) == (0x6081, 0, "Profile velocity")
+    assert (entry.data_type, entry.access, entry.default) == (DataType.UNSIGNED32, "rww", Number(1000))
+    assert (entry.low, entry.high) == (Number(1), Number(5000))
+    assert (entry.pdo_mapping, entry.object_flags, entry.line) == (True, 1, HEAD_LINES + 1)
+    assert (entry.readable, entry.writable, entry.bits) == (True, True, 32)
+    assert eds.findings == ()
+
+
+def test_a_record_has_its_sub_indices_in_order() -> None:
+    eds = read(record("6099", variable("6099sub2"), variable("6099Sub0", DataType="5"), variable("6099SUB1")))
+    entry = eds.objects[0x6099]
+    assert entry.object_type is ObjectType.RECORD
+    assert entry.is_record
+    assert list(entry.subs) == [0, 1, 2]
+    assert entry.subs[0].data_type is DataType.UNSIGNED8
+    assert eds.findings == ()
+
+
+def test_sub_indices_are_hexadecimal() -> None:
+    eds = read(record("2000", variable("2000sub10"), variable("2000subA"), variable("2000subFE")))
+    assert list(eds.objects[0x2000].subs) == [0x0A, 0x10, 0xFE]
+
+
+def test_objects_come_by_index_whatever_the_order_in_the_file() -> None:
+    eds = read(variable("6040") + variable("2000") + variable("1005"))
+    assert [entry.index for entry in eds] == [0x1000, 0x1005, 0x2000, 0x6040]
+
+
+def test_a_sub_index_before_its_parent_is_no_matter() -> None:
+    eds = read(variable("2000sub1") + record("2000"))
+    assert eds.get(0x2000, 1) is not None
+    assert eds.findings == ()
+
+
+def test_a_sub_index_without_parent_makes_a_record() -> None:
+    eds = read(variable("2000sub1"))
+    assert eds.objects[0x2000].object_type is ObjectType.RECORD
+    assert eds.get(0x2000, 1) is not None
+    finding = only(eds)
+    assert (finding.rule, finding.severity, finding.index) == ("O005", Severity.ERROR, 0x2000)
+
+
+def test_a_leading_zero_in_a_sub_index_is_read_and_reported() -> None:
+    eds = read(record("2000", variable("2000sub0A"), variable("2000subA")))
+    assert list(eds.objects[0x2000].subs) == [0x0A]
+    assert rules(eds) == ["O012", "S003"]
+
+
+def test_without_object_type_an_object_is_a_variable() -> None:
+    eds = read("[2000]\nParameterName=A\nDataType=7\nAccessType=rw\n")
+    assert eds.objects[0x2000].object_type is ObjectType.VAR
+    assert eds.findings == ()
+
+
+def test_without_object_type_sub_indices_make_a_record() -> None:
+    eds = read("[2000]\nParameterName=A\n\n" + variable("2000sub1"))
+    assert eds.objects[0x2000].object_type is ObjectType.RECORD
+    assert rules(eds) == ["O006"]
+
+
+def test_a_variable_with_sub_indices_stays_a_variable() -> None:
+    eds = read(variable("2000") + variable("2000sub1"))
+    assert list(eds.objects[0x2000].subs) == [0]
+    finding = only(eds)
+    assert (finding.rule, finding.line) == ("O011", HEAD_LINES + 3)
+
+
+def test_a_domain_needs_neither_type_nor_access() -> None:
+    eds = read("[1F50]\nParameterName=Program\nObjectType=0x2\n")
+    entry = eds.get(0x1F50)
+    assert entry is not None
+    assert (entry.data_type, entry.access, entry.object_type) == (DataType.DOMAIN, "rw", ObjectType.DOMAIN)
+    assert eds.findings == ()
+
+
+@pytest.mark.parametrize(
+    ("body", "rule", "line"),
+    [
+        ("[2000]\nDataType=7\nAccessType=rw\n", "O001", 1),
+        ("[2000]\nParameterName=A\nAccessType=rw\n", "O002", 1),
+        ("[2000]\nParameterName=A\nDataType=\nAccessType=rw\n", "O002", 3),
+        ("[2000]\nParameterName=A\nDataType=UNSIGNED8\nAccessType=rw\n", "O002", 3),
+        ("[2000]\nParameterName=A\nDataType=0x0E\nAccessType=rw\n", "O002", 3),
+        ("[2000]\nParameterName=A\nDataType=7\n", "O003", 1),
+        ("[2000]\nParameterName=A\nDataType=7\nAccessType=read\n", "O003", 4),
+        ("[2000]\nParameterName=A\nDataType=7\nAccessType=rw\nObjectType=variable\n", "O004", 5),
+        ("[2000]\nParameterName=A\nDataType=7\nAccessType=rw\nObjectType=0x77\n", "O004", 5),
+        ("[2000]\nParameterName=A\nDataType=7\nAccessType=rw\nPDOMapping=maybe\n", "V001", 5),
+        ("[2000]\nParameterName=A\nDataType=7\nAccessType=rw\nLowLimit=4\nHighLimit=x\n", "V001", 6),
+        ("[2000]\nParameterName=A\nDataType=7\nAccessType=rw # rw\n", "S011", 4),
+    ],
+)
+def test_what_is_missing_or_wrong_is_an_entry_with_a_finding(body: str, rule: str, line: int) -> None:
+    eds = read(body)
+    finding = only(eds)
+    assert eds.get(0x2000) is not None
+    assert (finding.rule, finding.line, finding.index) == (rule, HEAD_LINES + line, 0x2000)
+    assert finding.message
+    assert finding.remedy
+
+
+def test_a_value_that_is_not_understood_is_absent_and_points_to_itself() -> None:
+    eds = read(variable("2000", DefaultValue="   4x0"))
+    entry = eds.get(0x2000)
+    assert entry is not None
+    assert entry.default is None
+    finding = only(eds)
+    assert (finding.rule, finding.line, finding.column) == ("V001", HEAD_LINES + 6, 17)
+    assert finding.message == "[2000] DefaultValue: 4x0 is no integer"
+
+
+def test_a_type_that_the_file_defines_stands_for_its_base() -> None:
+    limited = "[A0]\nParameterName=Limited\nObjectType=5\n\n" + variable(
+        "A0sub1", DefaultValue="0x0006", DataType="5"
+    )
+    eds = read(variable("2000", DataType="0x00A0", DefaultValue="12") + limited)
+    entry = eds.get(0x2000)
+    assert entry is not None
+    assert (entry.data_type, entry.default) == (DataType.UNSIGNED16, Number(12))
+
+
+def test_a_wrong_type_is_kept_as_the_file_says_it() -> None:
+    eds = read(variable("60FF", DataType="0x0007", DefaultValue="4294967295"))
+    entry = eds.get(0x60FF)
+    assert entry is not None
+    assert (entry.data_type, entry.default) == (DataType.UNSIGNED32, Number(4294967295))
+
+
+def test_a_dcf_has_values_names_and_a_node() -> None:
+    eds = read(
+        "[DeviceComissioning]\nNodeID=0x0C\nNodeName=left axis\nBaudrate=500\n\n"
+        + variable("6081", DefaultValue="10", ParameterValue="250", Denotation="cruise")
+        + variable("1400", DataType="7", ParameterValue="$NODEID+0x200")
+    )
+    speed, cob = eds.get(0x6081), eds.get(0x1400)
+    assert speed is not None
+    assert cob is not None
+    assert eds.node_id == 12
+    assert (speed.default, speed.parameter_value, speed.denotation) == (Number(10), Number(250), "cruise")
+    assert (speed.initial(12), cob.initial(12)) == (250, 0x20C)
+    assert eds.info["devicecomissioning"]["nodename"] == "left axis"
+    assert eds.findings == ()
+
+
+def test_the_other_spelling_of_commissioning_is_read_and_reported() -> None:
+    eds = read("[DeviceCommissioning]\nNodeID=3\n")
+    assert eds.node_id == 3
+    assert only(eds).rule == "K001"
+
+
+@pytest.mark.parametrize("node_id", ["0", "128", "", "x", "$NODEID"])
+def test_a_node_id_that_is_none_is_reported(node_id: str) -> None:
+    eds = read(f"[DeviceComissioning]\nNodeID={node_id}\n")
+    assert eds.node_id is None
+    assert only(eds).rule == "K003"
+
+
+def test_dummies_are_those_that_the_file_allows() -> None:
+    assert read("[DummyUsage]\nDummy0002=1\nDummy0005=1\nDummy0007=0\n").dummies == {2, 5}
+    assert read("").dummies == frozenset()
+
+
+def test_entries_are_found_by_name_in_any_case() -> None:
+    eds = read(
+        variable("6040", ParameterName="Controlword")
+        + record("6099", variable("6099sub1", ParameterName="Fast"))
+    )
+    word, speed = eds.find(" controlWORD"), eds.find("record.fast")
+    assert word is not None
+    assert speed is not None
+    assert (word.index, speed.index, speed.subindex) == (0x6040, 0x6099, 1)
+    assert eds.find("nothing") is None
+
+
+def test_the_identity_is_that_of_1018_or_else_of_the_device_information() -> None:
+    described = record(
+        "1018", variable("1018sub1", DefaultValue="0xC0B00"), variable("1018sub2", DefaultValue="0")
+    )
+    eds = loads(
+        (HEAD.replace("VendorNumber=1", "VendorNumber=1\nProductNumber=0x20") + described).encode(), "x.eds"
+    )
+    assert (eds.identity.vendor_id, eds.identity.product_code, eds.identity.revision) == (0xC0B00, 0x20, None)
+
+
+def test_every_finding_has_a_place_a_reason_and_a_remedy() -> None:
+    eds = read(
+        "x\n"
+        + variable("2000", DefaultValue="-1", LowLimit="5", HighLimit="1")
+        + variable("2000sub1")
+        + "[Odd]\n"
+    )
+    assert rules(eds) == ["S006", "O011", "V009", "V004", "S012"]
+    assert [finding.line for finding in eds.findings] == [HEAD_LINES + line for line in (1, 4, 7, 8, 17)]
+    assert all(finding.message and finding.remedy and finding.column >= 1 for finding in eds.findings)

@@ -1,0 +1,103 @@
+"""A rig for motion tests: stand-ins on direct ports in virtual time, with axes, groups and the scan on top."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from axisbus import eds
+from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.motion.axes import Group
+from axisbus.motion.axis import Axis
+from axisbus.motion.core import AxisCore
+from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units
+from axisbus.motion.scan import PumpWaiter, Scan
+from axisbus.sim.device import Device
+from axisbus.sim.direct import DirectCycle, DirectPort
+from axisbus.units import Scale
+
+GENERIC = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
+SCALE = 1000.0  # increments per degree
+PERIOD = 0.01
+
+
+def parameters(name: str, dictionary, **changes) -> AxisParameters:
+    """An axis in degrees with everything set; ``changes`` replace fields."""
+    scale = Scale.of(SCALE, "deg")
+    objects = frozenset(index for index in dictionary.objects)
+    base = AxisParameters(
+        name,
+        Units(scale, Scale.of(SCALE, "deg/s"), Scale.of(SCALE, "deg/s²"), ratio_known=True, rated_torque=10.0),
+        limits=Limits(velocity=400.0),
+        defaults=Defaults(velocity=100.0, acceleration=500.0),
+        homing=Homing(method=37),
+        objects=objects,
+        modes=frozenset(mode for mode, facts in FACTS.items() if all(o in objects for o in facts.required)),
+        scan_period=PERIOD,
+        node=1,
+    )
+    return replace(base, **changes)
+
+
+@dataclass
+class Rig:
+    """A scan over stand-ins; ``axis`` and ``drive`` are the first."""
+
+    scan: Scan
+    axes: dict[str, Axis]
+    groups: dict[str, Group]
+    devices: list[Device]
+    cycle: DirectCycle
+    ports: dict[str, DirectPort]
+    log: list = field(default_factory=list)
+
+    @property
+    def axis(self) -> Axis:
+        return next(iter(self.axes.values()))
+
+    @property
+    def device(self) -> Device:
+        return self.devices[0]
+
+    @property
+    def drive(self):
+        return self.devices[0].drives[0]
+
+    @property
+    def core(self) -> AxisCore:
+        return self.scan.axes[self.axis.name]
+
+    def run(self, seconds: float) -> None:
+        """Let time pass with the scan running."""
+        end = self.cycle.now() + seconds
+        while self.cycle.now() < end and not self.scan.ended:
+            self.scan.waiter_pump.pump()
+
+    def enabled(self) -> Rig:
+        """Enable every axis."""
+        for axis in self.axes.values():
+            axis.enable().wait(5)
+        return self
+
+
+def rig(names: str = "x", *, port: dict | None = None, file: Path = GENERIC, **changes) -> Rig:
+    """Build a rig with one stand-in per letter of ``names``; ``port`` are DirectPort options, ``changes`` axis parameters."""
+    dictionary = eds.load(file)
+    devices = [Device(dictionary, number + 1) for number in range(len(names))]
+    ports = {name: DirectPort(device, **(port or {})) for name, device in zip(names, devices, strict=True)}
+    cycle = DirectCycle(list(ports.values()))
+    cores = {
+        name: AxisCore(parameters(name, dictionary, node=number + 1, **changes), ports[name].capabilities)
+        for number, name in enumerate(names)
+    }
+    groups = {"all": list(names)} if len(names) > 1 else {}
+    scan = Scan(cycle, ports, cores, PERIOD, groups)
+    waiter = PumpWaiter(scan)
+    scan.waiter_pump = waiter
+    axes = {name: Axis(core.parameters, scan, waiter) for name, core in cores.items()}
+    fronts = {name: Group(name, {axis: axes[axis] for axis in members}, scan, waiter) for name, members in groups.items()}
+    waiter.pump()
+    return Rig(scan, axes, fronts, devices, cycle, ports)
+
+
+MODE = ModeOfOperation

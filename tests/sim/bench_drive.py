@@ -1,0 +1,86 @@
+"""What the stand-in costs, printed: run it by hand with ``python tests/sim/bench_drive.py``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from sim_eds import drive_eds
+
+from axisbus.cia402.port import Outputs
+from axisbus.sim.device import Device
+from axisbus.sim.direct import DirectCycle, DirectPort
+from axisbus.sim.drive import Drive
+from axisbus.sim.slave import Slave
+
+PERIOD = 0.01
+
+
+def microseconds(call: Callable[[], None], count: int = 20_000) -> float:
+    """Time per call; the best of three rounds."""
+    rounds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        for _ in range(count):
+            call()
+        rounds.append((time.perf_counter() - start) / count * 1e6)
+    return min(rounds)
+
+
+def moving(drive: Drive, step: Callable[[float], None]) -> None:
+    """Enable it and send it on a long pp move."""
+    drive.mode = 1
+    for word in (6, 7, 15):
+        drive.controlword = word
+        for _ in range(5):
+            step(PERIOD)
+    drive.target_position = 2_000_000_000
+    drive.controlword = 0x1F
+    step(PERIOD)
+    drive.controlword = 0x0F
+
+
+def main() -> None:
+    drive = Drive(drive_eds())
+    for _ in range(5):
+        drive.step(PERIOD)
+    moving(drive, drive.step)
+    print(f"Drive.step(0.01) on a pp move    {microseconds(lambda: drive.step(PERIOD)):7.2f} µs")
+
+    device = Device(drive_eds(), 5)
+    slave = Slave(device)
+    clock = [0.0]
+
+    def step(_: float = 0.0) -> None:
+        clock[0] += PERIOD
+        slave.step(clock[0])
+        slave.take_frames()
+
+    moving(device.drive, step)
+    slave.on_frame(0, b"\1\0", clock[0])
+    print(f"Slave.step with two event TPDOs  {microseconds(step):7.2f} µs")
+
+    ports = [DirectPort(Device(drive_eds(), number)) for number in (1, 2, 3)]
+    cycle = DirectCycle(ports)
+    outputs = [Outputs(15, 1, 2_000_000_000)]
+
+    def once(_: float = 0.0) -> None:
+        cycle.wait_until(cycle.now() + PERIOD)
+        now = cycle.now()
+        for port in ports:
+            port.read(now)
+            port.write(outputs[0])
+        cycle.commit()
+        cycle.sync()
+        cycle.heartbeat()
+
+    for word in (6, 7, 15, 0x1F, 0x0F):
+        outputs[0] = Outputs(word, 1, 2_000_000_000)
+        for _ in range(5):
+            once()
+    cost = microseconds(once)
+    print(f"one cycle of three direct ports  {cost:7.2f} µs; an hour at 10 ms {cost * 0.36:.1f} s")
+
+
+if __name__ == "__main__":
+    main()

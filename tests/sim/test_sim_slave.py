@@ -1,0 +1,440 @@
+"""A stand-in node as a dialogue of frames, typed by hand."""
+
+from __future__ import annotations
+
+import pytest
+from sim_eds import DRIVE, drive_eds, make_eds
+from sim_eds import NODE as NODE_ROWS
+from sim_rig import state
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.sim.device import Device
+from axisbus.sim.motor import MotorParams
+from axisbus.sim.slave import Slave
+
+NODE = 5
+
+
+class Wire:
+    """One slave in virtual time; frames as hexadecimal text."""
+
+    def __init__(self, **changes: int) -> None:
+        self.device = Device(drive_eds(**changes), NODE)
+        self.slave = Slave(self.device)
+        self.now = 0.0
+        self.log: list[tuple[float, int, str]] = []
+
+    def run(self, seconds: float, dt: float = 0.001) -> Wire:
+        for _ in range(round(seconds / dt)):
+            self.now += dt
+            self.slave.step(self.now)
+            self._collect()
+        return self
+
+    def send(self, can_id: int, data: str, *, remote: bool = False) -> list[tuple[int, str]]:
+        """Send a frame and return what is answered at once."""
+        seen = len(self.log)
+        self.slave.on_frame(can_id, bytes.fromhex(data), self.now, remote=remote)
+        self._collect()
+        return [(can, text) for _, can, text in self.log[seen:]]
+
+    def sdo(self, request: str) -> str:
+        answers = [text for can, text in self.send(0x600 + NODE, request) if can == 0x580 + NODE]
+        assert len(answers) == 1
+        return answers[0]
+
+    def write(self, index: int, sub: int, value: int, size: int) -> None:
+        header = bytes([0x23 | (4 - size) << 2, index & 0xFF, index >> 8, sub])
+        answer = self.sdo((header + (value % (1 << 8 * size)).to_bytes(4, "little")).hex())
+        assert answer.startswith("60"), answer
+
+    def start(self) -> Wire:
+        self.run(0.1)
+        self.send(0, "0100")
+        return self
+
+    def of(self, can_id: int) -> list[str]:
+        return [text for _, can, text in self.log if can == can_id]
+
+    def times(self, can_id: int) -> list[float]:
+        return [time for time, can, _ in self.log if can == can_id]
+
+    def forget(self) -> None:
+        self.log.clear()
+
+    def _collect(self) -> None:
+        self.log += [(self.now, can, data.hex()) for can, data in self.slave.take_frames()]
+
+
+# NMT, boot-up, heartbeat.
+
+
+def test_boot_up_after_power_on_and_after_each_reset():
+    wire = Wire().run(0.1)
+    assert wire.of(0x705) == ["00"]
+    wire.forget()
+    wire.send(0, "8105")  # reset node
+    wire.run(0.04)
+    assert wire.of(0x705) == []  # it is away
+    wire.run(0.02)
+    assert wire.of(0x705) == ["00"]
+    wire.send(0, "8206")  # for another node
+    wire.run(0.1)
+    assert wire.of(0x705) == ["00"]
+    wire.send(0, "8200")  # reset communication, all nodes
+    wire.run(0.1)
+    assert wire.of(0x705) == ["00", "00"]
+
+
+def test_heartbeats_tell_the_state_at_their_period():
+    wire = Wire(x1017=50).run(0.2)
+    assert wire.of(0x705) == ["00", "7f", "7f", "7f"]
+    wire.forget()
+    wire.send(0, "0105")
+    wire.run(0.2)
+    wire.send(0, "0205")
+    wire.run(0.2)
+    assert wire.of(0x705) == ["05"] * 4 + ["04"] * 4
+    wire.device.dials.heartbeat_stops = True
+    wire.forget()
+    wire.run(0.2)
+    assert wire.of(0x705) == []
+
+
+def test_sdo_is_answered_in_pre_operational_and_operational_only():
+    wire = Wire().run(0.1)
+    request = "4000100000000000"
+    assert wire.sdo(request) == "4300100092010200"
+    wire.send(0, "0100")
+    assert wire.sdo(request) == "4300100092010200"
+    wire.send(0, "0200")
+    assert wire.send(0x605, request) == []
+    wire.send(0, "8000")
+    assert wire.sdo(request) == "4300100092010200"
+    wire.send(0, "8100")
+    assert wire.send(0x605, request) == []  # initialising
+
+
+def test_node_guarding_answers_with_a_toggling_bit():
+    wire = Wire().run(0.1)
+    assert wire.send(0x705, "", remote=True) == [(0x705, "7f")]
+    assert wire.send(0x705, "", remote=True) == [(0x705, "ff")]
+
+
+# SDO on the wire.
+
+
+def test_sdo_expedited_both_ways():
+    wire = Wire().run(0.1)
+    assert wire.sdo("2b40600006000000") == "6040600000000000"
+    wire.run(0.01)
+    assert wire.sdo("4041600000000000") == "4b41600031020000"
+    assert wire.sdo("22816000e8030000") == "6081600000000000"  # size not said: four bytes
+    assert wire.sdo("4081600000000000") == "43816000e8030000"
+
+
+def test_sdo_segmented_both_ways():
+    wire = Wire().run(0.1)
+    wire.device.dictionary.entries[0x1008_00] = wire.device.dictionary.entries[0x1008_00]._replace(
+        writable=True
+    )
+    assert wire.sdo("210810000a000000") == "6008100000000000"
+    assert wire.sdo("00" + b"stand-i".hex()) == "2000000000000000"
+    assert wire.sdo("19" + b"n 1".hex() + "00000000") == "3000000000000000"
+    assert wire.sdo("4008100000000000") == "410810000a000000"
+    assert wire.sdo("6000000000000000") == "00" + b"stand-i".hex()
+    assert wire.sdo("7000000000000000") == "19" + b"n 1".hex() + "00000000"
+
+
+@pytest.mark.parametrize(
+    ("request_", "answer"),
+    [
+        ("4000500000000000", "8000500000000206"),  # no such object
+        ("4041600100000000", "8041600111000906"),  # no such sub-index
+        ("2b41600000000000", "8041600002000106"),  # read-only
+        ("2f40600006000000", "8040600013000706"),  # too short
+        ("2340600006000000", "8040600012000706"),  # too long
+        ("2f60600002000000", "8060600030000906"),  # a mode that it does not have
+        ("c600100000000000", "8000100001000405"),  # block download
+        ("6000000000000000", "8000000001000405"),  # a segment of nothing
+        ("0000000000000000", "8000000001000405"),
+        ("e000000000000000", "8000000001000405"),  # an unknown command
+    ],
+)
+def test_sdo_refusals_on_the_wire(request_, answer):
+    assert Wire().run(0.1).sdo(request_) == answer
+
+
+def test_sdo_toggle_and_abort_end_a_transfer():
+    wire = Wire().run(0.1)
+    wire.device.dictionary.values[0x1008_00] = "a long device name"
+    assert wire.sdo("4008100000000000").startswith("41081000")
+    assert wire.sdo("7000000000000000") == "8008100000000305"
+    assert wire.sdo("4008100000000000").startswith("41081000")
+    assert wire.send(0x605, "8008100000000008") == []
+    assert wire.sdo("6000000000000000") == "8008100001000405"
+
+
+def test_a_block_upload_is_answered_by_a_normal_one():
+    assert Wire().run(0.1).sdo("a000100010000000") == "4300100092010200"
+
+
+def test_sdo_dials_delay_silence_and_abort():
+    wire = Wire().run(0.1)
+    wire.device.dials.sdo_delay = 0.05
+    assert wire.send(0x605, "4000100000000000") == []
+    wire.run(0.04)
+    assert wire.of(0x585) == []
+    wire.run(0.02)
+    assert wire.of(0x585) == ["4300100092010200"]
+    wire.device.dials.sdo_delay = 0.0
+    wire.device.dials.sdo_aborts[0x1000, 0] = 0x0800_0021
+    assert wire.sdo("4000100000000000") == "8000100021000008"
+    wire.device.dials.sdo_silent = True
+    assert wire.send(0x605, "4000100000000000") == []
+    wire.device.dials.sdo_silent = False
+    wire.device.dials.dead = True
+    assert wire.send(0x605, "4000100000000000") == []
+
+
+# PDO.
+
+
+def test_event_driven_pdos_only_on_change_and_only_when_operational():
+    wire = Wire().run(0.1)
+    assert wire.of(0x185) == []
+    wire.send(0, "0100")
+    wire.run(0.5)
+    assert wire.of(0x185) == ["500200000000"]  # statusword and position, once
+    wire.forget()
+    wire.send(0x205, "060000000000")
+    wire.run(0.1)
+    assert wire.of(0x185) == ["310200000000"]
+
+
+def test_event_timer_repeats_and_inhibit_time_holds_back():
+    wire = Wire(x1800_5=20, x1801_3=500).start()  # 20 ms; 50 ms for TPDO 2, which shows the velocity
+    wire.run(0.2)
+    assert len(wire.of(0x185)) == pytest.approx(10, abs=1)
+    for word in ("0600", "0700", "0f00"):
+        wire.send(0x305, word + "00000000")
+        wire.run(0.03)
+    wire.write(0x6060, 0, 3, 1)
+    wire.send(0x305, "0f0010270000")
+    wire.run(0.01)
+    wire.forget()
+    wire.run(0.3)
+    gaps = [after - before for before, after in zip(wire.times(0x285), wire.times(0x285)[1:], strict=False)]
+    assert gaps
+    assert min(gaps) >= 0.0499
+    wire.device.dials.event_timer_ignored = True
+    wire.write(0x1800, 5, 20, 2)
+    wire.send(0x305, "060000000000")  # switched off, so that nothing changes any more
+    wire.run(3.0)
+    wire.forget()
+    wire.run(0.2)
+    assert wire.of(0x185) == []
+
+
+def test_synchronous_pdos_travel_with_sync_and_the_answer_with_the_next():
+    wire = Wire(x1400_2=1, x1800_2=1, x1801_1=0x8000_0000).start()
+    wire.run(0.01)
+    wire.send(0x205, "060000000000")
+    wire.run(0.05)
+    assert wire.of(0x185) == []
+    assert state(wire.device.drive.statusword) == "switch on disabled"
+    assert wire.send(0x80, "") == [(0x185, "500200000000")]
+    wire.run(0.01)
+    assert wire.send(0x80, "07") == [(0x185, "310200000000")]  # with a SYNC counter, which is ignored
+
+
+def test_transmission_types_0_and_n():
+    wire = Wire(x1800_2=0, x1801_2=3).start()
+    wire.run(0.01)
+    counts = [len(wire.send(0x80, "")) for _ in range(6)]
+    assert counts == [1, 0, 1, 0, 0, 1]  # type 0 when changed: once; type 3 with the third and sixth
+    wire.send(0x205, "060000000000")
+    wire.run(0.01)
+    assert [can for can, _ in wire.send(0x80, "")] == [0x185]
+
+
+def test_target_and_controlword_in_one_frame_fit_together():
+    wire = Wire().start()
+    wire.write(0x6060, 0, 1, 1)
+    for word in ("06", "07", "0f"):
+        wire.send(0x205, word + "0000000000")
+        wire.run(0.02)
+    wire.send(0x205, "1f00" + "10270000")
+    wire.send(0x205, "0f00" + "10270000")
+    wire.run(2.0)
+    assert wire.device.drive.position == 10_000
+
+
+def test_an_rpdo_that_is_too_short_is_reported_and_not_obeyed():
+    wire = Wire().start()
+    assert wire.send(0x205, "0600") == [(0x85, "1082110000000000")]
+    assert wire.device.drive.controlword == 0
+
+
+def test_no_pdo_is_heard_outside_operational():
+    wire = Wire().run(0.1)
+    wire.send(0x205, "060000000000")
+    wire.send(0x80, "")
+    wire.run(0.05)
+    assert state(wire.device.drive.statusword) == "switch on disabled"
+
+
+def test_a_remapped_pdo_is_heard_on_its_new_identifier():
+    wire = Wire().start()
+    wire.write(0x1400, 1, 0x8000_0205, 4)
+    wire.write(0x1600, 0, 0, 1)
+    wire.write(0x1600, 1, 0x60400010, 4)
+    wire.write(0x1600, 0, 1, 1)
+    wire.write(0x1400, 1, 0x0000_0222, 4)
+    wire.send(0x205, "0600")
+    assert wire.device.drive.controlword == 0
+    wire.send(0x222, "0600")
+    assert wire.device.drive.controlword == 6
+
+
+def test_an_edge_shorter_than_a_step_is_heard():
+    wire = Wire().start()
+    wire.device.drive.fault(0x2310)
+    wire.run(0.05)
+    for word in ("00", "80", "00"):
+        wire.send(0x305, word + "0000000000")
+    wire.run(0.01)
+    assert state(wire.device.drive.statusword) == "switch on disabled"
+
+
+# Emergencies and watchdogs.
+
+
+def test_emergency_frames_of_a_fault_and_its_reset():
+    wire = Wire().start()
+    wire.device.drive.fault(0x8611)
+    wire.run(0.05)
+    wire.send(0x305, "800000000000")
+    wire.run(0.01)
+    assert wire.of(0x85) == ["1186210000000000", "0000000000000000"]
+    wire.device.dials.emcy_short = True
+    wire.device.drive.fault(0x8611)
+    wire.run(0.05)
+    assert wire.of(0x85)[-1] == "1186"
+    wire.write(0x1014, 0, 0x8000_0085, 4)
+    wire.forget()
+    wire.send(0x305, "000000000000")
+    wire.send(0x305, "800000000000")
+    wire.run(0.05)
+    assert wire.of(0x85) == []
+
+
+def enabled(wire: Wire) -> Wire:
+    """Operation enabled, in profile velocity mode at 10 000/s."""
+    wire.start()
+    wire.write(0x6060, 0, 3, 1)
+    for word in ("06", "07", "0f"):
+        wire.send(0x305, word + "00" + "10270000")
+        wire.run(0.02)
+    wire.run(0.3)
+    assert wire.device.drive.velocity == 10_000
+    return wire
+
+
+@pytest.mark.parametrize(
+    ("option", "ends_in"),
+    [(0, "operation enabled"), (1, "fault"), (2, "switch on disabled"), (3, "switch on disabled")],
+)
+def test_a_lost_master_is_answered_as_6007_says(option, ends_in):
+    wire = enabled(Wire(x6007=option, x1016_1=0x7F_0064))  # node 127, 100 ms
+    wire.run(0.3)
+    assert (
+        state(wire.device.drive.statusword) == "operation enabled"
+    )  # no heartbeat was ever heard: not watched yet
+    for _ in range(5):
+        wire.send(0x77F, "05")
+        wire.run(0.05)
+    wire.forget()
+    wire.run(0.5)
+    assert state(wire.device.drive.statusword) == ends_in
+    assert wire.of(0x85)[0] == "3081110000000000"
+    assert len(wire.of(0x85)) == 1
+    assert wire.device.nmt == 127  # 1029h:1 = 0: pre-operational
+    if option == 1:
+        assert wire.device.read(0x603F) == 0x8130
+
+
+@pytest.mark.parametrize(("reaction", "nmt"), [(0, 127), (1, 5), (2, 4)])
+def test_1029_decides_the_nmt_state(reaction, nmt):
+    wire = Wire(x1029_1=reaction, x1016_1=0x7F_0032).start()
+    wire.send(0x77F, "05")
+    wire.run(0.2)
+    assert wire.device.nmt == nmt
+
+
+def test_a_heartbeat_that_returns_ends_the_communication_error():
+    wire = Wire(x1029_1=1, x6007=0, x1016_1=0x7F_0032).start()
+    wire.send(0x77F, "05")
+    wire.run(0.2)
+    wire.send(0x77F, "05")
+    wire.run(0.01)
+    assert wire.of(0x85) == ["3081110000000000", "0000000000000000"]
+
+
+def test_nmt_stop_counts_as_a_lost_connection():
+    wire = enabled(Wire(x6007=3, x605A=6))
+    wire.send(0, "0205")
+    wire.run(0.5)
+    assert state(wire.device.drive.statusword) == "quick stop active"
+    assert wire.device.drive.velocity == 0
+
+
+def test_life_guarding_is_a_watchdog_too():
+    rows = [row for row in NODE_ROWS if row[0] != 0x1017]
+    rows += [(0x100C, 0, DataType.UNSIGNED16, "rw", 50), (0x100D, 0, DataType.UNSIGNED8, "rw", 2)]
+    wire = Wire()
+    wire.device = Device(make_eds(rows + DRIVE), 5)
+    wire.slave = Slave(wire.device)
+    wire.start()
+    for _ in range(3):
+        wire.send(0x705, "", remote=True)
+        wire.run(0.05)
+    assert wire.of(0x85) == []
+    wire.run(0.1)
+    assert wire.of(0x85) == ["3081110000000000"]
+
+
+def test_an_rpdo_that_stops_coming_is_noticed_by_its_deadline():
+    wire = Wire(x1401_5=40, x6007=1, x1029_1=1).start()
+    wire.run(0.2)
+    assert wire.of(0x85) == []  # never heard: not watched
+    for _ in range(5):
+        wire.send(0x305, "060000000000")
+        wire.run(0.03)
+    wire.run(0.1)
+    assert wire.of(0x85) == ["5082110000000000"]
+    assert state(wire.device.drive.statusword) == "fault"
+
+
+def test_reset_node_switches_the_motor_off_and_forgets_the_reference():
+    wire = enabled(Wire())
+    wire.device.drive.axis.offset = 500.0
+    wire.send(0, "8105")
+    wire.run(2.0)
+    drive = wire.device.drive
+    assert state(drive.statusword) == "switch on disabled"
+    assert drive.position == round(drive.axis.motor.position)
+    assert wire.device.read(0x6060) == 0
+
+
+def test_two_slaves_of_one_master_keep_apart():
+    first, second = (
+        Slave(Device(drive_eds(), 1)),
+        Slave(Device(drive_eds(), 2, params=MotorParams(start_position=7))),
+    )
+    for slave in (first, second):
+        slave.step(0.0)
+        slave.step(0.05)
+    assert not second.listens_to(0x601)
+    second.on_frame(0x602, bytes.fromhex("4064600000000000"), 0.05)
+    assert second.take_frames()[-1] == (0x582, bytes.fromhex("4364600007000000"))
