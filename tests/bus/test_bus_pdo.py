@@ -149,6 +149,16 @@ def test_a_fixed_mapping_is_found_out_and_left_as_it_was(sdo: SdoClient, slave: 
     assert any("the mapping of RPDO1 is fixed (abort code 06010002h)" in note for note in plan.notes)
 
 
+def test_a_pdo_that_the_next_plan_does_not_use_has_back_what_it_had(sdo: SdoClient, slave: Slave) -> None:
+    """TPDO1 brings a maker's object to somebody; it is switched off for remapping, and that is refused."""
+    slave.objects.update(pdo_objects(0x1800, 0x1A00, 0x185, 255, [0x20000010], inhibit=7, event=70))
+    slave.fixed_mapping = True
+    before = {key: value for key, value in slave.objects.items() if key[0] in (0x1800, 0x1A00)}
+    plan = configure(sdo, PAIR)
+    assert plan.inputs["statusword"] is Source.SDO
+    assert {key: slave.objects[key] for key in before} == before
+
+
 def test_a_drive_that_takes_nothing_is_used_as_it_is(sdo: SdoClient, slave: Slave) -> None:
     slave.fixed_communication = True
     before = dict(slave.objects)

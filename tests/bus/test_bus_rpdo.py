@@ -82,6 +82,13 @@ def test_a_target_alone_goes_before_the_controlword() -> None:
     assert frames == [(0x305, b"\x02\0\0\0"), (0x205, b"\x1f\0")]
 
 
+def test_a_changed_target_alone_makes_the_controlwords_frame_wait_for_it() -> None:
+    apart = images(DevicePdos((rpdo(1, "6040/16 6060/8"), rpdo(2, "607A/32")), ()))
+    arrange(apart, {"mode": 1, "target_position": 1}, 0x0F, None)
+    frames = arrange(apart, {"mode": 8, "target_position": 2}, 0x1F, 0x0F)
+    assert frames == [(0x305, b"\x02\0\0\0"), (0x205, b"\x1f\0\x08")]  # each once
+
+
 def test_only_what_is_in_use_is_sent() -> None:
     fixed = images(GENERIC)
     assert arrange(fixed, {"target_position": 5}, 0x0F, None) == [position(0x0F, 5)]

@@ -151,6 +151,19 @@ def test_stored_parameters_survive_a_reset_and_others_do_not(device):
     assert device.drive.settings.profile_velocity == 111
 
 
+def test_a_restart_brings_back_mode_and_targets_of_the_file():
+    device = Device(drive_eds(x6060=1), 5)
+    device.power_on()
+    assert device.read(0x6061) == 1
+    device.write(0x6060, 0, 3)
+    device.drive.target_position = 99
+    device.step(0.1)
+    device.nmt_command(NmtCommand.RESET_NODE)
+    device.step(1.0)
+    assert device.read(0x6060) == device.read(0x6061) == 1
+    assert device.read(0x607A) == 0
+
+
 def test_restored_defaults_count_after_the_next_reset(device):
     device.write(0x6081, 0, 111)
     device.write(0x1010, 1, 0x65766173)

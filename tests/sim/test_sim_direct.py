@@ -319,6 +319,16 @@ def test_each_call_can_be_made_to_fail(call):
     bench.cycle.quick_stop_all()  # this one never raises
 
 
+def test_a_closed_bus_sends_nothing_more():
+    bench = Bench().enable(3)
+    bench.once(Outputs(controlword=15, target_velocity=10_000), 30)
+    bench.cycle.close()
+    with pytest.raises(AdapterError):
+        bench.cycle.commit()
+    bench.cycle.wait_until(bench.cycle.now() + 1.0)
+    assert bench.device.drive.velocity == 10_000
+
+
 def test_a_send_that_blocks_and_a_wait_that_is_late_cost_virtual_time():
     bench = Bench(cycle={"dials": CycleDials(send_blocks=0.5, wait_late=0.2)})
     bench.once()

@@ -155,6 +155,39 @@ def test_torque_slope_0_does_not_get_on_and_halt_takes_the_torque_away():
     assert rig.drive.torque == 0
 
 
+@pytest.mark.parametrize("leave", ["mode", "quick stop"])
+def test_leaving_a_torque_mode_takes_the_motor_over_as_it_is(leave):
+    rig = Rig(x605A=6, params=MotorParams(friction=0, coasting=0.1)).enable(TQ)
+    rig.drive.target_torque = 100
+    rig.run(1.0)
+    speed = rig.drive.velocity
+    assert speed == pytest.approx(20_000, rel=0.01)
+    if leave == "mode":
+        rig.drive.target_velocity = speed
+        rig.drive.mode = PV
+    else:
+        rig.drive.controlword = 0x0002
+    changes = []
+
+    def note():
+        changes.append(abs(rig.drive.velocity - (note.last if changes else speed)))
+        note.last = rig.drive.velocity
+
+    rig.run(0.02, note)
+    assert max(changes) <= 420  # 400 000/s² of the quick-stop ramp, 1 ms steps
+    assert not rig.drive.axis.motor.saturated
+
+
+def test_torque_mode_begins_with_the_torque_that_holds_the_load():
+    rig = Rig(params=MotorParams(load=300)).enable(PP)
+    rig.run(3.0)
+    stands = rig.drive.position
+    rig.drive.target_torque = 300
+    rig.drive.mode = TQ
+    rig.run(1.0)
+    assert rig.drive.position == stands
+
+
 def test_friction_holds_a_small_torque():
     rig = Rig(params=MotorParams(friction=50)).enable(TQ)
     rig.drive.target_torque = 40

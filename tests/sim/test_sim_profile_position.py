@@ -6,9 +6,11 @@ import itertools
 import math
 
 import pytest
+from sim_eds import drive_eds
 from sim_rig import BIT_10, BIT_12, LIMIT, PP, PV, Rig
 
 from axisbus.sim.dials import NEVER
+from axisbus.sim.drive import Drive
 from axisbus.sim.motor import MotorParams
 
 IMMEDIATELY, RELATIVE, HALT, ON_SET_POINT = 0x20, 0x40, 0x100, 0x200
@@ -270,6 +272,35 @@ def test_speed_limits_hold(index, value):
     rig.present(100_000)
     rig.run(1.0)
     assert rig.drive.velocity == pytest.approx(limit, rel=0.001)
+
+
+def test_acceleration_limits_hold():
+    # up at 20 000/s² instead of 100 000 (1 s), down at 10 000/s² instead of 50 000 (2 s)
+    rig = Rig(x60C5=20_000, x60C6=10_000).enable(PP)
+    rig.present(200_000)
+    assert rig.until(lambda: rig.drive.axis.velocity == 20_000.0) == pytest.approx(1.0, abs=0.01)
+    rig.word(0x0F | HALT)
+    assert rig.until(lambda: rig.drive.axis.velocity == 0.0) == pytest.approx(2.0, abs=0.01)
+
+
+def test_an_end_velocity_is_kept_beyond_the_target_when_nothing_follows():
+    rig = Rig(x6082=5_000).enable(PP)
+    rig.present(20_000)
+    rig.until(lambda: rig.drive.position_demand >= 20_000)
+    assert rig.drive.axis.velocity == pytest.approx(5_000, rel=0.01)
+
+
+def test_the_encoders_noise_is_the_same_for_the_same_seed():
+    def positions(seed):
+        drive = Drive(drive_eds(), params=MotorParams(noise=5), seed=seed)
+        found = []
+        for _ in range(50):
+            drive.step(0.01)
+            found.append(drive.position)
+        return found
+
+    assert positions(1) == positions(1) != positions(2)
+    assert max(map(abs, positions(1))) in range(2, 6)
 
 
 def test_polarity_turns_position_and_target():

@@ -165,6 +165,12 @@ def test_sdo_refusals_on_the_wire(request_, answer):
     assert Wire().run(0.1).sdo(request_) == answer
 
 
+def test_an_empty_string_is_a_transfer_of_no_bytes():
+    wire = Wire().run(0.1)
+    assert wire.sdo("4008100000000000") == "4108100000000000"
+    assert wire.sdo("6000000000000000") == "0f00000000000000"
+
+
 def test_sdo_toggle_and_abort_end_a_transfer():
     wire = Wire().run(0.1)
     wire.device.dictionary.values[0x1008_00] = "a long device name"

@@ -167,6 +167,14 @@ def test_a_blocked_rotor_ends_in_a_following_error():
     rig.arrive()
 
 
+def test_an_encoder_that_jumps_is_a_following_error():
+    rig = Rig().enable(PP)
+    rig.dials.encoder_jump = 2_000_000
+    rig.run(0.1)
+    assert rig.drive.error_code == 0x8611
+    assert rig.dials.encoder_jump == 0
+
+
 def test_a_fault_on_enabling_comes_by_the_dial():
     rig = Rig()
     rig.dials.fault_on_enable = 0x7122
@@ -269,6 +277,17 @@ def test_a_brake_after_coasting_catches_the_load_late():
     assert -900 < fallen < -600
     rig.run(1.0)
     assert rig.drive.position == fallen
+
+
+def test_a_brake_is_late_when_a_held_quick_stop_is_cut_off():
+    rig = Rig(params=MotorParams(load=300, brake=True, brake_closes=0.05), x605A=6).enable(PP)
+    rig.word(0x0002)
+    rig.run(0.5)
+    assert rig.state == "quick stop active"
+    held = rig.drive.position
+    rig.word(0x0000)
+    rig.run(1.0)
+    assert held - 900 < rig.drive.position < held - 600
 
 
 def test_torque_mode_drops_a_load_that_position_mode_holds():

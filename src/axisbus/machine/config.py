@@ -160,7 +160,7 @@ class _Reading:
         return BusConfig(**fields, options=options)
 
     def _nodes(self, raw: Any) -> list[NodeConfig]:
-        table = self._table(("nodes",), raw or {})
+        table = self._table(("nodes",), {} if raw is None else raw)
         if not table:
             self._error(("nodes",), "the cell has no node", remedy='add [nodes.1] with eds = "..."')
         return [node for key, value in table.items() if (node := self._node(key, value)) is not None]

@@ -53,7 +53,7 @@ def _write_one(objects: Objects, write: Write, file: str) -> None:
             write,
             file,
             "reads back another value",
-            f"expected {write.value}, got {got}",
+            f"expected {write.value!r}, got {got!r}",
             "the drive limits or rounds this value: write one that it takes (its manual lists the range)",
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from functools import partial
 
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
@@ -13,6 +14,7 @@ from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.runtime import Runtime
+from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
@@ -75,7 +77,8 @@ def build_direct(
         booted[node_id] = NodeBoot(cell, node_id, eds, objects, comms).run()
         nodes[node_id] = NodeAccess(node_id, eds, objects)
     release = [partial(_restore, node) for node in booted.values()]
-    return Runtime(cycle, dict[str, Port](ports), booted, nodes, [*release, cycle.close])
+    stand_ins = {node_id: StandIn(device, nullcontext()) for node_id, device in devices.items()}
+    return Runtime(cycle, dict[str, Port](ports), booted, nodes, [*release, cycle.close], stand_ins)
 
 
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:

@@ -22,6 +22,7 @@ from axisbus.machine.node import NodeAccess
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
 from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
+from axisbus.machine.standin import StandIn
 from axisbus.machine.supervisor import Supervisor
 from axisbus.motion.axes import Group
 from axisbus.motion.axis import Axis
@@ -34,6 +35,9 @@ _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
 _CLOSE_MARGIN = 2.0
+_FIRST_VALUES = (
+    1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
+)
 
 
 class Machine:
@@ -149,6 +153,23 @@ class Machine:
             )
         return self._runtime.nodes[node_id]
 
+    def stand_in(self, node_id: int) -> StandIn:
+        """Return the stand-in of a simulated node: its plant, its dials, and faults on demand.
+
+        Raises:
+            StateError: the cell runs on hardware, or has no such node.
+        """
+        if node_id not in self._runtime.stand_ins:
+            raise StateError(
+                f"node {node_id} is not simulated here", remedy='stand-ins exist with interface = "sim"'
+            )
+        return self._runtime.stand_ins[node_id]
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the drives are stand-ins."""
+        return bool(self._runtime.stand_ins)
+
     @property
     def reports(self) -> list[NodeReport]:
         """What boot-up had to say of each node."""
@@ -208,7 +229,13 @@ class Machine:
         self._supervisor.start()
         atexit.register(self._at_exit)
         self._signals.install()
-        self._waiter.wait(lambda: self.scan.ended or len(self.scan.snapshots) == len(self._axes), 5.0)
+        self._waiter.wait(self._has_values, _FIRST_VALUES)
+
+    def _has_values(self) -> bool:
+        """Whether every axis has been heard of since the scan began (or the scan has ended)."""
+        snapshots = self.scan.snapshots
+        heard = [snapshots[name].statusword is not None for name in self._axes if name in snapshots]
+        return self.scan.ended or (len(heard) == len(self._axes) and all(heard))
 
     def _close(self, reason: str) -> list[AxisbusError]:
         if self._closed:
@@ -260,6 +287,24 @@ class Machine:
     def _at_exit(self) -> None:
         with suppress(AxisbusError):
             self._close("the program ended")
+
+
+def boot(path: str | Path) -> list[NodeReport]:
+    """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
+
+    A node that did not come up has its ``error`` in the report.
+
+    Raises:
+        ConfigError, EdsError, AdapterError: as ``Machine.open``.
+    """
+    from axisbus.machine.wire import build_on_bus
+
+    cell = _checked(path)
+    runtime = build_on_bus(cell, load_dictionaries(cell))
+    try:
+        return [booted.report for booted in runtime.booted.values()]
+    finally:
+        _release(runtime)
 
 
 def _checked(path: str | Path) -> CellConfig:

@@ -12,6 +12,7 @@ from axisbus.eds.model import Eds
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.node import NodeAccess
+from axisbus.machine.standin import StandIn
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -24,6 +25,7 @@ class Runtime:
     booted: dict[int, Booted]
     nodes: dict[int, NodeAccess]
     release: list[Callable[[], None]] = field(default_factory=list)
+    stand_ins: dict[int, StandIn] = field(default_factory=dict)
 
     @property
     def parameters(self) -> dict[str, AxisParameters]:

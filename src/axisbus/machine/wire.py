@@ -25,6 +25,7 @@ from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.runtime import Runtime
+from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
 
@@ -104,7 +105,7 @@ def build_on_bus(
         AdapterError: the channel cannot be opened, or failed.
     """
     with ExitStack() as stack:
-        channel = _open(cell, dictionaries, stack)
+        channel, stand_ins = open_channel(cell, dictionaries, stack)
         nodes = {
             node_id: stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()
         }
@@ -123,18 +124,33 @@ def build_on_bus(
             node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes
         }
         let_go = partial(_let_all_go, nodes, booted)
-        return Runtime(cycle, dict[str, Port](there), booted, access, [let_go, cycle.close, stack.pop_all().close])
+        return Runtime(
+            cycle,
+            dict[str, Port](there),
+            booted,
+            access,
+            [let_go, cycle.close, stack.pop_all().close],
+            stand_ins,
+        )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
 
 
-def _open(cell: CellConfig, dictionaries: Mapping[int, Eds], stack: ExitStack) -> Channel:
+def open_channel(
+    cell: CellConfig, dictionaries: Mapping[int, Eds], stack: ExitStack
+) -> tuple[Channel, dict[int, StandIn]]:
+    """Open the bus of a cell, with ``interface = "sim"`` a private one with stand-ins on it; ``stack`` closes it.
+
+    Raises:
+        AdapterError: it cannot be opened.
+    """
     bus = cell.bus
     if bus.interface != SIM:
-        return stack.enter_context(Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options))
+        return stack.enter_context(Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
     devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()]
-    stack.enter_context(StandIns(name, devices))
-    return stack.enter_context(Channel.open("virtual", name))
+    network = stack.enter_context(StandIns(name, devices))
+    stand_ins = {device.node_id: StandIn(device, network.lock) for device in devices}
+    return stack.enter_context(Channel.open("virtual", name)), stand_ins
 
 
 def _boot_all(

@@ -113,6 +113,8 @@ class AxisCore:
         elif self.activity is not None:
             self._step_activity(self.activity, image, order)
         self.halted = order.halt
+        if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
+            self.last_target = order.target_position
         return order.outputs(image.state)
 
     def snapshot(self) -> Snapshot:

@@ -35,7 +35,8 @@ def draw(recorder: Recorder, path: Path | str, title: str) -> Path:
         2 * len(recorder.axes), 1, sharex=True, figsize=(11, 2.6 * len(recorder.axes) + 1.2),
         gridspec_kw={"height_ratios": [3, 1.3] * len(recorder.axes), "hspace": 0.18},
     )  # fmt: skip
-    figure.suptitle(title, fontsize=12, x=0.06, ha="left")
+    figure.suptitle(title, fontsize=12, x=0.125, y=0.935, ha="left")
+    figure.subplots_adjust(top=0.9)
     columns = list(zip(*rows, strict=True))
     for number, axis in enumerate(recorder.axes):
         values = [columns[0], *columns[1 + 5 * number : 6 + 5 * number]]
@@ -102,4 +103,11 @@ def _legend_of_states(figure: Any, pyplot: Any, states: set[str]) -> None:
         for state, colour in _STATE_COLOURS.items()
         if state in states
     ]
-    figure.legend(handles=patches, loc="upper right", ncols=len(patches), fontsize=8, frameon=False)
+    figure.legend(
+        handles=patches,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 0.02),
+        ncols=len(patches),
+        fontsize=8,
+        frameon=False,
+    )

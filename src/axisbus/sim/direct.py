@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
 from axisbus.sim.dials import CycleDials
 from axisbus.sim.direct_port import DirectPort
@@ -80,8 +81,10 @@ class DirectCycle:
         """Send what the ports were given.
 
         Raises:
+            AdapterError: the bus is closed.
             Exception: what the dial ``commit`` holds.
         """
+        self._check_open()
         if self.dials.commit is not None:
             raise self.dials.commit
         if self.dials.send_blocks > 0.0:
@@ -94,8 +97,10 @@ class DirectCycle:
         """Send SYNC: inputs are sampled, outputs take effect, cyclic targets are latched.
 
         Raises:
+            AdapterError: the bus is closed.
             Exception: what the dial ``sync`` holds.
         """
+        self._check_open()
         if self.dials.sync is not None:
             raise self.dials.sync
         if self.dials.sync_lost:
@@ -113,8 +118,10 @@ class DirectCycle:
         """Send our heartbeat when it is due.
 
         Raises:
+            AdapterError: the bus is closed.
             Exception: what the dial ``heartbeat`` holds.
         """
+        self._check_open()
         if self.dials.heartbeat is not None:
             raise self.dials.heartbeat
         if self._heartbeat <= 0.0 or self._now < self._next_heartbeat - 1e-9:
@@ -136,8 +143,12 @@ class DirectCycle:
                 device.sync()
 
     def close(self) -> None:
-        """Release the bus: nothing is sent any more, the plant goes on in ``wait_until``."""
+        """Release the bus: nothing can be sent any more, the plant goes on in ``wait_until``."""
         self.closed = True
+
+    def _check_open(self) -> None:
+        if self.closed:
+            raise AdapterError("the simulated bus is closed", remedy="make a new one")
 
     def nmt(self, command: NmtCommand, node_id: int = 0) -> None:
         """Send an NMT command to one node, or to all (0)."""

@@ -25,14 +25,10 @@ from axisbus.sim.modes.catalogue import IMPLEMENTED, make_modes
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.objects import connect
 from axisbus.sim.power import Effort, PowerStage, Stage
-from axisbus.sim.settings import AXIS_SPAN, Settings
+from axisbus.sim.settings import AXIS_SPAN, Settings, place
+from axisbus.sim.statusword import compose
 from axisbus.sim.words import (
     CW_HALT,
-    SW_BIT_10,
-    SW_INTERNAL_LIMIT,
-    SW_REMOTE,
-    SW_VOLTAGE,
-    SW_WARNING,
     as_int8,
     as_int32,
 )
@@ -234,17 +230,24 @@ class Drive:
         axis = self.axis
         if new is Effort.OFF:
             self._mode.abandon(axis)
-            self._release(coasting=old is Effort.RUN or not axis.standing)
+            self._release()
         elif old is Effort.OFF:
             axis.seize()
             axis.motor.brake_closed = False
+            self._brake_timer = 0.0
             self._enter_mode()
             if self.dials.fault_on_enable:
                 self.fault(self.dials.fault_on_enable)
         elif new is Effort.RUN:
             self._enter_mode()
         else:
+            self._lead_again()
             self._mode.abandon(axis)
+
+    def _lead_again(self) -> None:
+        """A motor that was pushed, or that coasted on a halt, is led by a position demand again: from where it is."""
+        if self._mode.by_torque or (self._halted and self.settings.halt_option == 0):
+            self.axis.seize()
 
     def _enter_mode(self) -> None:
         self._halted = False
@@ -252,15 +255,15 @@ class Drive:
         if self._effort is Effort.RUN:
             self._mode.enter(self.axis)
 
-    def _release(self, *, coasting: bool) -> None:
-        """The motor is not energised any more; a brake closes (late, when nothing braked before)."""
+    def _release(self) -> None:
+        """The motor is not energised any more; a brake holds already, or closes only now (the power went without warning)."""
         self._halted = False
         if not self.params.brake:
             return
-        if coasting:
-            self._brake_timer = max(self.params.brake_closes, 1e-9)
-        else:
+        if self.power.brake_in_time:
             self.axis.motor.brake_closed = True
+        else:
+            self._brake_timer = max(self.params.brake_closes, 1e-9)
 
     # Motion.
 
@@ -284,6 +287,7 @@ class Drive:
             mode.halt(self.axis, effort, dt)
             return
         if self._halted:
+            self._lead_again()
             self._halted = False
             mode.resume(self.axis)
         mode.step(self.axis, dt)
@@ -312,11 +316,11 @@ class Drive:
 
     def _first_mode(self) -> int:
         """Return the mode after power-up: the default of 6060h; a drive without that object has one mode for good."""
-        index = 0x6060 + self.axis_number * AXIS_SPAN
-        if not self.dictionary.has(index):
+        stored = self.dictionary.values.get(place(self.dictionary, 0x6060 + self.axis_number * AXIS_SPAN))
+        if stored is None:
             return min(self.modes, default=0)
-        value = as_int8(self.dictionary.get_int(index))
-        return value if value in self.modes else 0
+        mode = as_int8(stored) if isinstance(stored, int) else 0
+        return mode if mode in self.modes else 0
 
     def _follow_mode(self, dt: float) -> None:
         wanted = self.mode
@@ -326,6 +330,7 @@ class Drive:
         if self._mode_timer <= self.dials.mode_delay:
             return
         self._mode_timer = 0.0
+        self._lead_again()
         self._mode.abandon(self.axis)
         self.mode_display = wanted
         self._mode = self._all_modes[wanted]
@@ -380,22 +385,6 @@ class Drive:
         self.velocity = axis.user_velocity(velocity) if velocity else 0
         self.torque = round(motor.torque) if self._effort is not Effort.OFF else 0
         if not self.dials.statusword_frozen:
-            self.statusword = self._statusword()
-
-    def _statusword(self) -> int:
-        power, dials = self.power, self.dials
-        word = power.pattern
-        if not dials.no_voltage:
-            word |= SW_VOLTAGE
-        if not dials.local_control:
-            word |= SW_REMOTE
-        if self.warning:
-            word |= SW_WARNING
-        if power.stage is Stage.ENABLED:
-            word |= self._mode.halted_bits(self.axis) if self._halted else self._mode.bits(self.axis)
-            axis = self.axis
-            if axis.clamped or axis.speed_limited or axis.forbidden or axis.motor.saturated:
-                word |= SW_INTERNAL_LIMIT
-        elif power.stage is Stage.QUICK_STOP and self.axis.standing:
-            word |= SW_BIT_10
-        return word
+            self.statusword = compose(
+                self.power, self.dials, self._mode, axis, halted=self._halted, warning=self.warning
+            )

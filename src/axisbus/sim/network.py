@@ -114,12 +114,15 @@ class StandIns:
 
     def receive(self, can_id: int, data: bytes, *, remote: bool = False) -> None:
         """Take a frame from the bus (the receive thread calls this)."""
-        with self.lock:
-            now = self._now()
-            for node in self.nodes:
-                if node.slave.listens_to(can_id):
-                    node.slave.on_frame(can_id, data, now, remote=remote)
-            self._send()
+        try:
+            with self.lock:
+                now = self._now()
+                for node in self.nodes:
+                    if node.slave.listens_to(can_id):
+                        node.slave.on_frame(can_id, data, now, remote=remote)
+                self._send()
+        except Exception as error:  # noqa: BLE001 - a thread has nobody to raise to: close() hands it on
+            self._fail(error)
 
     def _run(self) -> None:
         due = time.monotonic()
@@ -131,8 +134,8 @@ class StandIns:
                     for node in self.nodes:
                         node.slave.step(now)
                     self._send()
-        except Exception as error:  # noqa: BLE001 - as in _send
-            self._error = error
+        except Exception as error:  # noqa: BLE001 - as in receive
+            self._fail(error)
 
     def _now(self) -> float:
         """Return the plants' time: the monotonic clock without what was lost."""
@@ -146,11 +149,11 @@ class StandIns:
     def _send(self) -> None:
         for node in self.nodes:
             for can_id, data in node.slave.take_frames():
-                try:
-                    self.network.send_message(can_id, data)
-                except can.CanError as error:  # close() hands it on; a thread has nobody to raise to
-                    self._error = error
-                    self._stop.set()
+                self.network.send_message(can_id, data)
+
+    def _fail(self, error: Exception) -> None:
+        self._error = self._error or error
+        self._stop.set()
 
     def _shut(self) -> None:
         self._stop.set()

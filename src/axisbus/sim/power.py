@@ -122,6 +122,7 @@ class PowerStage:
         "_options",
         "_timer",
         "_word",
+        "brake_in_time",
         "effort",
         "last_transition",
         "pending",
@@ -143,6 +144,7 @@ class PowerStage:
         self.stage = Stage.NOT_READY
         self.effort = Effort.OFF
         self.last_transition = 0
+        self.brake_in_time = False  # the brake holds before the torque goes
         self._word = 0
         self._edge = False
         self._ignored_word: int | None = None
@@ -264,9 +266,8 @@ class PowerStage:
         time = self._delays.get(transition, 0.0) + self._dials.transition_delay.get(transition, 0.0)
         if transition == 4:
             time += self._brake_opens
-        elif transition in (5, 8, 14) and self.effort > Effort.RUN:
-            time += self._brake_closes  # the brake holds before the torque goes
-        elif transition == 12 and self.stage is Stage.QUICK_STOP and self.effort > Effort.RUN:
+        self.brake_in_time = transition in _AFTER_STANDSTILL and self.effort > Effort.RUN
+        if self.brake_in_time:
             time += self._brake_closes
         return time
 

@@ -57,7 +57,7 @@ def not_there(case: Case) -> Found:
         unknown = [
             option
             for option, _, _ in _REACTIONS
-            if option not in absent and drive.value(option.index, option.subindex) is None
+            if drive.has(option.index) and drive.value(option.index, option.subindex) is None
         ]
         line = drive.axis.stop.at.line
         if absent:

@@ -13,6 +13,7 @@ class Mode:
     code = 0
     cyclic = False  # takes its targets at SYNC
     supervised = False  # the following error is watched
+    by_torque = False  # the motor is pushed, not led by a position demand
 
     def enter(self, axis: Axis) -> None:
         """The mode takes over, or the drive has been enabled: start from the demand as it is."""

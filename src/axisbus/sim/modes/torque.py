@@ -13,12 +13,13 @@ class ProfileTorque(Mode):
     """Brings the torque to 6071h on the slope 6087h (‰/s): with 0 it does not change, without the object it jumps."""
 
     code = TQ
+    by_torque = True
 
     def __init__(self) -> None:
         self._reached = False
 
     def enter(self, axis: Axis) -> None:
-        axis.torque_demand = axis.torque_within(axis.torque_demand)
+        axis.torque_demand = axis.torque_within(axis.motor.torque)
         self._reached = False
 
     def step(self, axis: Axis, dt: float) -> None:
@@ -44,12 +45,13 @@ class CyclicTorque(Mode):
 
     code = CST
     cyclic = True
+    by_torque = True
 
     def __init__(self) -> None:
         self._goal = 0.0
 
     def enter(self, axis: Axis) -> None:
-        self._goal = axis.torque_demand
+        self._goal = axis.motor.torque
 
     def resume(self, _axis: Axis) -> None:
         self._goal = 0.0

@@ -1,0 +1,33 @@
+"""``axisbus boot``: bring the nodes of a cell up and report each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
+from axisbus.machine.machine import boot
+
+
+@click.command("boot")
+@click.argument("cell", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
+def command(cell: Path, as_json: bool) -> int:
+    """Boot and configure the nodes of CELL, report each, and let them go again; energises nothing.
+
+    The report says who each node is, how each axis stops, and what notices a dead master. Exit code 3 when a node did not come up.
+    """
+    reports = boot(cell)
+    failed = [report for report in reports if not report.ok]
+    if as_json:
+        say_json([report.as_json() for report in reports])
+        return FAILURE if failed else OK
+    for report in reports:
+        say(report.text())
+    say(f"{len(reports) - len(failed)} of {len(reports)} nodes came up")
+    if failed:
+        say_next("mend what FAILED says, and boot again; who is there: axisbus scan " + str(cell))
+        return FAILURE
+    say_next(f"axisbus monitor {cell}, or axisbus home {cell}")
+    return OK

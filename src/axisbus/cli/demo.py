@@ -1,0 +1,142 @@
+"""``axisbus demo``: the main job on the simulated cell, recorded and drawn."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import click
+
+from axisbus import Recorder, wait
+from axisbus.cli.common import FAILURE, OK, say, say_next
+from axisbus.errors import AxisbusError
+from axisbus.machine.machine import Machine
+
+# In an installed package the cell lies beside this module; in a checkout, among the examples.
+_CELLS = (Path(__file__).parent / "demo_cell.toml", Path(__file__).parents[3] / "examples" / "cell.toml")
+_FAULT = 0x4310  # excess temperature of the drive
+_FAULT_BITS = 0x40000  # the module's own bit for it: MOSFET temperature
+
+
+@dataclass
+class Tally:
+    """Where the axes were sent and where they arrived."""
+
+    start: float = field(default_factory=time.monotonic)
+    moves: list[tuple[str, str, float, float, str]] = field(default_factory=list)
+
+    def say(self, text: str) -> None:
+        """Print a line with the seconds since the start."""
+        say(f"[{time.monotonic() - self.start:5.1f} s] {text}")
+
+
+@click.command("demo")
+@click.argument("cell", type=click.Path(path_type=Path), required=False)
+@click.option("--output", type=click.Path(path_type=Path), default=Path("demo-output"), show_default=True)
+@click.option("--plot/--no-plot", default=True, help="Draw motion.png (needs matplotlib).")
+def command(cell: Path | None, output: Path, plot: bool) -> int:
+    """Run the main job on the simulated cell of examples/cell.toml: boot, enable, home, move, move together, fault, reset, stop.
+
+    Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png.
+    """
+    path = cell or next(path for path in _CELLS if path.exists())
+    tally = Tally()
+    tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
+    with Machine.open(path) as machine, Recorder(machine.scan) as recorder:
+        if not machine.is_simulated:
+            raise click.UsageError(
+                'the demo provokes a fault: it runs on simulated cells only (interface = "sim")'
+            )
+        _job(machine, tally)
+        lateness = machine.scan.lateness
+    tally.say("the with block is left: every axis was halted and disabled, the nodes are pre-operational")
+    csv = recorder.write_csv(output / "recording.csv")
+    tally.say(f"{len(recorder)} cycles recorded in {csv}")
+    if plot:
+        _draw(recorder, output, tally)
+    return _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
+
+
+def _job(machine: Machine, tally: Tally) -> None:
+    _report_boot(machine, tally)
+    names = [axis.name for axis in machine]
+    tally.say("enable: all axes")
+    wait(axis.enable() for axis in machine)
+    tally.say("home: " + ", ".join(names))
+    wait(axis.home() for axis in machine)
+    _profile_moves(machine, tally)
+    _together(machine, tally)
+    _fault(machine, tally)
+    tally.say("move back to 0, all at once")
+    wait(axis.move_absolute(0.0) for axis in machine)
+    _note(machine, tally, "back", [0.0] * len(names))
+
+
+def _report_boot(machine: Machine, tally: Tally) -> None:
+    for report in machine.reports:
+        for line in report.text().splitlines():
+            tally.say(line)
+
+
+def _profile_moves(machine: Machine, tally: Tally) -> None:
+    targets = [60.0, -40.0, 120.0][: len(machine)]
+    tally.say("profile position: each axis by itself")
+    wait(axis.move_absolute(target) for axis, target in zip(machine, targets, strict=False))
+    _note(machine, tally, "profile position", targets)
+
+
+def _together(machine: Machine, tally: Tally) -> None:
+    ends = [-30.0, 45.0, 30.0][: len(machine)]
+    tally.say("cyclic synchronous position: all on one straight line, a target with every SYNC")
+    machine.group(*(axis.name for axis in machine)).move_linear(ends, velocity=150.0).wait()
+    _note(machine, tally, "straight line (csp)", ends)
+
+
+def _fault(machine: Machine, tally: Tally) -> None:
+    """Provoke a fault in mid-move, let it explain itself, reset, and go on."""
+    axes = list(machine)
+    victim = axes[1 % len(axes)]
+    tally.say(f"a fault is provoked in {victim.name} while all move")
+    handles = [axis.move_relative(60.0 if axis is not victim else -40.0, velocity=40.0) for axis in axes]
+    machine.sleep(0.6)
+    machine.stand_in(machine.cell.axes[victim.name].node).fault(_FAULT, _FAULT_BITS)
+    try:
+        wait(handles)
+    except ExceptionGroup as group:
+        for error in group.exceptions:
+            tally.say(str(error).replace("\n", "\n          "))
+    machine.sleep(0.4)  # the others brake, and stand
+    tally.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
+    tally.say(f"reset and enable {victim.name}; its position was not lost")
+    victim.reset().wait()
+    victim.enable().wait()
+
+
+def _note(machine: Machine, tally: Tally, what: str, targets: list[float]) -> None:
+    for axis, target in zip(machine, targets, strict=False):
+        tally.moves.append((what, axis.name, target, axis.position, axis.unit))
+
+
+def _draw(recorder: Recorder, output: Path, tally: Tally) -> None:
+    from axisbus.record.plot import draw
+
+    try:
+        picture = draw(recorder, output / "motion.png", "axisbus demo: three simulated axes")
+    except AxisbusError as error:
+        tally.say(f"no picture: {error}")
+    else:
+        tally.say(f"picture: {picture}")
+
+
+def _summary(tally: Tally, worst: float, skipped: int, cycles: int) -> int:
+    say()
+    say(f"{'move':<22}{'axis':<6}{'commanded':>12}{'reached':>12}")
+    for what, axis, target, reached, unit in tally.moves:
+        say(f"{what:<22}{axis:<6}{target:>12.3f}{reached:>12.3f} {unit}")
+    say(f"worst cycle lateness {worst * 1000:.2f} ms, {skipped} of {cycles} cycles skipped")
+    say_next("open demo-output/motion.png, then write a cell.toml of your own: axisbus check cell.toml")
+    off = [axis for _, axis, target, reached, _ in tally.moves if abs(target - reached) > 0.5]
+    if off:
+        say(f"NOT as commanded: {', '.join(off)}")
+    return FAILURE if off else OK

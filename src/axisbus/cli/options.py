@@ -1,0 +1,60 @@
+"""Options and arguments that several subcommands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+Decorated = Callable[..., Any]
+
+
+def bus_options(function: Decorated) -> Decorated:
+    """Add -i, -c, -b and -o: which bus to open."""
+    for decorate in (
+        click.option(
+            "-o", "--option", multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."
+        ),
+        click.option("-b", "--bitrate", type=int, help="Bit rate in bit/s, where the adapter sets it."),
+        click.option("-c", "--channel", help="Channel, such as can0 or PCAN_USBBUS1."),
+        click.option(
+            "-i", "--interface", help="python-can interface, such as socketcan, pcan, kvaser, slcan."
+        ),
+    ):
+        function = decorate(function)
+    return function
+
+
+def parse_options(pairs: tuple[str, ...]) -> dict[str, Any]:
+    """Turn KEY=VALUE texts into adapter options; numbers and true/false are understood."""
+    options: dict[str, Any] = {}
+    for pair in pairs:
+        key, sign, text = pair.partition("=")
+        if not sign:
+            raise click.UsageError(f"-o {pair}: write KEY=VALUE")
+        options[key] = _value(text)
+    return options
+
+
+def _value(text: str) -> Any:
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    try:
+        return int(text, 0)
+    except ValueError:
+        return text
+
+
+def parse_targets(pairs: tuple[str, ...]) -> dict[str, float]:
+    """Turn AXIS=POSITION texts into numbers."""
+    targets: dict[str, float] = {}
+    for pair in pairs:
+        name, sign, text = pair.partition("=")
+        try:
+            targets[name] = float(text)
+        except ValueError:
+            sign = ""
+        if not sign:
+            raise click.UsageError(f"{pair!r}: write AXIS=POSITION, such as x=90")
+    return targets

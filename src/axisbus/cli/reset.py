@@ -1,0 +1,31 @@
+"""``axisbus reset``: reset faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus import wait
+from axisbus.cli.common import OK, say, say_next
+from axisbus.machine.machine import Machine
+
+
+@click.command("reset")
+@click.argument("cell", type=click.Path(path_type=Path))
+@click.argument("axes", nargs=-1)
+def command(cell: Path, axes: tuple[str, ...]) -> int:
+    """Boot CELL and reset the faults of its axes (or of those named); enables nothing.
+
+    Each fault is told before it is reset. Exit code 3 when one does not go away.
+    """
+    with Machine.open(cell) as machine:
+        machine.sleep(0.5)  # a fault explains itself by SDO
+        chosen = [machine[name] for name in axes] or list(machine)
+        for axis in chosen:
+            say(f"{axis.name}: {axis.error}" if axis.error is not None else f"{axis.name}: no fault")
+        wait([axis.reset() for axis in chosen])
+        for axis in chosen:
+            say(f"{axis.name}: {axis.state.value}")
+    say_next(f"axisbus home {cell}, or axisbus move {cell} {chosen[0].name}=...")
+    return OK

@@ -1,0 +1,29 @@
+"""The statusword that a stand-in shows: state, common bits, and the bits of its mode."""
+
+from __future__ import annotations
+
+from axisbus.sim.axis import Axis
+from axisbus.sim.dials import DriveDials
+from axisbus.sim.modes.base import Mode
+from axisbus.sim.power import PowerStage, Stage
+from axisbus.sim.words import SW_BIT_10, SW_INTERNAL_LIMIT, SW_REMOTE, SW_VOLTAGE, SW_WARNING
+
+
+def compose(
+    power: PowerStage, dials: DriveDials, mode: Mode, axis: Axis, *, halted: bool, warning: bool
+) -> int:
+    """Return the value of 6041h; mode bits and the internal limit are shown while enabled."""
+    word = power.pattern
+    if not dials.no_voltage:
+        word |= SW_VOLTAGE
+    if not dials.local_control:
+        word |= SW_REMOTE
+    if warning:
+        word |= SW_WARNING
+    if power.stage is Stage.ENABLED:
+        word |= mode.halted_bits(axis) if halted else mode.bits(axis)
+        if axis.clamped or axis.speed_limited or axis.forbidden or axis.motor.saturated:
+            word |= SW_INTERNAL_LIMIT
+    elif power.stage is Stage.QUICK_STOP and axis.standing:
+        word |= SW_BIT_10
+    return word

@@ -1,0 +1,307 @@
+"""Cell files become frozen values, and everything that is wrong with what is written is told at once, with its line."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from axisbus.errors import ConfigError
+from axisbus.machine import config
+from axisbus.machine.problem import Problem
+from cells import kit
+
+MINIMAL = """\
+[bus]
+interface = "sim"
+scan_period = "4ms"
+[nodes.1]
+eds = "builtin:gim6010-8"
+[axes.x]
+node = 1
+unit = "deg"
+scale = 364.0888888888889
+"""
+
+
+def read(text: str) -> tuple[config.CellConfig, list[Problem]]:
+    cell, problems = config.loads(text)
+    assert cell is not None, problems
+    return cell, problems
+
+
+def told(text: str) -> list[str]:
+    return [f"{problem.line}: {problem.message}" for problem in read(text)[1]]
+
+
+# -- what is written -------------------------------------------------------------------------------------------------
+
+
+def test_the_whole_clean_cell_is_read_as_written() -> None:
+    cell = config.load(kit.HERE / "clean.toml")
+    bus = cell.bus
+    assert (bus.interface, bus.channel, bus.bitrate, bus.master_id) == ("pcan", "PCAN_USBBUS1", 1_000_000, 127)
+    assert (bus.scan_period, bus.sync, bus.heartbeat, dict(bus.options)) == (0.004, True, 0.1, {"fd": False})
+
+    node = cell.nodes[1]
+    assert (node.eds, node.dcf, node.remap, node.optional) == ("drive.eds", None, "auto", False)
+    assert [(each.key, each.value, each.line) for each in node.objects] == [("6065", 4000, 16)]
+    (pdo,) = node.pdos
+    assert (pdo.name, pdo.map, pdo.transmission, pdo.cob_id) == ("TPDO2", ("606C", "6077:00"), 1, None)
+
+    x, y = cell.axes["x"], cell.axes["y"]
+    assert (x.node, x.drive_axis, x.unit, x.scale, x.velocity_scale) == (1, 1, "mm", Fraction(1000), None)
+    assert (x.position_limits, x.max_velocity, x.max_acceleration, x.max_torque) == ((0, 500), 200, 2000, 4)
+    assert (x.defaults.velocity, x.defaults.acceleration, x.defaults.deceleration) == (100, 1000, 1000)
+    assert x.defaults.torque_slope == 10
+    homing = x.homing
+    assert (homing.method, homing.speed_switch, homing.speed_zero, homing.timeout) == (17, 20, 2, 30)
+    assert (homing.offset, homing.required) == (-5, None)
+    assert (x.stop.quick_stop, x.stop.halt, x.stop.fault) == ("ramp", "slow-ramp", None)
+    assert (x.stop.deceleration, x.stop.halt_time) == (4000, 2.0)
+    assert [(each.key, each.value) for each in x.objects] == [("609A", 500000)]
+    assert (y.scale, y.invert, y.modulo) == (Fraction(131072, 360), "master", 360)
+    assert y.modes == ("pp", "pv", "hm", "csp")
+    assert y.holds_load is None
+    assert cell.groups["xy"].axes == ("x", "y")
+    assert cell.folder == kit.HERE
+
+
+def test_the_order_of_a_groups_axes_is_kept() -> None:
+    cell, _ = read(MINIMAL + '[axes.y]\nnode=1\ndrive_axis=2\nunit="deg"\nscale=1\n[groups.g]\naxes = ["y", "x"]\n')
+    assert cell.groups["g"].axes == ("y", "x")
+
+
+def test_what_is_left_out_has_the_defaults_of_the_manual() -> None:
+    cell, problems = read(MINIMAL)
+    assert problems == []
+    assert (cell.bus.master_id, cell.bus.sync, cell.bus.heartbeat, cell.bus.bitrate) == (127, True, 0.1, None)
+    axis = cell.axes["x"]
+    assert axis.drive_axis == 1
+    assert axis.invert is None
+    assert axis.defaults.velocity is None
+    assert axis.homing.method is None
+    assert all(axis.stop.word(key) is None for key in ("quick_stop", "halt", "disable", "fault"))
+
+
+def test_values_cannot_be_changed() -> None:
+    cell, _ = read(MINIMAL)
+    with pytest.raises(FrozenInstanceError):
+        cell.bus.sync = False  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("4ms", 0.004), ("2.5 ms", 0.0025), ("500us", 0.0005), ("500 µs", 0.0005), ("1s", 1.0), (" 0.02s ", 0.02)],
+)
+def test_times_have_units(text: str, seconds: float) -> None:
+    cell, problems = read(MINIMAL.replace('"4ms"', f'"{text}"'))
+    assert problems == []
+    assert cell.bus.scan_period == seconds
+
+
+@pytest.mark.parametrize(
+    ("written", "remedy"),
+    [
+        ("4", '"4ms"'),
+        ("0.004", '"0.004s"'),
+        ('"4"', "units are"),
+        ('"4 m"', "units are"),
+        ('"-4ms"', "units are"),
+        ('"1e3ms"', "units are"),
+        ('"2s"', "units are"),
+        ("true", "units are"),
+        ('"' + "9" * 400 + 's"', "units are"),
+    ],
+)
+def test_times_without_a_unit_or_out_of_range_are_refused(written: str, remedy: str) -> None:
+    _, problems = read(MINIMAL.replace('"4ms"', written))
+    assert [problem.line for problem in problems] == [3]
+    assert "scan_period in [bus] cannot be used" in problems[0].message
+    assert "a time with its unit" in problems[0].observed
+    assert remedy in problems[0].remedy
+
+
+def test_the_heartbeat_can_only_be_switched_off_by_the_word() -> None:
+    heartbeat = '[bus]\nheartbeat = "off"\n'
+    assert read(MINIMAL.replace("[bus]\n", heartbeat))[0].bus.heartbeat is None
+    for wrong in ("0", "false", '"0ms"', '""'):
+        _, problems = read(MINIMAL.replace("[bus]\n", heartbeat.replace('"off"', wrong)))
+        assert [problem.line for problem in problems] == [2], wrong
+        assert '"off"' in problems[0].observed
+
+
+@pytest.mark.parametrize(
+    ("written", "exact"),
+    [("1000", Fraction(1000)), ("0.5", Fraction(1, 2)), ('"131072/360"', Fraction(131072, 360)), ('"2.5 / 0.1"', Fraction(25))],
+)  # fmt: skip
+def test_scales_are_exact(written: str, exact: Fraction) -> None:
+    cell, problems = read(MINIMAL.replace("364.0888888888889", written))
+    assert problems == []
+    assert cell.axes["x"].scale == exact
+
+
+@pytest.mark.parametrize(
+    "written", ["0", "0.0", "-5", "inf", "nan", '"1/0"', '"a/b"', '"1/2/3"', "true", "1e300", '"1e9999999"', "[1]"]
+)
+def test_scales_of_zero_or_without_meaning_are_refused(written: str) -> None:
+    _, problems = read(MINIMAL.replace("364.0888888888889", written))
+    assert [problem.line for problem in problems] == [9]
+    assert "scale in [axes.x] cannot be used" in problems[0].message
+
+
+def test_a_negative_scale_is_told_how_to_turn_an_axis() -> None:
+    _, problems = read(MINIMAL.replace("364.0888888888889", "-364"))
+    assert 'invert = "master"' in problems[0].remedy
+
+
+def test_a_scale_is_required_unless_the_axis_is_in_increments() -> None:
+    without = MINIMAL.replace("scale = 364.0888888888889\n", "")
+    assert told(without) == ["6: scale is missing in [axes.x]"]
+    assert told(without.replace('"deg"', '"increments"')) == []
+
+
+def test_load_false_means_that_nothing_holds_a_load() -> None:
+    assert read(MINIMAL + "holds_load = false\n")[0].axes["x"].holds_load is None
+    assert read(MINIMAL + 'holds_load = "brake"\n')[0].axes["x"].holds_load == "brake"
+    (problem,) = read(MINIMAL + "holds_load = true\n")[1]
+    assert problem.line == 10
+    assert '"brake"' in problem.observed
+    assert '"torque"' in problem.observed
+
+
+def test_the_words_of_the_stop_table_are_named_when_one_is_wrong() -> None:
+    (problem,) = read(MINIMAL + '[axes.x.stop]\nquick_stop = "rampe"\n')[1]
+    assert problem.line == 11
+    assert '"ramp-hold"' in problem.observed
+    assert 'did you mean "ramp"?' in problem.remedy
+
+
+# -- what is wrong ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message", "remedy"),
+    [
+        ("sync = true", "sinc = true", 8, "unknown key 'sinc' in [bus]", "did you mean sync?"),
+        ("[groups.xy]", "[group.xy]", 66, "unknown table 'group' in a cell file", "did you mean groups?"),
+        ("max_velocity = 200.0", "velocity = 200.0", 29, "unknown key 'velocity' in [axes.x]", "it belongs in [axes.x.defaults]"),
+        ("torque_slope = 10.0", "max_torque = 10.0", 36, "unknown key 'max_torque' in [axes.x.defaults]", "[axes.x], before its sub-tables"),
+        ("max_velocity = 200.0", "max_speed = 200.0", 29, "unknown key 'max_speed'", "did you mean max_velocity?"),
+        ("method = 35", "metod = 35", 64, "unknown key 'metod' in [axes.y.homing]", "did you mean method?"),
+        ("[nodes.2]", "[nodes.128]", 20, "'128' is no node ID", "1 to 127"),
+        ("[nodes.2]", "[nodes.0x2]", 20, "'0x2' is no node ID", "in decimal"),
+        ("[nodes.1.pdo.tpdo2]", "[nodes.1.pdo.pdo2]", 17, "'pdo2' is no PDO", "tpdo1"),
+        ("master_id = 127", "master_id = 128", 6, "master_id in [bus] cannot be used", "correct master_id"),
+        ("master_id = 127", "master_id = true", 6, "master_id in [bus] cannot be used", "correct master_id"),
+        ("bitrate = 1_000_000", 'bitrate = "1M"', 5, "bitrate in [bus] cannot be used", "without quotes"),
+        ('interface = "pcan"', "interface = 5", 3, "interface in [bus] cannot be used", '"5"'),
+        ("sync = true", 'sync = "yes"', 8, "sync in [bus] cannot be used", "without quotes"),
+        ("[0.0, 500.0]", "[500.0, 0.0]", 28, "position_limits in [axes.x] cannot be used", "exchange"),
+        ("[0.0, 500.0]", "[0.0, 0.0]", 28, "position_limits in [axes.x] cannot be used", "exchange"),
+        ("[0.0, 500.0]", "[0.0]", 28, "position_limits in [axes.x] cannot be used", "correct position_limits"),
+        ("[0.0, 500.0]", "[0.0, inf]", 28, "position_limits in [axes.x] cannot be used", "correct position_limits"),
+        ("velocity = 90.0", "velocity = 0", 61, "velocity in [axes.y.defaults] cannot be used", "correct velocity"),
+        ("velocity = 90.0", "velocity = nan", 61, "velocity in [axes.y.defaults] cannot be used", "correct velocity"),
+        ("method = 35", "method = 200", 64, "method in [axes.y.homing] cannot be used", "correct method"),
+        ('modes = ["pp", "pv", "hm", "csp"]', 'modes = ["pp", "xx"]', 59, "modes in [axes.y] cannot be used", "one of these words"),
+        ('modes = ["pp", "pv", "hm", "csp"]', 'modes = ["pp", "pp"]', 59, "modes in [axes.y] cannot be used", "correct modes"),
+        ('axes = ["x", "y"]', 'axes = "x"', 67, "axes in [groups.xy] cannot be used", "brackets"),
+        ('axes = ["x", "y"]', "", 66, "axes is missing in [groups.xy]", 'axes = ["x", "y"]'),
+        ("[groups.xy]", "[groups.x]", 66, "'x' names both an axis and a group", "rename"),
+        ("[axes.y.homing]", '[axes."y z".homing]', 63, "'y z' is no name", "letters, digits"),
+        ('"6065" = 4000', '"6065" = true', 16, "6065 in [nodes.1.objects] cannot be used", "1 or 0"),
+        ('"6065" = 4000', "6099.1 = 4000", 16, "6099 in [nodes.1.objects] cannot be used", '"6099:01"'),
+        ('map = ["606C", "6077:00"]', "map = [6077]", 18, "map in [nodes.1.pdo.tpdo2] cannot be used", '"6077"'),
+        ("transmission = 1", "transmission = 256", 19, "transmission in [nodes.1.pdo.tpdo2] cannot be used", "correct"),
+        ("transmission = 1", "event_timer = 20", 19, "event_timer in [nodes.1.pdo.tpdo2] cannot be used", '"20ms"'),
+        ("[nodes.2]\n", '[nodes.2]\ndcf = "b.dcf"\n', 21, "[nodes.2] gives both eds and dcf", "leave one"),
+        ('[nodes.2]\neds = "drive.eds"', "[nodes.2]\noptional = true", 20, "[nodes.2] gives neither eds nor dcf", 'eds = "drive.eds"'),
+    ],
+)  # fmt: skip
+def test_each_slip_is_told_with_its_line_and_remedy(
+    old: str, new: str, line: int, message: str, remedy: str
+) -> None:
+    problems = read(kit.changed(kit.CLEAN, (old, new)))[1]
+    assert [problem.line for problem in problems][:1] == [line], list(map(str, problems))
+    assert message in problems[0].message
+    assert remedy in problems[0].remedy
+    assert str(problems[0]).startswith(f"cell.toml:{line}: error: ")
+
+
+def test_all_slips_are_told_at_once_in_the_order_of_the_lines() -> None:
+    text = kit.changed(
+        kit.CLEAN,
+        ("sync = true", "sync = 3"),
+        ("method = 17", "method = 300"),
+        ("[groups.xy]", "[groups.xy]\nlabel = 1"),
+        ('interface = "pcan"\n', ""),
+    )
+    assert told(text) == [
+        "2: interface is missing in [bus]",
+        "7: sync in [bus] cannot be used",
+        "37: method in [axes.x.homing] cannot be used",
+        "66: unknown key 'label' in [groups.xy]",
+    ]
+
+
+def test_an_empty_file_misses_its_tables() -> None:
+    assert told("") == [
+        "1: [bus] is missing",
+        "1: the cell has no node",
+        "1: the cell has no axis",
+    ]
+
+
+@pytest.mark.parametrize("value", ["0", '"text"', "[]", "[1, 2]", "1979-05-27"])
+@pytest.mark.parametrize("table", ["bus", "nodes", "axes", "groups"])
+def test_a_value_in_the_place_of_a_table_is_told(table: str, value: str) -> None:
+    (first, *_) = [each for each in read(f"{table} = {value}\n")[1] if "must be a table" in each.message]
+    assert first.line == 1
+    assert first.message == f"{table} must be a table"
+
+
+def test_double_brackets_are_told_as_such() -> None:
+    (problem,) = read(MINIMAL + '[[groups]]\naxes = ["x"]\n')[1]
+    assert (problem.line, problem.message) == (10, "groups must be a table")
+    assert "single brackets" in problem.remedy
+
+
+# -- load and read ---------------------------------------------------------------------------------------------------
+
+
+def test_load_raises_the_first_error_and_lists_the_others(tmp_path: Path) -> None:
+    path = kit.write(tmp_path, ("sync = true", "sync = 3"), ("method = 17", "method = 300"))
+    with pytest.raises(ConfigError) as caught:
+        config.load(path)
+    error = caught.value
+    assert (error.file, error.line) == (str(path), 8)
+    assert error.message == f"{path}:8: sync in [bus] cannot be used"
+    assert "1 more error:" in error.observed
+    assert f"{path}:38: method in [axes.x.homing] cannot be used" in error.observed
+    assert error.remedy
+
+
+def test_load_takes_a_cell_with_warnings_only(tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_text(MINIMAL.split("[axes.x]", maxsplit=1)[0])
+    cell = config.load(path)
+    assert cell.axes == {}
+    assert [problem.severity.value for problem in config.read(path)[1]] == ["warning"]
+
+
+def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
+    cell, problems = config.read(tmp_path / "missing.toml")
+    assert cell is None
+    (problem,) = problems
+    assert (problem.file, problem.line) == (str(tmp_path / "missing.toml"), 0)
+    assert problem.message == "there is no such file"
+    assert str(problem).startswith(f"{tmp_path / 'missing.toml'}: error: there is no such file\n  remedy:   ")
+
+
+def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
+    cell, (problem,) = config.loads("[bus]\na = \n", "cell.toml")
+    assert cell is None
+    assert problem.line == 2
+    assert problem.message.startswith("this is no TOML")

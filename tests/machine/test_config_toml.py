@@ -1,0 +1,205 @@
+"""TOML files: every entry has its line, and what cannot be read is told with file, line and remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from axisbus.errors import ConfigError
+from axisbus.machine import toml
+from hypothesis import given
+from hypothesis import strategies as st
+
+EVERYTHING = """\
+# a comment with [brackets] and = signs
+top = 1
+
+[bus]  # a comment after a header
+interface = "sim"
+"quoted key" = "a # that is no comment"
+'literal' = 'C:\\no\\escapes'
+options.fd = true
+options."data bitrate" = 2
+
+[nodes.1]
+eds = '''
+[not.a.table]
+not_a_key = 1
+'''
+after = \"\"\"one
+two \\\"\"\" three
+\"\"\"
+map = [
+  "6040",   # [ ] " '
+  "607A:0", [1,
+  2],
+]
+inline = { a = 1, b = { c = "}" }, d.e = [ 1 ] }
+
+  [ axes . "x y" . homing ]
+method = 35
+[[list]]
+a = 1
+[[list]]
+a = 2
+[list.sub]
+b = 3
+"""
+
+# Typed by hand, by counting lines.
+LINES = {
+    ("top",): 2,
+    ("bus",): 4,
+    ("bus", "interface"): 5,
+    ("bus", "quoted key"): 6,
+    ("bus", "literal"): 7,
+    ("bus", "options"): 8,
+    ("bus", "options", "fd"): 8,
+    ("bus", "options", "data bitrate"): 9,
+    ("nodes",): 11,
+    ("nodes", "1"): 11,
+    ("nodes", "1", "eds"): 12,
+    ("nodes", "1", "after"): 16,
+    ("nodes", "1", "map"): 19,
+    ("nodes", "1", "map", 0): 20,
+    ("nodes", "1", "map", 1): 21,
+    ("nodes", "1", "map", 2): 21,
+    ("nodes", "1", "map", 2, 1): 22,
+    ("nodes", "1", "inline"): 24,
+    ("nodes", "1", "inline", "b", "c"): 24,
+    ("nodes", "1", "inline", "d", "e", 0): 24,
+    ("axes", "x y", "homing"): 26,
+    ("axes", "x y", "homing", "method"): 27,
+    ("list", 0, "a"): 29,
+    ("list", 1): 30,
+    ("list", 1, "a"): 31,
+    ("list", 1, "sub"): 32,
+    ("list", 1, "sub", "b"): 33,
+}
+
+
+def test_every_table_key_and_element_has_its_line() -> None:
+    document = toml.loads(EVERYTHING, "cell.toml")
+    assert {path: document.lines.get(path) for path in LINES} == LINES
+    assert document.data["nodes"]["1"]["after"] == 'one\ntwo """ three\n'
+
+
+def test_lines_are_the_same_with_the_line_ends_of_windows() -> None:
+    document = toml.loads(EVERYTHING.replace("\n", "\r\n"), "cell.toml")
+    assert {path: document.lines.get(path) for path in LINES} == LINES
+
+
+def test_a_path_without_a_line_has_that_of_what_is_around_it() -> None:
+    document = toml.loads("a = 1\n[b]\nc = 2\n", "cell.toml")
+    assert document.line(("b", "missing")) == 2
+    assert document.line(("nowhere",)) == 1
+
+
+def _values(path: tuple[str | int, ...], value: object) -> list[tuple[str | int, ...]]:
+    """Every path of a TOML value that has a key or a number of its own."""
+    below = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    found: list[tuple[str | int, ...]] = [path] if path else []
+    for key, each in below:
+        found += _values((*path, key), each)
+    return found
+
+
+BARE = st.text("abcXYZ019_-", min_size=1, max_size=6)
+QUOTED = st.text('ab c.#[]={}"\\\'', max_size=6).map(
+    lambda text: '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+)
+SCALARS = st.sampled_from(
+    ["1", "-2.5e3", "true", '"# ] }"', "'\\'", '"\\""', '"""a\n]"b"""', "'''\n'\n'''", "1979-05-27T07:32:00Z"]
+)
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=3).map(lambda parts: "[\n" + ",# x ]\n".join(parts) + "\n ]"),
+    max_leaves=4,
+)
+
+
+@given(st.lists(st.tuples(BARE | QUOTED, VALUES, st.sampled_from(["", "\n", "# =\n\n"])), max_size=8))
+def test_in_any_text_each_key_has_the_line_where_it_was_written(pairs: list[tuple[str, str, str]]) -> None:
+    text, written = "", {}
+    for number, (key, value, gap) in enumerate(pairs):
+        name = f'k{number}."' + (key[1:] if key.startswith('"') else f'{key}"')
+        written[f"k{number}"] = text.count("\n") + 2  # under the header, which is line 1
+        text += f"{name} = {value}\n{gap}"
+    document = toml.loads("[t]\n" + text, "cell.toml")
+    assert {key: document.line(("t", key)) for key in written} == written
+    paths = _values((), document.data)
+    assert [path for path in paths if path not in document.lines] == []
+
+
+# -- what cannot be read ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "remedy"),
+    [
+        ("[bus]\nscan_period = 4ms\n", 2, 'scan_period = "4ms"'),
+        ("[bus]\na = 1\nb = 2\na = 3\nc = 4\n", 4, "given twice"),
+        ("[nodes.1]\na = 1\n\n[nodes.1]\nb = 2\n", 4, "opened twice"),
+        ("[bus\ninterface = 1\n", 1, "]"),
+        ("[nodes.1.objects]\n607D:1 = 5\n", 2, '"607D:1" = 5'),
+        ('[nodes.1]\neds = "C:\\drives\\x.eds"\n', 2, "single quotes"),
+        ('a = 1\n[nodes.1]\neds = "open\n', 3, "quotation mark"),
+        ("[axes.x]\nposition_limits = [1, 2\nscale = 3\n", 3, "close the list"),
+        ("[axes.x]\nunit = deg\n", 2, "a text in quotes"),
+        ("first\n", 1, "key = value"),
+    ],
+)
+def test_what_is_no_toml_is_told_with_its_line_and_what_to_do(text: str, line: int, remedy: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        toml.loads(text, "cell.toml")
+    assert (caught.value.file, caught.value.line) == ("cell.toml", line), caught.value
+    assert str(caught.value).startswith(f"cell.toml:{line}: this is no TOML")
+    assert remedy in caught.value.remedy
+
+
+def test_a_missing_file_names_the_toml_files_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "cells.toml").write_text("")
+    (tmp_path / "other.eds").write_text("")
+    with pytest.raises(ConfigError, match="no such file") as caught:
+        toml.load(tmp_path / "cell.toml")
+    assert "cells.toml" in caught.value.remedy
+    assert "other.eds" not in caught.value.remedy
+
+
+def test_a_missing_folder_is_told_as_one(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        toml.load(tmp_path / "nowhere" / "cell.toml")
+    assert f"there is no folder {tmp_path / 'nowhere'}" in caught.value.remedy
+
+
+def test_a_folder_is_no_cell_file(tmp_path: Path) -> None:
+    (tmp_path / "cell.toml").write_text("")
+    with pytest.raises(ConfigError, match="folder") as caught:
+        toml.load(tmp_path)
+    assert "cell.toml" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("data", "line", "words"),
+    [
+        (b"# fine\nunit = \"\xb0\"\n", 2, "UTF-8"),
+        ("a = 1".encode("utf-16"), 1, "UTF-8"),
+        (b"a = " + b"[" * 5000, 0, "nested"),
+        (b"a = " + b"1" * 5000, 0, "digits"),
+        (b"#" * (2 << 20), 0, "too large"),
+    ],
+)  # fmt: skip
+def test_other_data_is_refused_with_what_it_is(tmp_path: Path, data: bytes, line: int, words: str) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_bytes(data)
+    with pytest.raises(ConfigError) as caught:
+        toml.load(path)
+    assert words in str(caught.value)
+    assert caught.value.line == line
+    assert caught.value.remedy
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_bytes(b"\xef\xbb\xbf[bus]\n")
+    assert toml.load(path).line(("bus",)) == 1
