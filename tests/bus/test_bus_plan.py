@@ -289,13 +289,20 @@ CASES = {
         {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/32 COMMUNICATION"},
         wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
     ),
-    "a COB-ID that another node uses is replaced": Case(
+    "another node's COB-ID is replaced by the predefined one": Case(
         DevicePdos(
-            (rpdo(1, "6040/16 607A/32", 1, cob_id=0x206),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x1C5),)
+            (rpdo(1, "6040/16 607A/32", 1, cob_id=0x201),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x181),)
         ),
-        {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "1C5 1 6041/16 6064/32 KEEP"},
+        {"RPDO1": "205 1 6040/16 607A/32 COMMUNICATION", "TPDO1": "185 1 6041/16 6064/32 COMMUNICATION"},
         wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
-        policy=Policy(taken=frozenset({0x206})),
+    ),
+    "a predefined COB-ID that another node took is not used": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16 607A/32", 1, cob_id=0x27E),), (tpdo(1, "6041/16 6064/32", 1, cob_id=0x185),)
+        ),
+        {"RPDO1": "27E 1 6040/16 607A/32 KEEP", "TPDO1": "1FF 1 6041/16 6064/32 COMMUNICATION"},
+        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+        policy=Policy(taken=frozenset({0x205, 0x185}), spare=(0x1FF,)),
     ),
     "the second axis takes PDOs 5 to 8 and spare COB-IDs": Case(
         DevicePdos(

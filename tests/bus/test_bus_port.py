@@ -443,6 +443,20 @@ def test_a_quick_stop_without_rpdo_goes_before_everything(make: Maker, slave: Sl
     eventually(lambda: node.worker.idle)
 
 
+def test_a_refused_controlword_does_not_delay_the_stop(make: Maker, slave: Slave, node: Node) -> None:
+    port = make(NO_PDO, PP)
+    slave.abort_on[0x6040, 0] = 0x0800_0022
+    port.write(Outputs(controlword=0x0F))
+    eventually(lambda: node.worker.idle)
+    slave.writes.clear()
+    port.write(Outputs(controlword=0x02))  # another word: at once
+    eventually(lambda: len(slave.writes) == 1)
+    eventually(lambda: node.worker.idle)
+    port.write(Outputs(controlword=0x02))  # and a stop that failed: at once too
+    eventually(lambda: len(slave.writes) == 2)
+    eventually(lambda: node.worker.idle)
+
+
 # -- the second axis
 
 

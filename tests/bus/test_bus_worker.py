@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from bus_peer import FakeBus, Slave, eventually
@@ -136,6 +137,29 @@ def test_a_quick_stop_passes_a_users_transfer_too(worker: SdoWorker, slave: Slav
     eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
     thread.join(5)
     assert len(user) == 1
+
+
+def test_a_job_that_is_about_to_begin_gives_way_too(
+    worker: SdoWorker, slave: Slave, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between being taken from the queue and its first frame: it must not keep the stop waiting for a silent node."""
+    client = worker._sdo
+    real, begun, go_on = client.read, threading.Event(), threading.Event()
+
+    def read_later(*args: Any, **kwargs: Any) -> Any:
+        begun.set()
+        go_on.wait(10)
+        return real(*args, **kwargs)
+
+    monkeypatch.setattr(client, "read", read_later)
+    ends = Ends()
+    worker.submit(ends.job("about to begin", 0x6064))
+    begun.wait(10)
+    worker.urgent(ends.job("stop", 0x6040, 2))
+    go_on.set()
+    eventually(lambda: len(ends.all) == 2)
+    assert ends.all == [("about to begin", None, TIMED_OUT), ("stop", None, None)]
+    assert slave.aborts_received == []  # it had asked nothing yet
 
 
 def test_cancelled_jobs_never_run_and_say_nothing(worker: SdoWorker, slave: Slave) -> None:

@@ -7,10 +7,11 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from cells import kit
+
 from axisbus.errors import ConfigError
 from axisbus.machine import config
 from axisbus.machine.problem import Problem
-from cells import kit
 
 MINIMAL = """\
 [bus]
@@ -41,7 +42,12 @@ def told(text: str) -> list[str]:
 def test_the_whole_clean_cell_is_read_as_written() -> None:
     cell = config.load(kit.HERE / "clean.toml")
     bus = cell.bus
-    assert (bus.interface, bus.channel, bus.bitrate, bus.master_id) == ("pcan", "PCAN_USBBUS1", 1_000_000, 127)
+    assert (bus.interface, bus.channel, bus.bitrate, bus.master_id) == (
+        "pcan",
+        "PCAN_USBBUS1",
+        1_000_000,
+        127,
+    )
     assert (bus.scan_period, bus.sync, bus.heartbeat, dict(bus.options)) == (0.004, True, 0.1, {"fd": False})
 
     node = cell.nodes[1]
@@ -69,7 +75,9 @@ def test_the_whole_clean_cell_is_read_as_written() -> None:
 
 
 def test_the_order_of_a_groups_axes_is_kept() -> None:
-    cell, _ = read(MINIMAL + '[axes.y]\nnode=1\ndrive_axis=2\nunit="deg"\nscale=1\n[groups.g]\naxes = ["y", "x"]\n')
+    cell, _ = read(
+        MINIMAL + '[axes.y]\nnode=1\ndrive_axis=2\nunit="deg"\nscale=1\n[groups.g]\naxes = ["y", "x"]\n'
+    )
     assert cell.groups["g"].axes == ("y", "x")
 
 
@@ -93,7 +101,14 @@ def test_values_cannot_be_changed() -> None:
 
 @pytest.mark.parametrize(
     ("text", "seconds"),
-    [("4ms", 0.004), ("2.5 ms", 0.0025), ("500us", 0.0005), ("500 µs", 0.0005), ("1s", 1.0), (" 0.02s ", 0.02)],
+    [
+        ("4ms", 0.004),
+        ("2.5 ms", 0.0025),
+        ("500us", 0.0005),
+        ("500 µs", 0.0005),
+        ("1s", 1.0),
+        (" 0.02s ", 0.02),
+    ],
 )
 def test_times_have_units(text: str, seconds: float) -> None:
     cell, problems = read(MINIMAL.replace('"4ms"', f'"{text}"'))
@@ -134,8 +149,13 @@ def test_the_heartbeat_can_only_be_switched_off_by_the_word() -> None:
 
 @pytest.mark.parametrize(
     ("written", "exact"),
-    [("1000", Fraction(1000)), ("0.5", Fraction(1, 2)), ('"131072/360"', Fraction(131072, 360)), ('"2.5 / 0.1"', Fraction(25))],
-)  # fmt: skip
+    [
+        ("1000", Fraction(1000)),
+        ("0.5", Fraction(1, 2)),
+        ('"131072/360"', Fraction(131072, 360)),
+        ('"2.5 / 0.1"', Fraction(25)),
+    ],
+)
 def test_scales_are_exact(written: str, exact: Fraction) -> None:
     cell, problems = read(MINIMAL.replace("364.0888888888889", written))
     assert problems == []
@@ -143,7 +163,8 @@ def test_scales_are_exact(written: str, exact: Fraction) -> None:
 
 
 @pytest.mark.parametrize(
-    "written", ["0", "0.0", "-5", "inf", "nan", '"1/0"', '"a/b"', '"1/2/3"', "true", "1e300", '"1e9999999"', "[1]"]
+    "written",
+    ["0", "0.0", "-5", "inf", "nan", '"1/0"', '"a/b"', '"1/2/3"', "true", "1e300", '"1e9999999"', "[1]"],
 )
 def test_scales_of_zero_or_without_meaning_are_refused(written: str) -> None:
     _, problems = read(MINIMAL.replace("364.0888888888889", written))
@@ -186,9 +207,27 @@ def test_the_words_of_the_stop_table_are_named_when_one_is_wrong() -> None:
     [
         ("sync = true", "sinc = true", 8, "unknown key 'sinc' in [bus]", "did you mean sync?"),
         ("[groups.xy]", "[group.xy]", 66, "unknown table 'group' in a cell file", "did you mean groups?"),
-        ("max_velocity = 200.0", "velocity = 200.0", 29, "unknown key 'velocity' in [axes.x]", "it belongs in [axes.x.defaults]"),
-        ("torque_slope = 10.0", "max_torque = 10.0", 36, "unknown key 'max_torque' in [axes.x.defaults]", "[axes.x], before its sub-tables"),
-        ("max_velocity = 200.0", "max_speed = 200.0", 29, "unknown key 'max_speed'", "did you mean max_velocity?"),
+        (
+            "max_velocity = 200.0",
+            "velocity = 200.0",
+            29,
+            "unknown key 'velocity' in [axes.x]",
+            "it belongs in [axes.x.defaults]",
+        ),
+        (
+            "torque_slope = 10.0",
+            "max_torque = 10.0",
+            36,
+            "unknown key 'max_torque' in [axes.x.defaults]",
+            "[axes.x], before its sub-tables",
+        ),
+        (
+            "max_velocity = 200.0",
+            "max_speed = 200.0",
+            29,
+            "unknown key 'max_speed'",
+            "did you mean max_velocity?",
+        ),
         ("method = 35", "metod = 35", 64, "unknown key 'metod' in [axes.y.homing]", "did you mean method?"),
         ("[nodes.2]", "[nodes.128]", 20, "'128' is no node ID", "1 to 127"),
         ("[nodes.2]", "[nodes.0x2]", 20, "'0x2' is no node ID", "in decimal"),
@@ -200,26 +239,86 @@ def test_the_words_of_the_stop_table_are_named_when_one_is_wrong() -> None:
         ("sync = true", 'sync = "yes"', 8, "sync in [bus] cannot be used", "without quotes"),
         ("[0.0, 500.0]", "[500.0, 0.0]", 28, "position_limits in [axes.x] cannot be used", "exchange"),
         ("[0.0, 500.0]", "[0.0, 0.0]", 28, "position_limits in [axes.x] cannot be used", "exchange"),
-        ("[0.0, 500.0]", "[0.0]", 28, "position_limits in [axes.x] cannot be used", "correct position_limits"),
-        ("[0.0, 500.0]", "[0.0, inf]", 28, "position_limits in [axes.x] cannot be used", "correct position_limits"),
-        ("velocity = 90.0", "velocity = 0", 61, "velocity in [axes.y.defaults] cannot be used", "correct velocity"),
-        ("velocity = 90.0", "velocity = nan", 61, "velocity in [axes.y.defaults] cannot be used", "correct velocity"),
+        (
+            "[0.0, 500.0]",
+            "[0.0]",
+            28,
+            "position_limits in [axes.x] cannot be used",
+            "correct position_limits",
+        ),
+        (
+            "[0.0, 500.0]",
+            "[0.0, inf]",
+            28,
+            "position_limits in [axes.x] cannot be used",
+            "correct position_limits",
+        ),
+        (
+            "velocity = 90.0",
+            "velocity = 0",
+            61,
+            "velocity in [axes.y.defaults] cannot be used",
+            "correct velocity",
+        ),
+        (
+            "velocity = 90.0",
+            "velocity = nan",
+            61,
+            "velocity in [axes.y.defaults] cannot be used",
+            "correct velocity",
+        ),
         ("method = 35", "method = 200", 64, "method in [axes.y.homing] cannot be used", "correct method"),
-        ('modes = ["pp", "pv", "hm", "csp"]', 'modes = ["pp", "xx"]', 59, "modes in [axes.y] cannot be used", "one of these words"),
-        ('modes = ["pp", "pv", "hm", "csp"]', 'modes = ["pp", "pp"]', 59, "modes in [axes.y] cannot be used", "correct modes"),
+        (
+            'modes = ["pp", "pv", "hm", "csp"]',
+            'modes = ["pp", "xx"]',
+            59,
+            "modes in [axes.y] cannot be used",
+            "one of these words",
+        ),
+        (
+            'modes = ["pp", "pv", "hm", "csp"]',
+            'modes = ["pp", "pp"]',
+            59,
+            "modes in [axes.y] cannot be used",
+            "correct modes",
+        ),
         ('axes = ["x", "y"]', 'axes = "x"', 67, "axes in [groups.xy] cannot be used", "brackets"),
         ('axes = ["x", "y"]', "", 66, "axes is missing in [groups.xy]", 'axes = ["x", "y"]'),
         ("[groups.xy]", "[groups.x]", 66, "'x' names both an axis and a group", "rename"),
         ("[axes.y.homing]", '[axes."y z".homing]', 63, "'y z' is no name", "letters, digits"),
         ('"6065" = 4000', '"6065" = true', 16, "6065 in [nodes.1.objects] cannot be used", "1 or 0"),
         ('"6065" = 4000', "6099.1 = 4000", 16, "6099 in [nodes.1.objects] cannot be used", '"6099:01"'),
-        ('map = ["606C", "6077:00"]', "map = [6077]", 18, "map in [nodes.1.pdo.tpdo2] cannot be used", '"6077"'),
-        ("transmission = 1", "transmission = 256", 19, "transmission in [nodes.1.pdo.tpdo2] cannot be used", "correct"),
-        ("transmission = 1", "event_timer = 20", 19, "event_timer in [nodes.1.pdo.tpdo2] cannot be used", '"20ms"'),
+        (
+            'map = ["606C", "6077:00"]',
+            "map = [6077]",
+            18,
+            "map in [nodes.1.pdo.tpdo2] cannot be used",
+            '"6077"',
+        ),
+        (
+            "transmission = 1",
+            "transmission = 256",
+            19,
+            "transmission in [nodes.1.pdo.tpdo2] cannot be used",
+            "correct",
+        ),
+        (
+            "transmission = 1",
+            "event_timer = 20",
+            19,
+            "event_timer in [nodes.1.pdo.tpdo2] cannot be used",
+            '"20ms"',
+        ),
         ("[nodes.2]\n", '[nodes.2]\ndcf = "b.dcf"\n', 21, "[nodes.2] gives both eds and dcf", "leave one"),
-        ('[nodes.2]\neds = "drive.eds"', "[nodes.2]\noptional = true", 20, "[nodes.2] gives neither eds nor dcf", 'eds = "drive.eds"'),
+        (
+            '[nodes.2]\neds = "drive.eds"',
+            "[nodes.2]\noptional = true",
+            20,
+            "[nodes.2] gives neither eds nor dcf",
+            'eds = "drive.eds"',
+        ),
     ],
-)  # fmt: skip
+)
 def test_each_slip_is_told_with_its_line_and_remedy(
     old: str, new: str, line: int, message: str, remedy: str
 ) -> None:

@@ -15,6 +15,7 @@ longer than a few milliseconds, because the thread that holds it may be stuck in
 
 from __future__ import annotations
 
+import copy
 import errno
 import threading
 import time
@@ -25,7 +26,7 @@ from dataclasses import dataclass, field
 import can
 import canopen
 
-from axisbus.bus import adapter, errorframe
+from axisbus.bus import adapter, errorframe, failures
 from axisbus.errors import AdapterError, BusError, StateError
 
 Receiver = Callable[[bytes, float], None]
@@ -132,12 +133,10 @@ class Channel:
             BusError: the channel failed or is closed.
         """
         failure = self._failure
-        if (
-            failure is not None
-        ):  # a new error each time: one that is raised again and again collects tracebacks
-            raise type(failure)(
-                failure.message, observed=failure.observed, remedy=failure.remedy
-            ) from failure
+        if failure is not None:
+            raise copy.copy(
+                failure
+            ) from failure  # one that is raised again and again would collect tracebacks
         if self._closing:
             raise AdapterError(f"the CAN channel {self.name} is closed")
 
@@ -230,11 +229,11 @@ class Channel:
                 self.counters.sent += 1
                 return
             if self._is_final(error):
-                self.fail(_link_gone(self.name, error))
+                self.fail(failures.link_gone(self.name, error))
                 self.check()
             self.counters.full += 1
             if time.monotonic() >= deadline:
-                raise _refused(self.name, message, patience, error) from error
+                raise failures.refused(self.name, message, patience, error) from error
             time.sleep(SEND_PAUSE)
 
     def _attempt(self, message: can.Message) -> Exception | None:
@@ -275,7 +274,7 @@ class Channel:
                     self._dispatch(message, time.monotonic())
             except Exception as error:  # noqa: BLE001 - whatever it is, it must be known and not only end this thread
                 if not self._closing:
-                    self.fail(_deaf(self.name, error))
+                    self.fail(failures.deaf(self.name, error))
                 return
 
     def _dispatch(self, message: can.Message, stamp: float) -> None:
@@ -303,7 +302,7 @@ class Channel:
         try:
             receiver(data, stamp)
         except Exception as error:  # noqa: BLE001 - kept with its traceback and raised by every later call
-            self.fail(_receiver_failed(can_id, data, error))
+            self.fail(failures.receiver_failed(can_id, data, error))
 
     def _error_frame(self, message: can.Message) -> None:
         self.counters.error_frames += 1
@@ -312,7 +311,7 @@ class Channel:
         )  # other adapters put other things there
         self.counters.errors.append(errorframe.describe(error_class, bytes(message.data)))
         if errorframe.is_bus_off(error_class) or self.bus.state is can.BusState.ERROR:
-            self.fail(_bus_off(self.name))
+            self.fail(failures.bus_off(self.name))
 
     def fail(self, error: BusError) -> None:
         """Make the channel unusable because of ``error``; also for other threads of this package that must not fail unseen."""
@@ -344,55 +343,3 @@ def _frame(can_id: int, data: bytes, remote: bool = False) -> can.Message:
     return can.Message(
         arbitration_id=can_id, data=data, is_extended_id=can_id > 0x7FF, is_remote_frame=remote, check=False
     )
-
-
-def _deaf(name: str, error: Exception) -> AdapterError:
-    failure = AdapterError(
-        f"the CAN adapter {name} stopped receiving",
-        observed=f"{type(error).__name__}: {error}",
-        remedy="check the adapter's plug and whether the interface was taken down, then open the machine again",
-    )
-    failure.__cause__ = error
-    return failure
-
-
-def _link_gone(name: str, error: Exception) -> AdapterError:
-    failure = AdapterError(
-        f"the CAN adapter {name} failed while sending",
-        observed=f"{type(error).__name__}: {error}",
-        remedy="check the adapter's plug and whether the interface was taken down, then open the machine again",
-    )
-    failure.__cause__ = error
-    return failure
-
-
-def _refused(name: str, message: can.Message, patience: float, error: Exception) -> AdapterError:
-    link = name.removeprefix("socketcan:")
-    remedy = "check that another node is on the bus and acknowledges (power, bitrate, termination), and the bus load"
-    if link != name:
-        remedy += f"; a longer queue helps against bursts: sudo ip link set {link} txqueuelen 1000"
-    return AdapterError(
-        f"the CAN adapter {name} refused frame {message.arbitration_id:03X}h for {patience * 1000:.0f} ms",
-        observed=str(error),
-        remedy=remedy,
-    )
-
-
-def _bus_off(name: str) -> AdapterError:
-    link = name.removeprefix("socketcan:")
-    restart = f"; then sudo ip link set {link} type can restart" if link != name else ""
-    return AdapterError(
-        f"the CAN controller of {name} went bus-off: it no longer takes part in the bus",
-        observed="its transmit error counter went past 255",
-        remedy=f"check bitrate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations{restart}",
-    )
-
-
-def _receiver_failed(can_id: int, data: bytes, error: Exception) -> BusError:
-    failure = BusError(
-        f"the receiver of frame {can_id:03X}h failed",
-        observed=f"{type(error).__name__}: {error}; data {data.hex(' ') or 'empty'}",
-        remedy="a receiver must take any frame; the traceback of the cause says where it broke",
-    )
-    failure.__cause__ = error
-    return failure

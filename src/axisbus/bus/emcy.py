@@ -18,14 +18,12 @@ class EmcyFeed:
 
     def __init__(self) -> None:
         self.lost = 0
-        self._waiting: deque[Emcy] = deque()
+        self._waiting: deque[Emcy] = deque(maxlen=FEED)
 
     def put(self, emcy: Emcy) -> None:
         """Add one; called in the receive thread."""
-        if len(self._waiting) >= FEED:
-            self._waiting.popleft()
-            self.lost += 1
-        self._waiting.append(emcy)
+        self.lost += len(self._waiting) == FEED
+        self._waiting.append(emcy)  # drops the oldest of a full queue
 
     def take(self) -> tuple[Emcy, ...]:
         """Return and forget what waits; called by the one reader."""

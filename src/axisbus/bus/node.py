@@ -83,8 +83,9 @@ class Node:
         *,
         sdo_timeout: float = TIMEOUT,
         sdo_tries: int = TRIES,
+        emcy_cob_id: int | None = None,
     ) -> None:
-        """Listen to the node; sends nothing.
+        """Listen to the node; sends nothing. ``emcy_cob_id`` is that of 1014h, None for the predefined one.
 
         Raises:
             ArgumentError: the node ID is not 1 to 127.
@@ -96,7 +97,7 @@ class Node:
         self.eds = eds
         self.sdo = SdoClient(channel, node_id, eds, timeout=sdo_timeout, tries=sdo_tries)
         self.nmt = NodeMonitor(channel, node_id)
-        self.emcy = EmcyMonitor(channel, node_id)
+        self.emcy = EmcyMonitor(channel, node_id, emcy_cob_id)
         self.worker = SdoWorker(channel, self.sdo)
 
     def identity(self) -> NodeIdentity:
@@ -123,6 +124,7 @@ class Node:
 
     def close(self) -> None:
         """End the worker and stop listening; harmless when repeated."""
+        self.sdo.cancel()
         self.worker.close()
         self.sdo.close()
         self.nmt.close()

@@ -281,10 +281,13 @@ class _CobIds:
         self._owners = {pdo.cob_id: pdo for pdo in (*device.rpdos, *device.tpdos) if pdo.valid}
 
     def choose(self, pdo: Pdo, receive: bool) -> int | None:
-        """Return the PDO's own COB-ID where it is one and free, else the predefined one, else a spare one, else None."""
+        """Return the predefined COB-ID of PDOs 1 to 4, else the PDO's own, else a spare one; None where none is free.
+
+        The predefined one comes first because files and drives with another node's COB-ID written in are common.
+        """
         bases = cob.RPDO if receive else cob.TPDO
         predefined = (bases[pdo.number - 1] + self._node_id,) if pdo.number <= len(bases) else ()
-        for candidate in chain((pdo.cob_id,), predefined, self._spare):
+        for candidate in chain(predefined, (pdo.cob_id,), self._spare):
             if _is_pdo_cob_id(candidate) and self._is_free(candidate, pdo):
                 self._used.add(candidate)
                 return candidate

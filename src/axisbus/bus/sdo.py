@@ -75,9 +75,17 @@ class SdoClient:
     # -- bytes --------------------------------------------------------------------------------------------------------------------
 
     def upload(
-        self, index: int, subindex: int = 0, *, timeout: float | None = None, tries: int | None = None
+        self,
+        index: int,
+        subindex: int = 0,
+        *,
+        timeout: float | None = None,
+        tries: int | None = None,
+        call: Call | None = None,
     ) -> bytes:
-        """Read an object's bytes (CiA 301 7.2.4.3.5); blocks. ``timeout`` and ``tries`` replace the client's own.
+        """Read an object's bytes (CiA 301 7.2.4.3.5); blocks.
+
+        ``timeout`` (seconds) and ``tries`` replace the client's own. ``call`` is a handle made before, by which to ``cancel`` it.
 
         Raises:
             SdoAbort: the server refused.
@@ -87,15 +95,24 @@ class SdoClient:
             AdapterError: the channel failed.
             StateError: called in the receive thread.
         """
-        return self._run(_Request(index, subindex, None, timeout or self.timeout, tries or self.tries))
+        request = _Request(index, subindex, None, timeout or self.timeout, tries or self.tries)
+        return self._run(request, call)
 
-    def download(self, index: int, subindex: int, data: bytes, *, timeout: float | None = None) -> None:
+    def download(
+        self,
+        index: int,
+        subindex: int,
+        data: bytes,
+        *,
+        timeout: float | None = None,
+        call: Call | None = None,
+    ) -> None:
         """Write an object's bytes (CiA 301 7.2.4.3.3); blocks. An empty value goes in a segmented transfer.
 
         Raises:
             as ``upload``.
         """
-        self._run(_Request(index, subindex, bytes(data), timeout or self.timeout, self.tries))
+        self._run(_Request(index, subindex, bytes(data), timeout or self.timeout, self.tries), call)
 
     def download_urgent(self, index: int, subindex: int, data: bytes) -> None:
         """Write up to 4 bytes at once: a running transfer is aborted, and nothing is awaited before the frame is sent.
@@ -109,20 +126,20 @@ class SdoClient:
         request = _Request(index, subindex, bytes(data), self.timeout, self.tries)
         locked = self._take_lock_from_others()
         try:
-            with self._calling(urgent=True) as call:
+            with self._calling(Call(urgent=True)) as call:
                 self._attempts(call, request)
         finally:
             if locked:
                 self._lock.release()
 
-    def cancel(self, thread: int | None = None) -> None:
-        """End the transfers that run or wait for their turn; an abort is sent, and their callers get ``Interrupted``.
+    def cancel(self, call: Call | None = None) -> None:
+        """End one transfer, or all that run or wait for their turn (urgent ones excepted); does not block.
 
-        Does not block. ``thread`` is the identifier of the thread whose transfers are meant, None for all. Urgent ones go on.
+        An abort is sent for the one that runs, and the callers get ``Interrupted``.
         """
-        for call in tuple(self._calls):
-            if not call.urgent and thread in (None, call.thread):
-                call.cancelled = True
+        for one in tuple(self._calls) if call is None else (call,):
+            if call is not None or not one.urgent:
+                one.cancelled = True
         self._line.wake()
 
     def close(self) -> None:
@@ -132,7 +149,14 @@ class SdoClient:
 
     # -- values -------------------------------------------------------------------------------------------------------------------
 
-    def read(self, key: int | str, subindex: int = 0, *, data_type: DataType | None = None) -> Value:
+    def read(
+        self,
+        key: int | str,
+        subindex: int = 0,
+        *,
+        data_type: DataType | None = None,
+        call: Call | None = None,
+    ) -> Value:
         """Read an object as the value that its data type says; blocks.
 
         ``key`` is an index or a text (see ``Dictionary.resolve``). The type is ``data_type``, else the dictionary's, else the
@@ -144,7 +168,7 @@ class SdoClient:
             others as ``upload``.
         """
         entry = self.dictionary.resolve(key, subindex)
-        data = self.upload(entry.index, entry.subindex)
+        data = self.upload(entry.index, entry.subindex, call=call)
         known = data_type or entry.data_type
         if known is not None:
             return decode(data, known)
@@ -169,14 +193,13 @@ class SdoClient:
 
     # -- the way of a call --------------------------------------------------------------------------------------------------------
 
-    def _run(self, request: _Request) -> bytes:
+    def _run(self, request: _Request, call: Call | None) -> bytes:
         require_other_thread(self._channel, "an SDO transfer")
-        with self._calling() as call, self._lock:
-            return self._attempts(call, request)
+        with self._calling(call or Call()) as known, self._lock:
+            return self._attempts(known, request)
 
     @contextlib.contextmanager
-    def _calling(self, urgent: bool = False) -> Iterator[Call]:
-        call = Call(threading.get_ident(), urgent)
+    def _calling(self, call: Call) -> Iterator[Call]:
         self._calls.append(call)
         try:
             yield call

@@ -24,28 +24,36 @@ def is_stop(controlword: int) -> bool:
 
 
 class _Output:
-    """One such output; holds state: what was last written, whether that is under way, and when a value was refused."""
+    """One such output; holds state: what was last written, whether that is under way, and what was refused when."""
 
-    __slots__ = ("index", "pending", "refused_at", "written")
+    __slots__ = ("index", "pending", "refused", "refused_at", "written")
 
     def __init__(self, index: int) -> None:
         self.index = index
         self.written: int | None = None
-        self.pending = 0
+        self.pending: set[object] = (
+            set()
+        )  # one token per write under way; a set, because two threads change it
+        self.refused: int | None = None
         self.refused_at = float("-inf")
 
     def wants(self, value: int) -> bool:
-        return value != self.written and time.monotonic() - self.refused_at >= RETRY
+        """Whether ``value`` is to be written now: it is new, or it failed some time ago."""
+        if value == self.written:
+            return False
+        return value != self.refused or time.monotonic() - self.refused_at >= RETRY
 
     def job(self, owner: object, value: int) -> Job:
+        """Return the write of ``value``, which counts as written unless it fails."""
         self.written = value
-        self.pending += 1
+        token = object()
+        self.pending.add(token)
 
         def done(_value: int | None, abort: int | None) -> None:
-            self.pending -= 1
+            self.pending.discard(token)
             if abort is not None and self.written == value:
                 self.written = None
-                self.refused_at = time.monotonic()
+                self.refused, self.refused_at = value, time.monotonic()
 
         return Job((owner, self.index), self.index, 0, value, done)
 
@@ -78,9 +86,13 @@ class SdoOutputs:
                 self._worker.submit(output.job(self, value))
         if self._controlword is None:
             return controlword
-        if controlword is not None and self._controlword.wants(controlword):
+        if controlword is not None and self._wants_controlword(self._controlword, controlword):
             self._write_controlword(self._controlword, controlword)
         return None
+
+    def _wants_controlword(self, output: _Output, controlword: int) -> bool:
+        """A stop that failed is tried again at once."""
+        return output.wants(controlword) or (is_stop(controlword) and controlword != output.written)
 
     def _write_controlword(self, output: _Output, controlword: int) -> None:
         """Behind the targets in the queue, or before everything where it stops the drive."""

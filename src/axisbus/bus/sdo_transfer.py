@@ -102,10 +102,9 @@ class Line:
 class Call:
     """What one caller wants, over all its attempts; holds state: whether it was cancelled."""
 
-    __slots__ = ("cancelled", "thread", "urgent")
+    __slots__ = ("cancelled", "urgent")
 
-    def __init__(self, thread: int, urgent: bool) -> None:
-        self.thread = thread
+    def __init__(self, urgent: bool = False) -> None:
         self.urgent = urgent
         self.cancelled = False
 

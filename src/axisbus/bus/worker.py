@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo_transfer import Call
 from axisbus.bus.sdo_value import checked_bytes
 from axisbus.cia301 import abort
 from axisbus.errors import ArgumentError, BusError, Interrupted, LimitError, SdoAbort
@@ -47,6 +48,8 @@ class SdoWorker:
         self._sdo = sdo
         self._queue: deque[Job] = deque()
         self._running: Job | None = None
+        self._call: Call | None = None  # by which the running job's transfer can be cancelled
+        self._forgotten = False  # whether its end interests nobody any more
         self._urgent: deque[Job] = deque()
         self._wanted = threading.Condition()
         self._closing = False
@@ -76,10 +79,14 @@ class SdoWorker:
         with self._wanted:
             dropped = list(self._queue)
             self._queue.clear()
-            self._urgent.append(job)
-            self._start()
-            self._wanted.notify()
-        self._sdo.cancel()
+            if self._closing:
+                dropped.append(job)
+            else:
+                self._urgent.append(job)
+                self._start()
+                self._wanted.notify()
+            self._cancel_running()
+        self._sdo.cancel()  # a user's transfer may hold the client's lock
         for other in dropped:
             other.done(None, abort.TIMED_OUT)
 
@@ -87,10 +94,9 @@ class SdoWorker:
         """Forget the jobs with these keys: those that wait never run, the one that runs is aborted; ``done`` is not called."""
         with self._wanted:
             self._queue = deque(job for job in self._queue if job.key not in keys)
-            running = self._running
-            if running is not None and running.key in keys:
-                self._running = running._replace(done=_forget)
-                self._sdo.cancel(self._thread.ident if self._thread is not None else None)
+            if self._running is not None and self._running.key in keys:
+                self._forgotten = True
+                self._cancel_running()
 
     def close(self) -> None:
         """End the running transfer and the thread; what waits ends with *timed out*. Blocks up to about 2 s, usually not at all."""
@@ -100,7 +106,7 @@ class SdoWorker:
             self._urgent.clear()
             self._queue.clear()
             self._wanted.notify()
-        self._sdo.cancel()
+            self._cancel_running()
         for job in dropped:
             job.done(None, abort.TIMED_OUT)
         if self._thread is not None and self._thread is not threading.current_thread():
@@ -114,35 +120,41 @@ class SdoWorker:
             self._thread = threading.Thread(target=self._work, name=name, daemon=True)
             self._thread.start()
 
+    def _cancel_running(self) -> None:
+        """End the running job's transfer, also if it has not begun yet; needs the lock."""
+        if self._call is not None and not self._call.urgent:
+            self._sdo.cancel(self._call)
+
     def _work(self) -> None:
         while True:
-            job, urgent = self._next()
+            job, call = self._next()
             if job is None:
                 return
-            value, code = self._carry_out(job, urgent)
+            value, code = self._carry_out(job, call)
             with self._wanted:
-                done = self._running.done if self._running is not None else _forget
-                self._running = None
+                done = _forget if self._forgotten else job.done
             try:
                 done(value, code)
             except Exception as error:  # noqa: BLE001 - a fault of ours must stop the machine, not only this thread
                 self._channel.fail(_worker_failed(self._sdo.node_id, error))
+            with self._wanted:
+                self._running = self._call = None
 
-    def _next(self) -> tuple[Job | None, bool]:
+    def _next(self) -> tuple[Job | None, Call]:
         with self._wanted:
             while not self._queue and not self._urgent:
                 if self._closing:
-                    return None, False
+                    return None, Call()
                 self._wanted.wait()
-            urgent = bool(self._urgent)
-            job = self._urgent.popleft() if urgent else self._queue.popleft()
-            self._running = job
-            return job, urgent
+            self._call = Call(urgent=bool(self._urgent))
+            self._running = (self._urgent or self._queue).popleft()
+            self._forgotten = False
+            return self._running, self._call
 
-    def _carry_out(self, job: Job, urgent: bool) -> tuple[int | None, int | None]:
+    def _carry_out(self, job: Job, call: Call) -> tuple[int | None, int | None]:
         """Run one transfer and return its value and abort code."""
         try:
-            return self._transfer(job, urgent), None
+            return self._transfer(job, call), None
         except SdoAbort as error:
             return None, error.code
         except LimitError:
@@ -155,17 +167,17 @@ class SdoWorker:
             self._channel.fail(_worker_failed(self._sdo.node_id, error))
             return None, abort.GENERAL
 
-    def _transfer(self, job: Job, urgent: bool) -> int | None:
+    def _transfer(self, job: Job, call: Call) -> int | None:
         if job.value is None:
-            value = self._sdo.read(job.index, job.subindex)
+            value = self._sdo.read(job.index, job.subindex, call=call)
             if not isinstance(value, (int, float)):
                 raise ArgumentError(f"{self._sdo.describe(job.index, job.subindex)} is no number")
             return int(value)
         data = checked_bytes(self._sdo.dictionary.entry(job.index, job.subindex), job.value)
-        if urgent:
+        if call.urgent:
             self._sdo.download_urgent(job.index, job.subindex, data)
         else:
-            self._sdo.download(job.index, job.subindex, data)
+            self._sdo.download(job.index, job.subindex, data, call=call)
         return None
 
 

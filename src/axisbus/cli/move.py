@@ -50,7 +50,7 @@ def command(
         ]
         wait(moves)
         for axis in axes.values():
-            say(f"{axis.name}: at {axis.position:.4f} {axis.unit}")
+            say_position(axis, "at")
     say("all axes stand and are disabled")
     say_next(f"axisbus monitor {cell}")
     return OK
@@ -66,7 +66,13 @@ def home(axes: list[Axis]) -> None:
     """Home axes, with lines of progress."""
     wait([axis.home() for axis in axes])
     for axis in axes:
-        say(f"{axis.name}: homed, at {axis.position:.4f} {axis.unit}")
+        say_position(axis, "homed, at")
+
+
+def say_position(axis: Axis, what: str) -> None:
+    """Tell where an axis is, where that is known."""
+    known = axis.snapshot.position is not None
+    say(f"{axis.name}: {what} " + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known"))
 
 
 def _start(

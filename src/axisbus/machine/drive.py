@@ -10,9 +10,8 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
 from axisbus.eds.model import Eds, Variable
-from axisbus.errors import ArgumentError
-from axisbus.machine.cell import AxisConfig, NodeConfig, ObjectSetting
-from axisbus.machine.writes import FIRST_AXIS, Write, implied_writes, initial, own_index, setting_write
+from axisbus.machine.cell import AxisConfig, NodeConfig
+from axisbus.machine.writes import FIRST_AXIS, Write, implied_writes, initial, known_writes, own_index
 
 
 @dataclass(frozen=True)
@@ -33,8 +32,8 @@ class Drive:
         """Put an axis, its node and the node's EDS together."""
         dictionary = Dictionary(eds, node.node_id)
         writes = [
-            *_known_writes(node.objects, dictionary, 1),
-            *_known_writes(axis.objects, dictionary, axis.drive_axis),
+            *known_writes(node.objects, dictionary, 1),
+            *known_writes(axis.objects, dictionary, axis.drive_axis),
         ]
         writes += implied_writes(axis, frozenset(write.address for write in writes))
         return cls(axis, node, dictionary, eds, {write.address: write for write in writes})
@@ -92,15 +91,3 @@ class Drive:
         """The modes that the EDS's 6502h claims, None where it does not say."""
         value = initial(self.dictionary, self.node.node_id, self.index(objects.SUPPORTED_DRIVE_MODES), 0)
         return frozenset(supported(value)) if isinstance(value, int) else None
-
-
-def _known_writes(
-    settings: tuple[ObjectSetting, ...], dictionary: Dictionary, drive_axis: int
-) -> list[Write]:
-    found = []
-    for setting in settings:
-        try:
-            found.append(setting_write(setting, dictionary, drive_axis))
-        except ArgumentError:
-            continue  # ``checks.objects`` names it
-    return found

@@ -35,6 +35,7 @@ BUS: Keys = {
     "master_id": Key(v.integer(1, 127)),
     "scan_period": Key(v.duration("100us", "1s"), 'scan_period = "4ms"; the scan always has a period'),
     "sync": _flag,
+    # A drive waits for three heartbeats, and 1016h counts 65535 ms at most.
     "heartbeat": Key(v.or_word("off", None, v.duration("1ms", "20s"))),
 }
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from axisbus.bus.dictionary import Dictionary, Entry
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
+from axisbus.errors import ArgumentError
 from axisbus.machine.cell import AxisConfig, NodeConfig, ObjectSetting
 from axisbus.machine.scales import DRIVE, units_of
 
@@ -65,6 +66,19 @@ def setting_write(setting: ObjectSetting, dictionary: Dictionary, drive_axis: in
     return Write(
         entry.index, entry.subindex, setting.value, setting.line, f"{setting.key} in [{setting.table}]"
     )
+
+
+def known_writes(
+    settings: tuple[ObjectSetting, ...], dictionary: Dictionary, drive_axis: int = 1
+) -> list[Write]:
+    """Return what an ``objects`` table writes; lines whose key names no object are left out."""
+    found = []
+    for setting in settings:
+        try:
+            found.append(setting_write(setting, dictionary, drive_axis))
+        except ArgumentError:
+            continue  # ``checks.objects`` names it
+    return found
 
 
 def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Entry:

@@ -19,9 +19,17 @@ from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
 from axisbus.motion.jog import Jog
 from axisbus.motion.ladder import Rung, Then
-from axisbus.motion.moves import PositionMove, Prepare, TorqueMove, VelocityMove, profile_writes
+from axisbus.motion.moves import (
+    OPTIONAL_PROFILE,
+    PositionMove,
+    Prepare,
+    TorqueMove,
+    VelocityMove,
+    profile_writes,
+)
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.power import RESTING_MODES, Coast, Enable, Reset
+from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 
 _M = ModeOfOperation
@@ -165,6 +173,7 @@ def _policy_stop(core: AxisCore, command: c.PolicyStop, handle: Handle, __: Gate
 
 def _move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_motion(core, handle)
+    _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
     prepare = _prepare(
@@ -176,6 +185,16 @@ def _move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     )
     core.set_point = None
     core.last_target = target
+
+
+def _require_watch(core: AxisCore, profile: Profile, handle: Handle) -> None:
+    """Every move needs a deadline; without 6064h neither distance nor progress is known."""
+    if profile.timeout is None and not core.parameters.has(objects.POSITION_ACTUAL):
+        raise StateError(
+            f"{handle.name}: nothing tells how long it may take",
+            observed="the drive has no position actual value (6064h), so neither distance nor progress can be seen",
+            remedy="give timeout = ... (seconds) in the call",
+        )
 
 
 def _target(core: AxisCore, command: c.Move, handle: Handle) -> int:
@@ -295,7 +314,9 @@ def require_cyclic(core: AxisCore, handle: Handle) -> None:
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
-    return Prepare(ModeSwitch(mode, core.parameters), Transfers(writes, core.parameters), gate)
+    return Prepare(
+        ModeSwitch(mode, core.parameters), Transfers(writes, core.parameters, OPTIONAL_PROFILE), gate
+    )
 
 
 def _require_motion(core: AxisCore, handle: Handle) -> None:

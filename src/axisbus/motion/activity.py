@@ -13,6 +13,9 @@ from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 
+# What a drive answers that has an object only on paper, or for reading.
+_DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
+
 
 class Activity(Protocol):
     """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``."""
@@ -24,11 +27,20 @@ class Activity(Protocol):
 class Transfers:
     """SDO transfers of one command, asked for together and awaited together; holds the outstanding request ids."""
 
-    __slots__ = ("_deadline", "_items", "_name", "_pending", "_started", "values")
+    __slots__ = ("_deadline", "_items", "_name", "_optional", "_pending", "_started", "values")
 
-    def __init__(self, items: Sequence[tuple[int, int, int | None]], parameters: AxisParameters) -> None:
-        """``items`` are (index, sub-index, value to write or None to read)."""
+    def __init__(
+        self,
+        items: Sequence[tuple[int, int, int | None]],
+        parameters: AxisParameters,
+        optional: frozenset[int] = frozenset(),
+    ) -> None:
+        """``items`` are (index, sub-index, value to write or None to read).
+
+        Of the objects ``optional`` a drive may say that it does not have them, or does not let them be written.
+        """
         self._items = items
+        self._optional = optional
         self._name = parameters.name
         self._deadline = parameters.timing.sdo
         self._pending: dict[int, tuple[int, int]] = {}
@@ -69,6 +81,8 @@ class Transfers:
     def _take(self, image: Image, request: int) -> None:
         index, subindex = self._pending.pop(request)
         reply = image.replies[request]
+        if reply.abort in _DOES_WITHOUT and index in self._optional:
+            return
         if reply.abort is not None:
             raise DriveError(
                 f"{self._name}: {object_text(index, subindex)}: the drive refused the SDO transfer",
@@ -109,8 +123,8 @@ class ModeSwitch:
         if self._deadline is None:
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
-        if image.mode == self._mode:
-            return True
+        if image.mode == self._mode or not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
+            return True  # a drive without 6061h has one mode, and is in it
         order.mode = self._mode
         preload(order, self._reference)
         if image.now > self._deadline:

@@ -292,6 +292,10 @@ class TorqueMove:
         )
 
 
+# A drive without these brakes as it accelerates, and ends every move at rest.
+OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})
+
+
 def profile_writes(
     profile: Profile, parameters: AxisParameters, mode: ModeOfOperation
 ) -> list[tuple[int, int, int | None]]:
@@ -305,6 +309,7 @@ def profile_writes(
     ]
     if mode is ModeOfOperation.PROFILE_POSITION:
         wanted.insert(0, (objects.PROFILE_VELOCITY, profile.velocity))
+        wanted.append((objects.END_VELOCITY, 0))  # anything else would run past the target
     return [(index, 0, value) for index, value in wanted if parameters.has(index)]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from enum import Enum
 
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402 import modes, statusword
+from axisbus.cia402 import modes, objects, statusword
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, TARGETS, State
 from axisbus.errors import DriveError, ModeError, StaleError, StateError, TransitionError
@@ -23,6 +23,12 @@ RESTING_MODES = (
     ModeOfOperation.PROFILE_VELOCITY,
     ModeOfOperation.CYCLIC_SYNC_VELOCITY,
     ModeOfOperation.PROFILE_TORQUE,
+)
+
+
+# In these the drive stands until a set-point, velocity or torque is given to it.
+_WAITS_FOR_COMMAND = frozenset(
+    {ModeOfOperation.PROFILE_POSITION, ModeOfOperation.PROFILE_VELOCITY, ModeOfOperation.PROFILE_TORQUE}
 )
 
 
@@ -97,7 +103,8 @@ class Enable:
     ) -> None:
         """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other."""
         self._parameters = parameters
-        self._mode = candidates[0] if candidates else None
+        self._others = list(candidates)
+        self._mode = self._others.pop(0) if candidates else None
         self._walk = StateWalk(parameters)
         self._gate = gate
         self._mode_deadline: float | None = None
@@ -130,13 +137,20 @@ class Enable:
     def _preload(self, image: Image, order: Order) -> None:
         if image.state in ENERGISED:
             preload(order, image.reference)
-        else:
+        elif self._needs_position:
             preload(order, require_position(image, self._parameters.name, "enabling"))
+        else:
+            preload(order, None)
         order.mode = self._mode
+
+    @property
+    def _needs_position(self) -> bool:
+        """A drive that has no 6064h at all is enabled in a mode that takes no position by itself."""
+        return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in _WAITS_FOR_COMMAND
 
     def _mode_settled(self, image: Image) -> bool:
         """A drive may show its mode only when enabled (6061h = 0 until then); any other mode must have gone."""
-        if self._mode is None or image.mode == self._mode:
+        if self._mode is None or image.mode == self._mode or self._has_one_mode:
             return True
         if self._mode_deadline is None:
             self._mode_deadline = image.now + self._parameters.timing.mode
@@ -144,7 +158,15 @@ class Enable:
             return False
         if image.mode in (None, ModeOfOperation.NONE):
             return True
-        raise self._mode_refused(image)
+        if not self._others:
+            raise self._mode_refused(image)
+        self._mode, self._mode_deadline = self._others.pop(0), None
+        return False
+
+    @property
+    def _has_one_mode(self) -> bool:
+        """A drive without 6061h has one mode, and is in it."""
+        return not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY)
 
     def _to_switched_on(self, image: Image, order: Order) -> bool:
         """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC."""

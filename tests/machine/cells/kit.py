@@ -87,7 +87,9 @@ def _unlisted(text: str, index: str) -> str:
     blocks = re.split(r"(?m)^(?=\[)", text)
     for at, block in enumerate(blocks):
         if block.startswith("[") and "SupportedObjects=" in block and f"=0x{index}\n" in block:
-            kept = [line.split("=")[1] for line in block.splitlines()[2:] if line.split("=")[1] != f"0x{index}"]
+            kept = [
+                line.split("=")[1] for line in block.splitlines()[2:] if line.split("=")[1] != f"0x{index}"
+            ]
             numbered = "".join(f"{number}={value}\n" for number, value in enumerate(kept, 1))
             blocks[at] = f"{block.splitlines()[0]}\nSupportedObjects={len(kept)}\n{numbered}"
     return "".join(blocks)
@@ -117,3 +119,34 @@ def both(*changes: Callable[[str], str]) -> Callable[[str], str]:
         return text
 
     return change
+
+
+def without_sub(index: str, subindex: int) -> Callable[[str], str]:
+    """Return a change of an EDS text that takes one sub-index out."""
+
+    def change(text: str) -> str:
+        text = re.sub(rf"\[{index}sub{subindex:X}\]\n(?:[^\[].*\n)*", "", text)
+        return _recount(text, index, -1)
+
+    return change
+
+
+def with_sub(index: str, subindex: int, data_type: str, access: str, default: str) -> Callable[[str], str]:
+    """Return a change of an EDS text that adds one sub-index."""
+
+    def change(text: str) -> str:
+        text += (
+            f"[{index}sub{subindex:X}]\nParameterName=Added {subindex}\nObjectType=0x7\nDataType={data_type}\n"
+            f"AccessType={access}\nDefaultValue={default}\nPDOMapping=0\n"
+        )
+        return _recount(text, index, 1)
+
+    return change
+
+
+def _recount(text: str, index: str, more: int) -> str:
+    return re.sub(
+        rf"(\[{index}\]\n(?:[^\[].*\n)*?SubNumber=)(\d+)",
+        lambda found: f"{found[1]}{int(found[2]) + more}",
+        text,
+    )

@@ -6,25 +6,36 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.bus.dictionary import Dictionary
+from axisbus.cia402 import objects
 from axisbus.cia402.objects import names
 from axisbus.eds.model import Eds, Severity
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.drive import Drive
 from axisbus.machine.problem import Problem
-from axisbus.machine.writes import FIRST_AXIS
+from axisbus.machine.writes import initial, known_writes
+
+NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # without these there is no axis
 
 
 @dataclass(frozen=True)
 class Case:
-    """A cell with the EDS of each node whose file could be read."""
+    """A cell with the EDS of each node whose file could be read.
+
+    ``drives`` are the axes of those nodes; ``incomplete`` those that lack the controlword or the statusword, which need one finding
+    and no more.
+    """
 
     cell: CellConfig
     eds: Mapping[int, Eds]
     drives: tuple[Drive, ...] = field(init=False)
+    incomplete: tuple[Drive, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         found = [self._drive(axis) for axis in self.cell.axes.values() if axis.at.sound("node", "drive_axis")]
-        object.__setattr__(self, "drives", tuple(drive for drive in found if drive is not None))
+        drives = [drive for drive in found if drive is not None]
+        complete = tuple(drive for drive in drives if not drive.missing(NEEDED))
+        object.__setattr__(self, "drives", complete)
+        object.__setattr__(self, "incomplete", tuple(drive for drive in drives if drive.missing(NEEDED)))
 
     def _drive(self, axis: AxisConfig) -> Drive | None:
         node, eds = self.cell.nodes.get(axis.node), self.eds.get(axis.node)
@@ -37,6 +48,13 @@ class Case:
             if node.node_id in self.eds:
                 eds = self.eds[node.node_id]
                 yield node, eds, Dictionary(eds, node.node_id)
+
+    def node_number(self, node: NodeConfig, index: int, subindex: int = 0) -> int | None:
+        """Return what an object of a node will hold after boot by its table and its EDS; None where it is no known integer."""
+        dictionary = Dictionary(self.eds[node.node_id], node.node_id)
+        written = {write.address: write.value for write in known_writes(node.objects, dictionary)}
+        value = written.get((index, subindex), initial(dictionary, node.node_id, index, subindex))
+        return value if isinstance(value, int) else None
 
     def error(self, line: int, message: str, observed: str = "", remedy: str = "") -> Problem:
         """Return an error about the cell file."""
@@ -70,11 +88,6 @@ def own_title(drive: Drive, index: int) -> str:
     """Return an object as ``title`` does, with the device's own index where that is another one."""
     own = drive.index(index)
     return title(index) if own == index else f"{own:04X}h ({title(index)} of axis {drive.axis.drive_axis})"
-
-
-def is_profile(index: int) -> bool:
-    """Whether an index is one of the profile's first axis."""
-    return index in FIRST_AXIS
 
 
 def _lower(name: str) -> str:

@@ -29,12 +29,17 @@ RESTRICTED: tuple[tuple[range, str], ...] = (
 
 
 class Use(NamedTuple):
-    """One producer of a COB-ID; ``line`` is that of the cell file, ``settled`` tells that boot does not move it."""
+    """One producer of a COB-ID, by the ``line`` of the cell file that it follows from.
+
+    ``remedy`` is empty where the COB-ID is the predefined one, which is best left alone. ``doubt`` says why the COB-ID may be
+    another on the bus than in the EDS, empty where it is certain.
+    """
 
     cob_id: int
     what: str
     line: int
-    settled: bool
+    remedy: str = ""
+    doubt: str = ""
 
 
 def duplicates(case: Case) -> Found:
@@ -46,21 +51,11 @@ def duplicates(case: Case) -> Found:
             continue
         first, later = sorted((other, use), key=lambda each: each.line)
         message = f"COB-ID {use.cob_id:03X}h is produced twice: {first.what} and {later.what}"
-        if use.settled and other.settled:
-            yield case.error(
-                later.line, message, f"the first is at line {first.line}", "give one of them another cob_id"
-            )
+        remedy = later.remedy or first.remedy or "give the nodes other IDs"
+        if later.doubt or first.doubt:
+            yield case.warning(later.line, message, later.doubt or first.doubt, remedy)
         else:
-            yield case.warning(
-                later.line,
-                message,
-                "by the EDS; boot gives them COB-IDs of their own, but until then a running drive disturbs the other",
-                f"give it its own: cob_id = ... in [nodes.N.pdo.{_table(later)}]",
-            )
-
-
-def _table(use: Use) -> str:
-    return use.what.split()[0].lower()
+            yield case.error(later.line, message, f"the first is at line {first.line}", remedy)
 
 
 def restricted(case: Case) -> Found:
@@ -87,23 +82,32 @@ def _predefined(each: NodePdo, node: NodeConfig) -> int:
 
 def _uses(case: Case) -> Iterator[Use]:
     if case.cell.bus.sync:
-        yield Use(cob.SYNC, "SYNC of the master", case.cell.bus.at.line, True)
+        yield Use(cob.SYNC, "SYNC of the master", case.cell.bus.at.line)
     for node, eds, _ in case.nodes:
-        line, of = node.at.line, f"of node {node.node_id}"
-        yield Use(cob.SDO_TX + node.node_id, f"SDO answers {of}", line, True)
-        yield Use(cob.SDO_RX + node.node_id, f"SDO requests to node {node.node_id}", line, True)
-        yield Use(cob.HEARTBEAT + node.node_id, f"heartbeat {of}", line, True)
-        yield from _emergency(node, eds)
+        if eds.node_id not in (None, node.node_id):
+            continue  # a DCF of another node is one error already
+        line = node.at.line
+        yield Use(cob.SDO_TX + node.node_id, f"SDO answers of node {node.node_id}", line)
+        yield Use(cob.SDO_RX + node.node_id, f"SDO requests to node {node.node_id}", line)
+        yield Use(cob.HEARTBEAT + node.node_id, f"heartbeat of node {node.node_id}", line)
+        yield from _emergency(case, node)
         yield from _pdo_uses(node, eds)
 
 
-def _emergency(node: NodeConfig, eds: Eds) -> Iterator[Use]:
-    variable = eds.get(o.COB_ID_EMCY)
-    value = variable.initial(node.node_id) if variable is not None else None
-    if not isinstance(value, int) or value in (0, cob.EMCY):
-        value = cob.EMCY + node.node_id
+def _emergency(case: Case, node: NodeConfig) -> Iterator[Use]:
+    predefined = cob.EMCY + node.node_id
+    value = case.node_number(node, o.COB_ID_EMCY)
+    if value is None or value & cob.ID_MASK_11 == cob.EMCY:
+        value = predefined
     if not value & cob.INVALID:
-        yield Use(value & cob.ID_MASK_11, f"EMCY of node {node.node_id}", node.at.line, True)
+        cob_id = value & cob.ID_MASK_11
+        odd = cob_id != predefined
+        remedy = f'"1014" = 0x{predefined:X} in [nodes.{node.node_id}.objects]' if odd else ""
+        doubt = "by the EDS, which gives EMCY another COB-ID than 80h + node ID" if odd else ""
+        yield Use(cob_id, f"EMCY of node {node.node_id}", node.at.line, remedy, doubt)
+
+
+_MOVED = "by the EDS; boot gives them COB-IDs of their own, but until then a running drive disturbs the other"
 
 
 def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
@@ -111,11 +115,35 @@ def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
         cob_id = each.pdo.cob_id
         if not each.pdo.valid or cob_id > cob.ID_MASK_11 or not cob_id & 0x7F:
             continue  # off, of 29 bits, or written without node ID: boot gives it one
-        config = each.config
-        configured = config is not None and config.cob_id is not None
-        line = config.at.of("cob_id") if config is not None else node.at.line
-        preposition = "to" if each.receive else "of"
-        yield Use(cob_id, f"{each.name} {preposition} node {node.node_id}", line, configured or each.own_id)
+        line = each.config.at.of("cob_id") if each.config is not None else node.at.line
+        what = f"{each.name} {'to' if each.receive else 'of'} node {node.node_id}"
+        odd = cob_id != _predefined(each, node)
+        remedy = f"another cob_id in [nodes.{node.node_id}.pdo.{each.name.lower()}]" if odd else ""
+        yield Use(cob_id, what, line, remedy, "" if each.own_id else _MOVED)
 
 
-CHECKS: tuple[Check, ...] = (duplicates, restricted)
+def sync_identifier(case: Case) -> Found:
+    """Check that each node takes our SYNC, and sends none of its own (1005h)."""
+    for node, eds, _ in case.nodes:
+        value = case.node_number(node, o.COB_ID_SYNC)
+        if value is None or not case.cell.bus.sync:
+            continue
+        if value & _PRODUCES_SYNC:
+            yield case.error(
+                node.at.line,
+                f"node {node.node_id} produces SYNC, and so does the master",
+                f"1005h is {value:X}h in {eds.source}: bit 30 is set",
+                f'"1005" = 0x80 in [nodes.{node.node_id}.objects]',
+            )
+        elif value & cob.ID_MASK_11 != cob.SYNC:
+            yield case.error(
+                node.at.line,
+                f"node {node.node_id} waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; the master sends 080h",
+                f"1005h is {value:X}h in {eds.source}",
+                f'"1005" = 0x80 in [nodes.{node.node_id}.objects]',
+            )
+
+
+_PRODUCES_SYNC = 1 << 30  # in 1005h (CiA 301 7.5.2.5)
+
+CHECKS: tuple[Check, ...] = (duplicates, restricted, sync_identifier)

@@ -10,7 +10,7 @@ from axisbus.eds import builtin
 from axisbus.eds.model import Eds, Finding, Severity
 from axisbus.errors import EdsError
 from axisbus.machine.cell import CellConfig, NodeConfig
-from axisbus.machine.checks.case import Case, Check, Found, own_title
+from axisbus.machine.checks.case import NEEDED, Case, Check, Found, own_title, titles
 from axisbus.machine.problem import Problem
 
 _SHOWN = 3
@@ -113,7 +113,9 @@ def is_drive(case: Case) -> Found:
                 "boot asks the drive itself",
             )
         elif device_type & 0xFFFF != objects.PROFILE_NUMBER:
-            yield case.error(
+            # 0 is "no profile", and also what a file says that leaves it open: the drive is asked at boot.
+            report = case.error if device_type & 0xFFFF else case.warning
+            yield report(
                 line,
                 f"node {node.node_id} has axes, but by its {node.file_key} it is no CiA 402 drive",
                 f"1000h (device type) is {device_type:08X}h: profile {device_type & 0xFFFF}, not 402",
@@ -123,17 +125,74 @@ def is_drive(case: Case) -> Found:
 
 def has_axis(case: Case) -> Found:
     """Check that the axis is there: controlword and statusword, 800h further for each axis after the first."""
+    for drive in case.incomplete:
+        axis = drive.axis
+        named = " and ".join(own_title(drive, index) for index in drive.missing(NEEDED))
+        yield case.error(
+            axis.at.of("drive_axis") if axis.at.gives("drive_axis") else axis.at.of("node"),
+            f"axis {axis.name}: node {axis.node} has no axis {axis.drive_axis}",
+            f"{drive.eds.source} does not have {named}",
+            "correct drive_axis, or name the drive's own EDS",
+        )
+
+
+# Objects that motion reads and writes as one value.
+_SINGLE = (
+    *NEEDED,
+    objects.MODES_OF_OPERATION,
+    objects.MODES_OF_OPERATION_DISPLAY,
+    objects.POSITION_ACTUAL,
+    objects.VELOCITY_ACTUAL,
+    objects.TARGET_TORQUE,
+    objects.TORQUE_ACTUAL,
+    objects.TARGET_POSITION,
+    objects.PROFILE_VELOCITY,
+    objects.PROFILE_ACCELERATION,
+    objects.PROFILE_DECELERATION,
+    objects.TARGET_VELOCITY,
+)
+
+
+def one_axis_per_object(case: Case) -> Found:
+    """Check that a device does not keep several axes in the sub-indices of one object, which CiA 402 does not know."""
     for drive in case.drives:
-        missing = drive.missing((objects.CONTROLWORD, objects.STATUSWORD))
-        if missing:
-            axis = drive.axis
-            named = " and ".join(own_title(drive, index) for index in missing)
+        split = tuple(
+            index for index in _SINGLE if drive.has(index) and drive.eds.objects[drive.index(index)].is_record
+        )
+        if split:
             yield case.error(
-                axis.at.of("drive_axis") if axis.at.gives("drive_axis") else axis.at.of("node"),
-                f"axis {axis.name}: node {axis.node} has no axis {axis.drive_axis}",
-                f"{drive.eds.source} does not have {named}",
-                "correct drive_axis, or name the drive's own EDS",
+                drive.axis.at.of("node"),
+                f"axis {drive.axis.name}: the device keeps several axes in the sub-indices of one object",
+                f"in {drive.eds.source} these are no single values: {titles(split)}",
+                "such a drive cannot be used; CiA 402 has the second axis 800h further",
             )
 
 
-CHECKS: tuple[Check, ...] = (defects, made_for_node, is_drive, has_axis)
+def bitrate(case: Case) -> Found:
+    """Warn of a bitrate that CANopen does not have, or that a device does not."""
+    bus = case.cell.bus
+    if bus.bitrate is None:
+        return
+    if bus.bitrate // 1000 not in _RATES or bus.bitrate % 1000:
+        yield case.warning(
+            bus.at.of("bitrate"),
+            f"{bus.bitrate} bit/s is no bitrate of CANopen",
+            f"CiA 301 has {', '.join(map(str, _RATES))} kbit/s",
+            "write the rate that the drives are set to",
+        )
+        return
+    for node, eds, _ in case.nodes:
+        device = eds.info.get("deviceinfo", {})
+        has = [rate for rate in _RATES if device.get(f"baudrate_{rate}", "0").strip() == "1"]
+        if has and bus.bitrate // 1000 not in has:
+            yield case.warning(
+                bus.at.of("bitrate"),
+                f"node {node.node_id} does not run at {bus.bitrate // 1000} kbit/s",
+                f"{eds.source} has {', '.join(map(str, has))} kbit/s in [DeviceInfo]",
+                "write a rate that every node has, and set the nodes to it",
+            )
+
+
+_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, CiA 301 table 1
+
+CHECKS: tuple[Check, ...] = (defects, made_for_node, is_drive, has_axis, one_axis_per_object, bitrate)

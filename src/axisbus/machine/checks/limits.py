@@ -212,22 +212,27 @@ def overflow(case: Case) -> Found:
 
 
 def _fits(case: Case, drive: Drive, quantity: Quantity) -> Found:
-    signed = quantity.index in _SIGNED
-    raw = quantity.increments if signed else abs(quantity.increments)
     entry = drive.entry(quantity.index, quantity.subindex)
-    if not drive.has(quantity.index) or entry.data_type is None or not entry.data_type.integer:
+    if (
+        drive.variable(quantity.index, quantity.subindex) is None
+        or entry.data_type is None
+        or not entry.data_type.integer
+    ):
         return
+    raw = quantity.increments if quantity.index in _SIGNED else abs(quantity.increments)
+    # A maximum is no value to be written: only commands near it fail.
+    report = case.warning if quantity.key.startswith("max_") else case.error
     line, name = quantity.at.of(quantity.key), f"axis {drive.axis.name}: {quantity.what}"
     low, high = entry.data_type.range
     if not low <= raw <= high:
-        yield case.error(
+        yield report(
             line,
             f"{name} does not fit {entry}",
             f"it is {raw} increments; {entry.data_type.name} holds {low} to {high}",
             "give a smaller value, or check the scale",
         )
     elif not (entry.low is None or entry.low <= raw) or not (entry.high is None or raw <= entry.high):
-        yield case.error(
+        yield report(
             line,
             f"{name} lies outside the drive's own limits of {entry}",
             f"it is {raw} increments; {drive.eds.source} allows "

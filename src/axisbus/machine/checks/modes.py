@@ -54,7 +54,7 @@ def asked_for(case: Case) -> Found:
                     line,
                     f"axis {drive.axis.name}: {FACTS[mode].short} ({mode.text}) is asked for by {reason}, but cannot be run",
                     f"{drive.eds.source} lacks {titles(missing)}",
-                    f"delete what asks for it: {COMMANDS.get(mode, mode.text)} will not be there",
+                    f"delete what asks for it; {COMMANDS.get(mode, mode.text)} will not be there",
                 )
 
 

@@ -13,7 +13,7 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.cell import ObjectSetting
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.problem import Problem
-from axisbus.machine.writes import FIRST_AXIS, Write, own_index, resolve, setting_write
+from axisbus.machine.writes import FIRST_AXIS, Write, known_writes, own_index, resolve, setting_write
 
 _TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
 _REAL_TYPES = (DataType.REAL32, DataType.REAL64)
@@ -85,15 +85,9 @@ def _explicit(case: Case, node_id: int, dictionary: Dictionary) -> Iterator[Writ
     """All writes to a node, the axes' words included; in their order."""
     node = case.cell.nodes[node_id]
     drives = [drive for drive in case.drives if drive.node is node]
-    for settings, axis in (
-        (node.objects, 1),
-        *((drive.axis.objects, drive.axis.drive_axis) for drive in drives),
-    ):
-        for setting in settings:
-            try:
-                yield setting_write(setting, dictionary, axis)
-            except ArgumentError:
-                continue  # reported by ``_setting``
+    yield from known_writes(node.objects, dictionary)
+    for drive in drives:
+        yield from known_writes(drive.axis.objects, dictionary, drive.axis.drive_axis)
     lines = {setting.line for drive in drives for setting in (*node.objects, *drive.axis.objects)}
     for drive in drives:
         yield from (write for write in drive.written.values() if write.line not in lines)

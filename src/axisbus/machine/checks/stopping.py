@@ -90,7 +90,7 @@ def ramp_of_quick_stop(case: Case) -> Found:
             write = drive.write(users[0].index) or drive.write(objects.QUICK_STOP_DECELERATION)
             yield case.warning(
                 write.line if write else drive.axis.stop.at.line,
-                f"axis {drive.axis.name}: {_named(users)} brakes on the quick-stop ramp, whose deceleration is 0",
+                f"axis {drive.axis.name}: {_named(users)}: the quick-stop ramp has a deceleration of 0",
                 f"{own_title(drive, objects.QUICK_STOP_DECELERATION)} is 0 after boot: it may never stop, or stop with a jolt",
                 f"deceleration = ... ({drive.axis.unit}/s²) in [axes.{drive.axis.name}.stop]",
             )

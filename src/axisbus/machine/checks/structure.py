@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from axisbus.errors import AdapterError
 from axisbus.machine.cell import GroupConfig
 from axisbus.machine.checks.case import Case, Check, Found
 
@@ -21,6 +22,31 @@ def master_id(case: Case) -> Found:
             "the master's own heartbeat needs a node ID that no device has"
             + ("" if bus.at.gives("master_id") else "; without master_id it is 127"),
             f"write master_id = {_free(case)} in [bus]",
+        )
+
+
+# Interfaces whose names need no look into python-can, which takes a while to import.
+_KNOWN = frozenset({"sim", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"})
+
+
+def interface(case: Case) -> Found:
+    """Check that the interface is one that python-can knows, and that it has the channel that it needs."""
+    bus = case.cell.bus
+    if not bus.at.sound("interface", "channel"):
+        return
+    if bus.interface not in _KNOWN:
+        from axisbus.bus.adapter import check_interface  # only now: see above
+
+        try:
+            check_interface(bus.interface)
+        except AdapterError as error:
+            yield case.error(bus.at.of("interface"), error.message, error.observed, error.remedy)
+    if bus.interface == "socketcan" and bus.channel is None:
+        yield case.error(
+            bus.at.of("interface"),
+            "socketcan needs to know which interface of the computer to use",
+            "channel is missing in [bus]",
+            'channel = "can0"',
         )
 
 
@@ -114,6 +140,7 @@ def _free(case: Case) -> int:
 
 CHECKS: tuple[Check, ...] = (
     master_id,
+    interface,
     axes_have_nodes,
     nodes_have_axes,
     one_axis_each,

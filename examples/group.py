@@ -1,0 +1,23 @@
+"""Axes together: enabled in one SYNC, on a straight line, each by its own profile, and halted on the line."""
+
+from pathlib import Path
+
+from axisbus import Machine, wait
+from axisbus.errors import Stopped
+
+with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
+    xyz = cell.group("xyz")  # by its name in cell.toml; cell.group("x", "z") would do as well
+    xyz.enable().wait()
+    wait(axis.home() for axis in xyz)
+    xyz.move_linear((60.0, -30.0, 90.0), velocity=150.0).wait()
+    print("straight line:", [round(axis.position, 2) for axis in xyz])
+    xyz.move_direct((0.0, 0.0, 0.0)).wait()
+    print("each by itself:", [round(axis.position, 2) for axis in xyz])
+    line = xyz.move_linear((60.0, 60.0, 60.0), velocity=60.0)
+    cell.sleep(0.5)
+    xyz.halt().wait()  # brakes along the line
+    print("halted:", [round(axis.position, 2) for axis in xyz])
+    try:
+        line.wait()
+    except Stopped as stopped:
+        print(stopped)

@@ -1,0 +1,17 @@
+"""Profile torque: a torque with a slope, watched by the axis's velocity limit."""
+
+from pathlib import Path
+
+from axisbus import AxisState, Machine
+
+with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
+    z = cell["z"]
+    z.enable().wait()
+    z.torque_control(0.2, slope=2.0).wait()  # N·m and N·m/s; rated_torque in cell.toml gives the scale
+    print(f"torque: {z.torque:.2f} N·m")
+    cell.sleep(0.3)
+    if z.state is AxisState.ERRORSTOP:
+        print(f"stopped by its limit: {z.error}")
+    else:
+        z.halt().wait()  # torque 0, then the drive's quick stop if it does not come to rest in time
+        print(f"halted: {z.state.value}")

@@ -1,0 +1,26 @@
+"""The same objects under asyncio: a command can be awaited."""
+
+import asyncio
+from pathlib import Path
+
+from axisbus import Machine
+
+
+async def job(cell: Machine) -> None:
+    """Home all axes at once, then let two of them run different ways."""
+    await asyncio.gather(*(axis.enable() for axis in cell))
+    await asyncio.gather(*(axis.home() for axis in cell))
+    await asyncio.gather(there_and_back(cell, "x"), there_and_back(cell, "y"))
+
+
+async def there_and_back(cell: Machine, name: str) -> None:
+    """Move an axis out and back."""
+    axis = cell[name]
+    await axis.move_absolute(40.0, velocity=120.0)
+    print(f"{name}: {axis.position:.2f} {axis.unit}")
+    await axis.move_absolute(0.0)
+    print(f"{name}: {axis.position:.2f} {axis.unit}")
+
+
+with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
+    asyncio.run(job(cell))

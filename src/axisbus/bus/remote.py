@@ -1,0 +1,82 @@
+"""A node as ``canopen.RemoteNode``, for programs that know that library: dictionary from our EDS, SDO through our client.
+
+It subscribes to nothing. canopen's receivers would raise on a short emergency message and collect SDO answers without end.
+"""
+
+from __future__ import annotations
+
+import io
+from functools import lru_cache
+
+import canopen
+from canopen.objectdictionary.eds import import_eds
+from canopen.sdo.client import SdoClient as CanopenClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from axisbus.bus.node import Node
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301 import cob
+from axisbus.eds import Eds, canopen_text
+from axisbus.errors import SdoAbort, SdoError, StateError
+
+
+class SharedSdo(CanopenClient):
+    """canopen's SDO client with the transfers of ours, so that both may be used side by side and from any thread."""
+
+    def __init__(self, client: SdoClient, dictionary: canopen.ObjectDictionary) -> None:
+        node_id = client.node_id
+        super().__init__(cob.SDO_RX + node_id, cob.SDO_TX + node_id, dictionary)  # type: ignore[no-untyped-call]
+        self._client = client
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object's bytes; blocks. Raises canopen's exceptions."""
+        try:
+            return self._client.upload(index, subindex)
+        except SdoAbort as error:
+            raise SdoAbortedError(error.code) from error
+        except SdoError as error:
+            raise SdoCommunicationError(str(error)) from error
+
+    def download(self, index: int, subindex: int, data: bytes, force_segment: bool = False) -> None:  # noqa: ARG002
+        """Write an object's bytes; blocks. Raises canopen's exceptions; ``force_segment`` changes nothing."""
+        try:
+            self._client.download(index, subindex, data)
+        except SdoAbort as error:
+            raise SdoAbortedError(error.code) from error
+        except SdoError as error:
+            raise SdoCommunicationError(str(error)) from error
+
+    def open(self, *_: object, **__: object) -> io.RawIOBase:
+        """Streams are not offered: canopen's would run beside our client on the same COB-IDs.
+
+        Raises:
+            StateError: always.
+        """
+        raise StateError(
+            f"node {self._client.node_id}: SDO streams are not offered here",
+            remedy="use upload() and download(), which transfer segments too",
+        )
+
+
+def remote_node(node: Node) -> canopen.RemoteNode:
+    """Return the node as canopen sees it; reading the EDS may take a second, once per file.
+
+    For objects by name (``remote.sdo["Profile velocity"].raw``) and NMT commands. What it would have to hear (PDO, EMCY,
+    heartbeats) is ours: see ``Node``.
+    """
+    dictionary = _dictionary(node.eds, node.node_id) if node.eds is not None else canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+    remote = canopen.RemoteNode(node.node_id, dictionary)
+    remote.sdo = SharedSdo(node.sdo, dictionary)
+    remote.sdo_channels = [remote.sdo]
+    remote.nmt.network = node.channel.network
+    return remote
+
+
+def _dictionary(eds: Eds, node_id: int) -> canopen.ObjectDictionary:
+    return _parsed(canopen_text(eds), node_id)
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, node_id: int) -> canopen.ObjectDictionary:
+    dictionary: canopen.ObjectDictionary = import_eds(io.StringIO(text), node_id)  # type: ignore[no-untyped-call]
+    return dictionary

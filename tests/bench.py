@@ -1,0 +1,178 @@
+"""Benchmarks: each figure beside a baseline measured in the same run, because machines differ. ``make bench``.
+
+Fails (exit code 1) where a figure that the project promises is missed.
+"""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "motion"))
+
+import canopen  # noqa: E402
+from rig import rig  # noqa: E402
+
+from axisbus import eds  # noqa: E402
+from axisbus.cia301.pdo import MappedObject, PdoCodec  # noqa: E402
+from axisbus.eds import reader  # noqa: E402
+from axisbus.machine.machine import Machine  # noqa: E402
+
+missed: list[str] = []
+
+
+def best(work: Callable[[], object], repeat: int = 5) -> float:
+    """Return the least seconds of several runs."""
+    times = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def row(what: str, figure: str, baseline: str, ratio: float, promise: bool | None = None) -> None:
+    """Print one line; ``promise`` False marks a miss."""
+    mark = "" if promise is None else "ok" if promise else "MISSED"
+    print(f"{what:<58}{figure:>14}   {baseline:<44}{ratio:>8.1f}x  {mark}", flush=True)
+    if promise is False:
+        missed.append(what)
+
+
+def axis_step() -> None:
+    """CPU of one axis per cycle during a move, on the direct port, against canopen's decode and encode of its two PDOs."""
+    test = rig("x").enabled()
+    test.axis.move_absolute(100_000.0, velocity=1.0, timeout=1e9)
+    test.run(1.0)
+    cycles = 20_000
+    core, port, cycle = test.core, test.ports["x"], test.cycle
+    now, spent = cycle.now(), 0.0
+    for _ in range(cycles):
+        now += test.scan.period
+        cycle.wait_until(now)
+        start = time.thread_time()
+        port.write(core.step(port.read(now)))
+        core.snapshot()
+        spent += time.thread_time() - start
+        cycle.commit()
+        cycle.sync()
+        cycle.heartbeat()
+    step = spent / cycles
+    baseline = canopen_pdo()
+    row("one axis stepped during a move", f"{step * 1e6:.1f} µs", f"canopen: its PDOs decoded, encoded {baseline * 1e6:.1f} µs",
+        baseline / step, step <= 15e-6)  # fmt: skip
+
+
+def canopen_pdo() -> float:
+    """Seconds that canopen needs to decode one 3-variable TPDO and encode one RPDO."""
+    node = canopen.LocalNode(1, str(ROOT / "eds" / "generic-cia402.eds"))
+    names = ((0x6041, 0x37, 0x02), (0x6061, 1), (0x6064, 1, 2, 3, 4))
+    pdo = node.tpdo[1]
+    pdo.clear()
+    for index in (0x6041, 0x6061, 0x6064):
+        pdo.add_variable(index)
+    data = bytearray(byte for _, *values in names for byte in values)
+
+    def work() -> None:
+        for _ in range(1000):
+            pdo.on_message(pdo.cob_id, data, 0.0)
+            for variable in pdo:
+                assert variable.raw is not None
+            for variable in pdo:
+                variable.raw = 1
+
+    pdo.cob_id = 0x181
+    return best(work) / 1000
+
+
+def codec() -> None:
+    """The compiled PDO codec against canopen's."""
+    mapping = [MappedObject(0x6041, 0, 16), MappedObject(0x6061, 0, 8), MappedObject(0x6064, 0, 32)]
+    compiled = PdoCodec(mapping, [False, True, True])
+    data = bytes.fromhex("37020101020304")
+
+    def work() -> None:
+        for _ in range(1000):
+            compiled.pack(compiled.unpack(data))
+
+    ours, theirs = best(work) / 1000, canopen_pdo()
+    row(
+        "PDO of three values, unpacked and packed",
+        f"{ours * 1e6:.2f} µs",
+        f"canopen {theirs * 1e6:.1f} µs",
+        theirs / ours,
+    )
+
+
+def an_hour() -> None:
+    """An hour of three axes at 10 ms, stand-ins included, against real time."""
+    cell = (ROOT / "examples" / "cell.toml").read_text().replace('"4ms"', '"10ms"')
+    path = ROOT / "tests" / ".bench-cell.toml"
+    path.write_text(cell)
+    try:
+        with Machine.simulated(path) as machine:
+            machine.group("xyz").enable().wait()
+            machine["z"].move_velocity(10.0).wait()
+            start = time.perf_counter()
+            machine.sleep(3600.0)
+            spent = time.perf_counter() - start
+    finally:
+        path.unlink()
+    row("an hour of three axes at 10 ms, stand-ins included", f"{spent:.0f} s", "real time 3600 s", 3600 / spent,
+        spent < 60)  # fmt: skip
+
+
+def reading() -> None:
+    """Reading and modelling an EDS against canopen.import_od."""
+    path = ROOT / "eds" / "generic-cia402.eds"
+    data, text = path.read_bytes(), path.read_text()
+
+    def ours() -> None:
+        reader.read(data, "bench")
+
+    def theirs() -> None:
+        stream = io.StringIO(text)
+        stream.name = "bench.eds"
+        canopen.import_od(stream, 1)
+
+    mine, other = best(ours), best(theirs)
+    row(
+        "EDS read and modelled",
+        f"{mine * 1000:.1f} ms",
+        f"canopen.import_od {other * 1000:.1f} ms",
+        other / mine,
+    )
+
+
+def start_up() -> None:
+    """``axisbus --help`` against a bare interpreter."""
+
+    def run(*arguments: str) -> float:
+        return best(lambda: subprocess.run([sys.executable, *arguments], check=True, capture_output=True))
+
+    bare, ours = run("-c", "pass"), run("-m", "axisbus", "--help")
+    row(
+        "axisbus --help",
+        f"{ours * 1000:.0f} ms",
+        f"python -c pass {bare * 1000:.0f} ms",
+        bare / ours,
+        ours - bare < 0.15,
+    )
+
+
+def main() -> int:
+    """Run all and return the exit code."""
+    assert eds is not None
+    print(f"{'what':<58}{'figure':>14}   {'baseline in the same run':<44}{'ratio':>9}")
+    for bench in (axis_step, codec, an_hour, reading, start_up):
+        bench()
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

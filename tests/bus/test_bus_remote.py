@@ -1,0 +1,62 @@
+"""A node as canopen sees it: the same objects, through our client."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from bus_peer import FakeBus, Slave, eventually
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.node import Node
+from axisbus.bus.remote import remote_node
+from axisbus.eds import load
+from axisbus.errors import StateError
+
+EDS = load(Path(__file__).parents[2] / "eds" / "generic-cia402.eds")
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(5, {(0x607A, 0): b"\xff\xff\xff\xff", (0x6081, 0): bytes(4)})
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def node(channel: Channel, slave: Slave) -> Iterator[Node]:
+    with Node(channel, 5, EDS) as node:
+        yield node
+
+
+def test_objects_are_read_and_written_by_canopens_names(node: Node, slave: Slave) -> None:
+    remote = remote_node(node)
+    assert remote.sdo[0x607A].raw == -1
+    remote.sdo[0x6081].raw = 500
+    assert slave.objects[0x6081, 0] == (500).to_bytes(4, "little")
+
+
+def test_its_failures_are_canopens(node: Node, slave: Slave) -> None:
+    remote = remote_node(node)
+    with pytest.raises(SdoAbortedError) as caught:
+        remote.sdo.upload(0x60FE, 1)
+    assert caught.value.code == 0x0602_0000
+    slave.ignore = 100
+    node.sdo.timeout = 0.01
+    with pytest.raises(SdoCommunicationError, match="no answer"):
+        remote.sdo.upload(0x6081, 0)
+    with pytest.raises(StateError, match="streams"):
+        remote.sdo.open(0x1021)
+
+
+def test_nmt_commands_go_out_and_short_emergencies_harm_nothing(
+    node: Node, slave: Slave, fake: FakeBus
+) -> None:
+    remote = remote_node(node)
+    remote.nmt.state = "OPERATIONAL"
+    assert slave.commands == [1]
+    fake.inject(0x085, "11 86")
+    eventually(lambda: node.emcy.history)
+    node.channel.check()

@@ -1,0 +1,322 @@
+"""From a cell file's axis and an EDS to what motion uses; the numbers are worked out by hand."""
+
+from __future__ import annotations
+
+import pytest
+from cells import kit
+
+from axisbus import eds
+from axisbus.cia402.modes import ModeOfOperation as Mode
+from axisbus.drives.make import Make
+from axisbus.eds import builtin
+from axisbus.machine import config
+from axisbus.machine.drive import Drive
+from axisbus.machine.parameters import axis_parameters
+from axisbus.machine.writes import axis_writes, node_writes
+from axisbus.motion.parameters import AxisParameters, HoldsLoad
+
+BENCH = eds.loads(kit.DRIVE.encode(), "drive.eds")
+
+
+def cell_with(*changes: tuple[str, str]) -> config.CellConfig:
+    cell, problems = config.loads(kit.changed(kit.CLEAN, *changes))
+    assert cell is not None
+    assert problems == []
+    return cell
+
+
+def parameters(
+    name: str, *changes: tuple[str, str], file: eds.Eds = BENCH, make: Make | None = None
+) -> AxisParameters:
+    return axis_parameters(cell_with(*changes), name, file, make)
+
+
+# -- units -----------------------------------------------------------------------------------------------------------
+
+
+def test_velocity_and_acceleration_take_the_scale_of_position() -> None:
+    units = parameters("x").units
+    assert units.position.to_increments(12.5) == 12_500
+    assert units.velocity.to_increments(-200.0) == -200_000
+    assert units.acceleration.to_increments(2000.0) == 2_000_000
+    assert (units.ratio_known, units.rated_torque, units.modulo) == (True, 2.0, None)
+    assert (units.position.unit, units.velocity.unit) == ("mm", "mm/s")
+
+
+def test_velocity_and_acceleration_may_have_scales_of_their_own() -> None:
+    units = parameters(
+        "x", ("scale = 1000", 'scale = 1000\nvelocity_scale = "60/4"\nacceleration_scale = 0.25')
+    ).units
+    assert units.velocity.to_increments(100.0) == 1500
+    assert units.acceleration.to_increments(1000.0) == 250
+
+
+def test_an_axis_turned_by_the_master_counts_backwards_everywhere() -> None:
+    units = parameters("y").units
+    assert units.position.to_increments(360.0) == -131_072
+    assert units.position.to_units(-131_072) == 360.0
+    assert units.velocity.to_increments(-360.0) == 131_072
+    assert units.acceleration.to_increments(360.0) == 131_072  # a magnitude
+    assert units.rated_torque == -2.0  # 1 N·m becomes -500 in 6071h, and 500 in 6077h becomes -1 N·m
+
+
+def test_an_axis_turned_by_the_drive_is_not_turned_twice() -> None:
+    units = parameters("y", ('invert = "master"', 'invert = "drive"')).units
+    assert units.position.to_increments(360.0) == 131_072
+    assert units.rated_torque == 2.0
+
+
+def test_an_axis_in_increments_has_no_known_ratio_of_velocity_to_position() -> None:
+    units = parameters("x", ('unit = "mm"\nscale = 1000', 'unit = "increments"')).units
+    assert units.position.to_increments(7) == 7
+    assert units.velocity.to_increments(7) == 7
+    assert not units.ratio_known
+
+
+def test_an_axis_in_increments_knows_the_ratio_when_it_is_written() -> None:
+    units = parameters("x", ('unit = "mm"\nscale = 1000', 'unit = "increments"\nvelocity_scale = 0.1')).units
+    assert units.velocity.to_increments(1000) == 100
+    assert units.ratio_known
+
+
+# -- limits, homing, times -------------------------------------------------------------------------------------------
+
+
+def test_limits_defaults_and_homing_come_as_written() -> None:
+    x = parameters("x")
+    assert (x.limits.position, x.limits.velocity, x.limits.acceleration) == ((0.0, 500.0), 200.0, 2000.0)
+    assert x.limits.torque == 4.0
+    assert (x.defaults.velocity, x.defaults.acceleration, x.defaults.torque_slope) == (100.0, 1000.0, 10.0)
+    assert (x.homing.method, x.homing.speed_switch, x.homing.timeout) == (17, 20.0, 30.0)
+    assert (x.node, x.scan_period) == (1, 0.004)
+
+
+def test_homing_is_required_where_position_limits_are_set() -> None:
+    assert parameters("x").homing.required is True
+    assert parameters("y").homing.required is False
+
+
+def test_homing_required_can_be_said_otherwise() -> None:
+    assert parameters("x", ("method = 17", "method = 17\nrequired = false")).homing.required is False
+    assert parameters("y", ("method = 35", "method = 35\nrequired = true")).homing.required is True
+
+
+def test_standstill_is_one_percent_of_the_default_velocity_in_position_increments() -> None:
+    assert parameters("x").standstill_speed == pytest.approx(1000.0)  # 1 mm/s of 100 mm/s
+    assert parameters("y").standstill_speed == pytest.approx(0.9 * 131_072 / 360)  # positive, though turned
+
+
+def test_standstill_as_written_wins() -> None:
+    assert (
+        parameters("x", ("scale = 1000", "scale = 1000\nstandstill_velocity = 0.5")).standstill_speed == 500.0
+    )
+
+
+def test_standstill_is_unknown_without_a_velocity_or_a_ratio() -> None:
+    assert parameters("y", ("velocity = 90.0\n", "")).standstill_speed is None
+    increments = ('unit = "mm"\nscale = 1000', 'unit = "increments"')
+    assert parameters("x", increments).standstill_speed is None
+
+
+def test_the_position_window_is_in_increments() -> None:
+    assert parameters("x").position_window is None
+    assert parameters("y", ("modulo = 360.0", "modulo = 360.0\nposition_window = 0.1")).position_window == 36
+    assert parameters("x", ("scale = 1000", "scale = 1000\nposition_window = 1e-9")).position_window == 1
+
+
+def test_times_as_written_replace_the_usual_ones() -> None:
+    changed = parameters(
+        "x",
+        ('halt_time = "2s"', 'halt_time = "0.5s"\nquick_stop_time = "250ms"'),
+        (
+            "scale = 1000",
+            'scale = 1000\nmode_time = "3s"\ntransition_time = "5s"\nacknowledge_time = "200ms"',
+        ),
+    )
+    assert (changed.stop_times.halt, changed.stop_times.quick_stop) == (0.5, 0.25)
+    assert (changed.timing.mode, changed.timing.transition, changed.timing.acknowledge) == (3.0, 5.0, 0.2)
+    usual = parameters("y")
+    assert changed.stop_times.disable == usual.stop_times.disable
+    assert changed.timing.settle == usual.timing.settle
+
+
+@pytest.mark.parametrize(
+    ("written", "holds"),
+    [('"brake"', HoldsLoad.BRAKE), ('"torque"', HoldsLoad.TORQUE), ("false", HoldsLoad.NO)],
+)
+def test_what_holds_the_load(written: str, holds: HoldsLoad) -> None:
+    assert parameters("x", ("scale = 1000", f"scale = 1000\nholds_load = {written}")).holds_load is holds
+
+
+# -- the drive -------------------------------------------------------------------------------------------------------
+
+
+def test_modes_are_those_with_all_their_objects_and_those_that_6502_claims() -> None:
+    # 6502h = ADh: bits 0, 2, 3, 5, 7; csv and cst have their objects, too
+    assert parameters("x").modes == {
+        Mode.PROFILE_POSITION,
+        Mode.PROFILE_VELOCITY,
+        Mode.PROFILE_TORQUE,
+        Mode.HOMING,
+        Mode.CYCLIC_SYNC_POSITION,
+        Mode.CYCLIC_SYNC_VELOCITY,
+        Mode.CYCLIC_SYNC_TORQUE,
+    }
+
+
+def test_a_mode_that_is_claimed_is_kept_though_an_object_is_missing() -> None:
+    file = eds.loads(kit.without("6087")(kit.DRIVE).encode(), "drive.eds")
+    assert Mode.PROFILE_TORQUE in parameters("x", file=file).modes
+
+
+def test_modes_as_written_win() -> None:
+    assert parameters("y").modes == {
+        Mode.PROFILE_POSITION,
+        Mode.PROFILE_VELOCITY,
+        Mode.HOMING,
+        Mode.CYCLIC_SYNC_POSITION,
+    }
+
+
+def test_objects_of_the_first_axis_are_its_own_and_the_devices() -> None:
+    x = parameters("x")
+    assert x.has(0x6040)
+    assert x.has(0x1018)
+    assert x.has(0x2001)
+    assert not x.has(0x6062)
+
+
+def two_axes() -> eds.Eds:
+    """The bench drive with a second axis that has a controlword, a statusword and a quick stop option code."""
+    more = "".join(
+        f"[{index}]\nParameterName={name}\nDataType={kind}\nAccessType={access}\nDefaultValue={value}\nPDOMapping=0\n"
+        for index, name, kind, access, value in (
+            ("6840", "Controlword 2", "0x6", "rw", "0"),
+            ("6841", "Statusword 2", "0x6", "ro", "0"),
+            ("685A", "Quick stop option code 2", "0x3", "rw", "6"),
+            ("6D02", "Supported drive modes 2", "0x7", "ro", "1"),
+        )
+    )
+    return eds.loads((kit.DRIVE + more).encode(), "two.eds")
+
+
+def test_objects_of_the_second_axis_lie_800h_further() -> None:
+    y = parameters(
+        "y",
+        ("[axes.y]\nnode = 2", "[axes.y]\nnode = 1\ndrive_axis = 2"),
+        ('modes = ["pp", "pv", "hm", "csp"]\n', ""),
+        file=two_axes(),
+    )
+    assert [index for index in (0x6040, 0x6041, 0x605A, 0x6502, 0x6064, 0x6840, 0x1018) if y.has(index)] == [
+        0x6040,
+        0x6041,
+        0x605A,
+        0x6502,
+        0x1018,
+    ]
+    assert y.modes == {Mode.PROFILE_POSITION}
+    assert y.quick_stop_holds  # 685Ah = 6
+
+
+def test_the_first_axis_does_not_see_the_second() -> None:
+    x = parameters("x", file=two_axes())
+    assert not x.has(0x6840)
+    assert not x.quick_stop_holds
+
+
+def test_whether_a_quick_stop_holds_follows_the_word_else_the_objects_else_the_eds() -> None:
+    assert not parameters("x").quick_stop_holds
+    assert parameters("x", ('quick_stop = "ramp"', 'quick_stop = "ramp-hold"')).quick_stop_holds
+    assert not parameters("y").quick_stop_holds  # 2 in the EDS
+    assert parameters("y", ("[groups.xy]", '[axes.y.objects]\n"605A" = 5\n[groups.xy]')).quick_stop_holds
+    node = ('[nodes.2]\neds = "drive.eds"\n', '[nodes.2]\neds = "drive.eds"\nobjects."605Ah" = 7\n')
+    assert parameters("y", node).quick_stop_holds
+
+
+def test_the_make_by_the_identity_explains_faults() -> None:
+    text = '[bus]\ninterface="sim"\nscan_period="4ms"\n[nodes.1]\neds="builtin:gim6010-8"\n[axes.x]\nnode=1\nunit="deg"\nscale=1\n'
+    cell, _ = config.loads(text)
+    assert cell is not None
+    module = eds.load(builtin.resolve("builtin:gim6010-8", cell.folder))
+    made = axis_parameters(cell, "x", module)
+    assert (0x203F, 0) in made.fault_objects
+    assert (0x203E, 0) in made.fault_objects
+    assert any(
+        "OVER_TEMP" in text.upper().replace(" ", "_")
+        for text in made.explain_fault(0x4310, {(0x203F, 0): 0x40000})
+    )
+
+
+def test_a_drive_of_an_unknown_make_explains_nothing() -> None:
+    x = parameters("x")
+    assert x.fault_objects == ()
+    assert x.explain_fault(0x4310, {}) == []
+
+
+def test_a_make_found_on_the_bus_wins() -> None:
+    make = Make("other", fault_objects=((0x2010, 1),), explain=lambda code, _: [f"code {code}"])
+    x = parameters("x", make=make)
+    assert x.fault_objects == ((0x2010, 1),)
+    assert x.explain_fault(5, {}) == ["code 5"]
+
+
+# -- writes ----------------------------------------------------------------------------------------------------------
+
+
+def test_what_is_written_at_boot_is_resolved_and_scaled() -> None:
+    cell = cell_with(
+        ("halt_time", 'communication_error = "stopped"\nhalt_time'),
+        ('"609A" = 500000', '"Position window" = 25\n"6099h:02" = 7'),
+    )
+    drive = Drive.of(cell.axes["x"], cell.nodes[1], BENCH)
+    assert [
+        (write.index, write.subindex, write.value) for write in node_writes(cell.nodes[1], drive.dictionary)
+    ] == [(0x6065, 0, 4000)]
+    writes = axis_writes(cell.axes["x"], drive.dictionary)
+    assert {(write.index, write.subindex): write.value for write in writes} == {
+        (0x6067, 0): 25,
+        (0x6099, 2): 7,
+        (0x605A, 0): 2,
+        (0x605D, 0): 1,
+        (0x1029, 1): 2,
+        (0x6085, 0): 4_000_000,  # 4000 mm/s² x 1000
+        (0x607C, 0): -5000,
+    }
+    assert [write.source for write in writes][-2:] == [
+        "deceleration in [axes.x.stop]",
+        "offset in [axes.x.homing]",
+    ]
+
+
+def test_the_words_of_a_second_axis_go_800h_further() -> None:
+    cell = cell_with(
+        ("[axes.y]\nnode = 2", "[axes.y]\nnode = 1\ndrive_axis = 2"),
+        (
+            "[groups.xy]",
+            '[axes.y.stop]\nquick_stop = "ramp"\n[axes.y.objects]\n"6067" = 3\n"2002" = 1.5\n[groups.xy]',
+        ),
+    )
+    drive = Drive.of(cell.axes["y"], cell.nodes[1], two_axes())
+    assert [(write.index, write.value) for write in axis_writes(drive.axis, drive.dictionary)] == [
+        (0x6867, 3),
+        (0x2002, 1.5),
+        (0x685A, 2),
+    ]
+
+
+def test_a_direction_turned_by_the_drive_is_written_into_its_polarity() -> None:
+    cell = cell_with(('invert = "master"', 'invert = "drive"'))
+    drive = Drive.of(cell.axes["y"], cell.nodes[2], BENCH)
+    assert [(write.index, write.value) for write in axis_writes(drive.axis, drive.dictionary)] == [
+        (0x607E, 0xC0)
+    ]
+
+
+def test_a_polarity_written_by_hand_is_left_alone() -> None:
+    cell = cell_with(
+        ('invert = "master"', 'invert = "drive"'),
+        ("[groups.xy]", '[axes.y.objects]\n"607E" = 128\n[groups.xy]'),
+    )
+    drive = Drive.of(cell.axes["y"], cell.nodes[2], BENCH)
+    assert [write.value for write in axis_writes(drive.axis, drive.dictionary)] == [128]
+    assert drive.value(0x607E) == 128
