@@ -410,6 +410,15 @@ def test_a_tpdo_sent_only_on_request_is_no_source() -> None:
     assert plan.inputs == {"statusword": Source.SDO}
 
 
+def test_no_two_nodes_share_a_spare_cob_id() -> None:
+    nodes = frozenset({1, 2, 5})
+    shares = [set(spare_cob_ids(nodes, node)) for node in sorted(nodes)]
+    assert all(len(share) >= 8 * 41 for share in shares)
+    assert set().union(*shares) == set(spare_cob_ids(nodes))
+    assert sum(map(len, shares)) == len(set().union(*shares))
+    assert not {0x200 + node for node in nodes} & set().union(*shares)
+
+
 def test_the_sign_of_every_entry_is_known() -> None:
     plan = make_plan(NODE, EMPTY, objects())
     signs = {(m.index, s) for pdo in plan.pdos for m, s in zip(pdo.target.mapping, pdo.signed, strict=True)}

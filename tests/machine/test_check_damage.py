@@ -7,16 +7,20 @@ from pathlib import Path
 
 import pytest
 from cells import kit
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from axisbus.eds.model import Severity
 from axisbus.errors import ConfigError
 from axisbus.machine import config
 from axisbus.machine.check import check, check_cell
-from axisbus.machine.problem import Problem
+from axisbus.machine.checks import devices
+from axisbus.machine.parameters import axis_parameters
+from axisbus.machine.problem import Problem, errors
 
 LINES = kit.CLEAN.split("\n")
+# A busy computer is no failure.
+PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 FILE = str(kit.HERE / "cell.toml")  # beside the EDS that it names
 
 VALUES = st.one_of(
@@ -52,7 +56,10 @@ VALUES = st.one_of(
 
 
 def examine(text: str) -> list[Problem]:
-    """Check a text as a cell; every problem must have its place and a message, every error a remedy."""
+    """Check a text as a cell; every problem must have its place and a message, every error a remedy.
+
+    A cell without errors must be good for parameters of each of its axes.
+    """
     cell, problems = config.loads(text, FILE)
     found = problems if cell is None else check_cell(cell, problems)
     count = text.count("\n") + 1
@@ -62,6 +69,10 @@ def examine(text: str) -> list[Problem]:
         assert problem.message
         assert problem.remedy or problem.severity is Severity.NOTE, problem
         assert str(problem)
+    if cell is not None and not errors(found):
+        files, _ = devices.load_all(cell)
+        for axis in cell.axes.values():
+            assert axis_parameters(cell, axis.name, files[axis.node]).name == axis.name
     return found
 
 
@@ -74,12 +85,13 @@ def accepted(text: str) -> bool:
 
 
 @given(st.integers(0, len(LINES) - 1))
+@settings(PATIENT)
 def test_a_line_that_is_lost(number: int) -> None:
     examine("\n".join(LINES[:number] + LINES[number + 1 :]))
 
 
 @given(st.sampled_from([number for number, line in enumerate(LINES) if " = " in line]), VALUES)
-@settings(max_examples=300)
+@settings(PATIENT, max_examples=300)
 def test_a_value_that_is_another(number: int, value: str) -> None:
     key = LINES[number].split(" = ")[0]
     text = "\n".join([*LINES[:number], f"{key} = {value}", *LINES[number + 1 :]])
@@ -89,6 +101,7 @@ def test_a_value_that_is_another(number: int, value: str) -> None:
 
 
 @given(st.sampled_from([number for number, line in enumerate(LINES) if " = " in line]), st.text(max_size=12))
+@settings(PATIENT)
 def test_a_key_that_is_another(number: int, key: str) -> None:
     value = LINES[number].split(" = ")[1]
     quoted = '"' + "".join(char for char in key if char.isprintable() and char not in '"\\') + '"'
@@ -96,18 +109,20 @@ def test_a_key_that_is_another(number: int, key: str) -> None:
 
 
 @given(st.integers(0, len(LINES)), st.text(max_size=40))
-@settings(max_examples=200)
+@settings(PATIENT, max_examples=200)
 def test_garbage_between_the_lines(number: int, garbage: str) -> None:
     text = "\n".join([*LINES[:number], garbage, *LINES[number:]])
     examine(text)
 
 
 @given(st.permutations(range(len(LINES))), st.integers(2, len(LINES)))
+@settings(PATIENT)
 def test_lines_in_another_order(order: list[int], count: int) -> None:
     examine("\n".join(LINES[number] for number in order[:count]))
 
 
 @given(st.binary(max_size=200))
+@settings(PATIENT)
 def test_any_bytes(data: bytes) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Path, "read_bytes", lambda _: data)
@@ -122,7 +137,7 @@ def test_any_bytes(data: bytes) -> None:
 
 
 @given(st.integers(0, len(kit.CLEAN)), st.integers(0, 20))
-@settings(max_examples=200)
+@settings(PATIENT, max_examples=200)
 def test_a_file_cut_short_or_with_a_hole(start: int, length: int) -> None:
     examine(kit.CLEAN[:start] + kit.CLEAN[start + length :])
     examine(kit.CLEAN[:start])

@@ -354,8 +354,11 @@ def test_an_emcy_without_node_id_in_an_eds_is_warned_of(tmp_path: Path) -> None:
 )
 def test_each_node_takes_the_masters_sync(tmp_path: Path, value: str, words: str) -> None:
     path = kit.write(tmp_path, eds=kit.entry("1005", DefaultValue=value))
-    found = kit.serious(path)
+    assert kit.serious(path) == []
+    note = kit.note(path, f"node 1 {words}")
+    assert note.remedy == "boot sets 1005h to 80h"
+    fixed = kit.write(tmp_path, eds=kit.entry("1005", DefaultValue=value, AccessType="ro"))
+    found = kit.serious(fixed)
     assert [each.severity.value for each in found] == ["error", "error"]
-    assert found[0].line == kit.line_of(path, "[nodes.1]")
     assert words in found[0].message
-    assert found[0].remedy == '"1005" = 0x80 in [nodes.1.objects]'
+    assert "sync = false" in found[0].remedy

@@ -329,6 +329,12 @@ def test_each_slip_is_told_with_its_line_and_remedy(
     assert str(problems[0]).startswith(f"cell.toml:{line}: error: ")
 
 
+def test_an_empty_node_names_no_file() -> None:
+    assert told(MINIMAL.replace('eds = "builtin:gim6010-8"\n', "")) == [
+        "4: [nodes.1] gives neither eds nor dcf"
+    ]
+
+
 def test_all_slips_are_told_at_once_in_the_order_of_the_lines() -> None:
     text = kit.changed(
         kit.CLEAN,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from axisbus.errors import ConfigError
@@ -120,6 +120,7 @@ VALUES = st.recursive(
 
 
 @given(st.lists(st.tuples(BARE | QUOTED, VALUES, st.sampled_from(["", "\n", "# =\n\n"])), max_size=8))
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is no failure
 def test_in_any_text_each_key_has_the_line_where_it_was_written(pairs: list[tuple[str, str, str]]) -> None:
     text, written = "", {}
     for number, (key, value, gap) in enumerate(pairs):

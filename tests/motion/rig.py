@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 from axisbus import eds
@@ -14,11 +15,13 @@ from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, 
 from axisbus.motion.scan import PumpWaiter, Scan
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
+from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 
 GENERIC = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
 SCALE = 1000.0  # increments per degree
 PERIOD = 0.01
+MODE = ModeOfOperation
 
 
 def parameters(name: str, dictionary, **changes) -> AxisParameters:
@@ -27,7 +30,9 @@ def parameters(name: str, dictionary, **changes) -> AxisParameters:
     objects = frozenset(index for index in dictionary.objects)
     base = AxisParameters(
         name,
-        Units(scale, Scale.of(SCALE, "deg/s"), Scale.of(SCALE, "deg/s²"), ratio_known=True, rated_torque=10.0),
+        Units(
+            scale, Scale.of(SCALE, "deg/s"), Scale.of(SCALE, "deg/s²"), ratio_known=True, rated_torque=10.0
+        ),
         limits=Limits(velocity=400.0),
         defaults=Defaults(velocity=100.0, acceleration=500.0),
         homing=Homing(method=37),
@@ -67,11 +72,27 @@ class Rig:
     def core(self) -> AxisCore:
         return self.scan.axes[self.axis.name]
 
+    @property
+    def now(self) -> float:
+        return self.cycle.now()
+
+    def drive_of(self, name: str):
+        """The stand-in's drive behind an axis."""
+        return self.devices[list(self.axes).index(name)].drives[0]
+
     def run(self, seconds: float) -> None:
         """Let time pass with the scan running."""
         end = self.cycle.now() + seconds
         while self.cycle.now() < end and not self.scan.ended:
             self.scan.waiter_pump.pump()
+
+    def until(self, done, limit: float = 10.0) -> float:
+        """Let time pass until ``done()``; return the seconds it took."""
+        start = self.now
+        while not done():
+            assert self.now - start < limit, f"not within {limit} s of virtual time"
+            self.scan.waiter_pump.pump()
+        return self.now - start
 
     def enabled(self) -> Rig:
         """Enable every axis."""
@@ -79,25 +100,55 @@ class Rig:
             axis.enable().wait(5)
         return self
 
+    def group(self, *names: str) -> Group:
+        """Make a group that no fault policy knows."""
+        title = "+".join(names)
+        self.scan.add_group(title, list(names))
+        axes = {name: self.axes[name] for name in names}
+        return Group(title, axes, self.scan, self.scan.waiter_pump)
 
-def rig(names: str = "x", *, port: dict | None = None, file: Path = GENERIC, **changes) -> Rig:
-    """Build a rig with one stand-in per letter of ``names``; ``port`` are DirectPort options, ``changes`` axis parameters."""
-    dictionary = eds.load(file)
-    devices = [Device(dictionary, number + 1) for number in range(len(names))]
+
+@cache
+def dictionary_of(file: Path) -> eds.model.Eds:
+    """An EDS is read once for all tests; stand-ins do not change it."""
+    return eds.load(file)
+
+
+def rig(
+    names: str = "x",
+    *,
+    port: dict | None = None,
+    file: Path = GENERIC,
+    motor: MotorParams | None = None,
+    groups: dict[str, list[str]] | None = None,
+    each: dict[str, dict] | None = None,
+    **changes,
+) -> Rig:
+    """Build a rig with one stand-in per letter of ``names``.
+
+    ``port`` are DirectPort options, ``changes`` axis parameters (``each``: of single axes), ``motor`` the plant of every drive,
+    ``groups`` those that the fault policy knows (by default one of all).
+    """
+    dictionary = dictionary_of(file)
+    devices = [Device(dictionary, number + 1, params=motor) for number in range(len(names))]
     ports = {name: DirectPort(device, **(port or {})) for name, device in zip(names, devices, strict=True)}
     cycle = DirectCycle(list(ports.values()))
     cores = {
-        name: AxisCore(parameters(name, dictionary, node=number + 1, **changes), ports[name].capabilities)
+        name: AxisCore(
+            parameters(name, dictionary, **({"node": number + 1} | changes | (each or {}).get(name, {}))),
+            ports[name].capabilities,
+        )
         for number, name in enumerate(names)
     }
-    groups = {"all": list(names)} if len(names) > 1 else {}
+    if groups is None:
+        groups = {"all": list(names)} if len(names) > 1 else {}
     scan = Scan(cycle, ports, cores, PERIOD, groups)
     waiter = PumpWaiter(scan)
     scan.waiter_pump = waiter
     axes = {name: Axis(core.parameters, scan, waiter) for name, core in cores.items()}
-    fronts = {name: Group(name, {axis: axes[axis] for axis in members}, scan, waiter) for name, members in groups.items()}
+    fronts = {
+        name: Group(name, {axis: axes[axis] for axis in members}, scan, waiter)
+        for name, members in groups.items()
+    }
     waiter.pump()
     return Rig(scan, axes, fronts, devices, cycle, ports)
-
-
-MODE = ModeOfOperation

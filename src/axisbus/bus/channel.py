@@ -134,9 +134,8 @@ class Channel:
         """
         failure = self._failure
         if failure is not None:
-            raise copy.copy(
-                failure
-            ) from failure  # one that is raised again and again would collect tracebacks
+            # A copy each time: one error that is raised again and again would collect tracebacks.
+            raise copy.copy(failure) from failure
         if self._closing:
             raise AdapterError(f"the CAN channel {self.name} is closed")
 
@@ -306,9 +305,8 @@ class Channel:
 
     def _error_frame(self, message: can.Message) -> None:
         self.counters.error_frames += 1
-        error_class = (
-            message.arbitration_id if self._socketcan else 0
-        )  # other adapters put other things there
+        # Other adapters than SocketCAN put other things where Linux has the error class.
+        error_class = message.arbitration_id if self._socketcan else 0
         self.counters.errors.append(errorframe.describe(error_class, bytes(message.data)))
         if errorframe.is_bus_off(error_class) or self.bus.state is can.BusState.ERROR:
             self.fail(failures.bus_off(self.name))

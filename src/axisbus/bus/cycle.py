@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.lateness import Lateness, LatenessReport
@@ -41,6 +41,7 @@ class CanCycle:
         sync_cob_id: int | None = cob.SYNC,
         master_id: int | None = None,
         heartbeat: float = 0.0,
+        guarded: Mapping[int, float] | None = None,
         owns_channel: bool = False,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -51,6 +52,7 @@ class CanCycle:
             sync_cob_id: COB-ID of SYNC, None for a bus without it.
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
+            guarded: period in seconds, by node ID, in which nodes without heartbeat are asked for their state (node guarding).
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
             sleep: how to wait for a number of seconds.
@@ -61,6 +63,8 @@ class CanCycle:
         self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
         self._heartbeat_period = heartbeat
         self._heartbeat_due = float("-inf")
+        self._guarding = {cob.HEARTBEAT + node_id: period for node_id, period in (guarded or {}).items()}
+        self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
         self._owns_channel = owns_channel
         self._clock = clock
         self._sleep = sleep
@@ -100,11 +104,13 @@ class CanCycle:
             self._channel.send(self._sync_cob_id, b"")
 
     def heartbeat(self) -> None:
-        """Send our heartbeat when it is due (CiA 301 7.2.8.3.2.2).
+        """Send our heartbeat and guarding requests when they are due (CiA 301 7.2.8.3.2).
 
         Raises:
             BusError: as ``commit``.
         """
+        if self._guarding:
+            self._guard(self._clock())
         if self._heartbeat_id is None:
             return
         now = self._clock()
@@ -112,6 +118,12 @@ class CanCycle:
             due = self._heartbeat_due + self._heartbeat_period
             self._heartbeat_due = due if due > now else now + self._heartbeat_period
             self._channel.send(self._heartbeat_id, _OUR_STATE)
+
+    def _guard(self, now: float) -> None:
+        for cob_id, period in self._guarding.items():
+            if now >= self._guarding_due[cob_id]:
+                self._guarding_due[cob_id] = now + period
+                self._channel.send_remote(cob_id)
 
     def quick_stop_all(self) -> None:
         """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.

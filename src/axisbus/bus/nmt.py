@@ -1,7 +1,9 @@
 """Network management of one node: what it reports of itself, and commands that are confirmed (CiA 301 7.2.8).
 
-An NMT command has no answer of its own. What confirms it is the next heartbeat; where a node sends none, the answer to a guarding
-request; where it has neither, that it answers SDO (or, once stopped, no longer does), after which its state is *assumed*.
+An NMT command has no answer of its own. What confirms it is the next heartbeat; where a node sends none and is guarded, the answer
+to a guarding request; where it has neither, that it answers SDO (or, once stopped, no longer does), after which its state is
+*assumed*. A node that is not guarded is never asked by a guarding request: the first one would arm its life guarding, and our
+silence afterwards would fault it.
 """
 
 from __future__ import annotations
@@ -48,6 +50,9 @@ class NodeMonitor:
         self.bootups = 0
         self.bootup_stamp: float | None = None
         self.asking = False  # while node guarding asks, a report is an answer and no heartbeat
+        self.guarded = (
+            False  # somebody asks all the time, so a request more arms no life guarding of the node's
+        )
         self._heartbeats = 0
         self._channel = channel
         self._changed = threading.Condition()
@@ -84,6 +89,11 @@ class NodeMonitor:
     def operational(self, now: float) -> bool:
         """Whether its last word was *operational* and its heartbeat is not overdue."""
         return self.state == NmtState.OPERATIONAL and not self.overdue(now)
+
+    def guard(self, timeout: float) -> None:
+        """Expect answers to guarding requests instead of heartbeats, the last one no older than ``timeout`` seconds."""
+        self.guarded = self.asking = True
+        self.watch(timeout)
 
     def describe(self, now: float) -> str:
         """Return state and age in words, for the text of an error."""
@@ -214,7 +224,7 @@ def command(
     if monitor.has_heartbeat:
         if monitor.wait_state(state, timeout, after=reports):
             return Confirmation.HEARTBEAT
-    elif _guarded(channel, monitor, state, timeout):
+    elif monitor.guarded and _guarded(channel, monitor, state, timeout):
         return Confirmation.GUARDING
     elif monitor.reports == reports and answers_sdo is not None and answers_sdo() is _serves_sdo(state):
         monitor.assume(state)
@@ -236,7 +246,7 @@ def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: f
             unanswered = unanswered + 1 if monitor.reports == asked else 0
         return False
     finally:
-        monitor.asking = False
+        monitor.asking = monitor.guarded
 
 
 def _serves_sdo(state: NmtState) -> bool:

@@ -74,6 +74,55 @@ def configure(
     raise BootError(f"node {sdo.node_id}: no PDO plan that the drive takes", node=sdo.node_id, step=_STEP)
 
 
+def set_pdo(
+    sdo: SdoClient,
+    receive: bool,
+    number: int,
+    *,
+    mapping: tuple[MappedObject, ...] | None = None,
+    transmission_type: int | None = None,
+    event_timer: int | None = None,
+    inhibit_time: int | None = None,
+    cob_id: int | None = None,
+) -> Pdo:
+    """Set one PDO as a user wants it, read it back and return it; None leaves a parameter as it is. Blocks.
+
+    ``event_timer`` in ms, ``inhibit_time`` in 100 µs. The node should be pre-operational.
+
+    Raises:
+        BootError: the node has no such PDO, refuses a step, or reads back something else.
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    name = f"{'RPDO' if receive else 'TPDO'}{number}"
+    before = read_pdo(sdo, receive, number)
+    if before is None:
+        raise BootError(
+            f"node {sdo.node_id}: the drive has no {name}",
+            node=sdo.node_id,
+            step=_STEP,
+            index=Indices.of(receive, number).communication,
+            remedy="take this table out of cell.toml, or number it as the drive does",
+        )
+    target = replace(
+        before,
+        valid=True,
+        mapping=before.mapping if mapping is None else mapping,
+        transmission_type=before.transmission_type if transmission_type is None else transmission_type,
+        event_timer=before.event_timer if event_timer is None else event_timer,
+        inhibit_time=before.inhibit_time if inhibit_time is None else inhibit_time,
+        cob_id=before.cob_id if cob_id is None else cob_id,
+    )
+    change = Change.COMMUNICATION if target.mapping == before.mapping else Change.MAPPING
+    planned = PlannedPdo(receive, before, target, change, (), ())
+    if target == before:
+        return before
+    try:
+        plan = _apply(sdo, Plan(sdo.node_id, 1, (planned,), {}, {}))
+    except _Refusal as refusal:
+        raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
+    return plan.pdos[0].target
+
+
 def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
     """Return what may still be tried after a refusal."""
     about_object = refusal.abort.code in _OBJECT_REFUSED and refusal.index not in policy.refused

@@ -147,10 +147,16 @@ def make_plan(
     )
 
 
-def spare_cob_ids(used_nodes: frozenset[int]) -> tuple[int, ...]:
-    """Return COB-IDs of the predefined connection set that no node of the bus has, for PDOs past the fourth of a node."""
+def spare_cob_ids(used_nodes: frozenset[int], node_id: int | None = None) -> tuple[int, ...]:
+    """Return COB-IDs of the predefined connection set that no node of the bus has, for PDOs past the fourth of a node.
+
+    With ``node_id``, one of ``used_nodes``, only this node's share: no two nodes get the same.
+    """
     bases = (*cob.RPDO, *cob.TPDO)
-    return tuple(base + node for node in reversed(cob.NODE_IDS) if node not in used_nodes for base in bases)
+    free = [node for node in reversed(cob.NODE_IDS) if node not in used_nodes]
+    if node_id is not None:
+        free = free[sorted(used_nodes).index(node_id) :: len(used_nodes)]
+    return tuple(base + node for node in free for base in bases)
 
 
 def _entries(

@@ -121,9 +121,7 @@ def arrange(
     rest = [image for image in used if image.cob_id not in changed]
     held_back = {image.cob_id for image in first if image.holds_controlword and previous is not None}
     if first:
-        first.sort(
-            key=lambda image: image.holds_controlword
-        )  # frames of targets alone before those with the controlword
+        first.sort(key=lambda image: image.holds_controlword)  # targets alone before those with the word
         held_back.discard(first[-1].cob_id)
     frames = [
         image.frame(previous if image.cob_id in held_back else controlword) for image in (*first, *rest)

@@ -21,10 +21,10 @@ from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.sdo_transfer import Call, Cancelled, Garbled, Line, NoAnswer, Refused, Transfer
 from axisbus.bus.sdo_value import checked_bytes
 from axisbus.cia301 import abort
-from axisbus.cia301.datatypes import DataType, Value, decode
+from axisbus.cia301.datatypes import DataType, Value, decode, encode
 from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
 from axisbus.eds.model import Eds
-from axisbus.errors import Interrupted, SdoAbort, SdoError, SdoTimeout
+from axisbus.errors import ArgumentError, Interrupted, SdoAbort, SdoError, SdoTimeout
 
 TIMEOUT = 0.5
 TRIES = 3
@@ -186,6 +186,19 @@ class SdoClient:
         """
         entry = self.dictionary.resolve(key, subindex)
         self.download(entry.index, entry.subindex, checked_bytes(entry, value, data_type))
+
+    def write_unchecked(self, key: int | str, subindex: int, value: int) -> None:
+        """Write an integer as its data type says, without asking the EDS for limits, which are often wrong; blocks.
+
+        Raises:
+            ArgumentError: no such name, or the type is not known.
+            LimitError: beyond the type's range.
+            others as ``upload``.
+        """
+        entry = self.dictionary.resolve(key, subindex)
+        if entry.data_type is None:
+            raise ArgumentError(f"the data type of {self.describe(entry.index, entry.subindex)} is not known")
+        self.download(entry.index, entry.subindex, encode(value, entry.data_type, str(entry)))
 
     def describe(self, index: int, subindex: int = 0) -> str:
         """Return the object for a message, such as ``node 5, 6081h:00 (Profile velocity)``."""

@@ -31,9 +31,7 @@ class _Output:
     def __init__(self, index: int) -> None:
         self.index = index
         self.written: int | None = None
-        self.pending: set[object] = (
-            set()
-        )  # one token per write under way; a set, because two threads change it
+        self.pending: set[object] = set()  # a token per write under way: two threads change it, so no counter
         self.refused: int | None = None
         self.refused_at = float("-inf")
 

@@ -43,7 +43,8 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     path = cell or next(path for path in _CELLS if path.exists())
     tally = Tally()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
-    with Machine.open(path) as machine, Recorder(machine.scan) as recorder:
+    machine = Machine.open(path)
+    with Recorder(machine.scan) as recorder, machine:  # the recorder sees the stop, too
         if not machine.is_simulated:
             raise click.UsageError(
                 'the demo provokes a fault: it runs on simulated cells only (interface = "sim")'

@@ -72,7 +72,10 @@ def home(axes: list[Axis]) -> None:
 def say_position(axis: Axis, what: str) -> None:
     """Tell where an axis is, where that is known."""
     known = axis.snapshot.position is not None
-    say(f"{axis.name}: {what} " + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known"))
+    say(
+        f"{axis.name}: {what} "
+        + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known")
+    )
 
 
 def _start(

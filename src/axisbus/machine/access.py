@@ -22,6 +22,9 @@ class Objects(Protocol):
     def write(self, key: int, subindex: int, value: Value) -> None:
         """Set an object's value."""
 
+    def write_unchecked(self, key: int, subindex: int, value: int) -> None:
+        """Set an integer without asking the EDS for its limits."""
+
 
 class DeviceObjects:
     """The objects of a stand-in, reached without a bus."""
@@ -51,6 +54,11 @@ class DeviceObjects:
             return
         data_type = variable.data_type if variable is not None else DataType.OCTET_STRING
         self._device.dictionary.download(key, subindex, encode(value, data_type))
+
+    def write_unchecked(self, key: int, subindex: int, value: int) -> None:
+        """Set an integer without asking the EDS for its limits; raises ``SdoAbort`` or ``SdoTimeout``."""
+        self._require_answer(key, subindex)
+        self._device.write(key, subindex, value)
 
     def _require_answer(self, index: int, subindex: int) -> None:
         if not self._device.answers_sdo:

@@ -57,6 +57,9 @@ class Comms(Protocol):
     def watch(self, timeout: float | None) -> None:
         """Expect the node's heartbeat from now on; ``timeout`` in seconds."""
 
+    def guard(self, period: float) -> None:
+        """Ask for the node's state every ``period`` seconds from now on (node guarding)."""
+
     def start(self) -> str:
         """Start the node; return its NMT state in words."""
 
@@ -136,6 +139,7 @@ class NodeBoot:
                 "found enabled: left as it is and not configured; take it over with enable() or switch it off with disable()"
             )
             return
+        self._watch.set_sync()
         dictionary = Dictionary(self._eds, self._objects.node_id)
         count = write_all(
             self._objects, writes_of(self._cell, self._objects.node_id, dictionary), self._cell.file
@@ -152,6 +156,8 @@ class NodeBoot:
             )
         report = self._watch.arm(reaction)
         self._report.watchdog = report
+        if self._watch.guarding is not None:
+            self._comms.guard(self._watch.guarding)
         if report.kind is Watchdog.NONE:
             self._report.warnings.append(report.text)
 

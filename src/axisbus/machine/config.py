@@ -174,7 +174,7 @@ class _Reading:
             return None
         table = self._table(path, raw)
         fields = self._fields(path, table, schema.NODE, schema.NODE_TABLES)
-        if table and ("eds" in table) == ("dcf" in table):
+        if isinstance(raw, dict) and ("eds" in table) == ("dcf" in table):
             both = "eds" in table
             self._error(
                 (*path, "dcf") if both else path,

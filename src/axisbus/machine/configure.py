@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from axisbus.bus.dictionary import Dictionary
+from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.errors import BootError, SdoAbort, SdoError
@@ -92,7 +93,29 @@ class Watch:
     def __init__(self, objects: Objects, bus: BusConfig) -> None:
         self._objects = objects
         self._bus = bus
-        self._armed: tuple[int, int] | None = None  # sub-index of 1016h, value before
+        self._before: list[tuple[int, int, int]] = []  # index, sub-index, value to give back
+        self.guarding: float | None = None
+
+    def set_sync(self) -> None:
+        """Make sure that the node hears our SYNC: 1005h (CiA 301 7.5.2.5).
+
+        Raises:
+            BootError: it listens to another COB-ID and cannot be told otherwise.
+        """
+        now = read_int(self._objects, o.COB_ID_SYNC)
+        if not self._bus.sync or now is None or now & ~cob.INVALID == cob.SYNC:
+            return
+        try:
+            self._objects.write_unchecked(o.COB_ID_SYNC, 0, cob.SYNC)
+        except SdoAbort as error:
+            raise BootError(
+                f"node {self._objects.node_id}: it does not listen to our SYNC",
+                node=self._objects.node_id,
+                step="configuration",
+                index=o.COB_ID_SYNC,
+                observed=f"1005h is 0x{now:X}, SYNC has COB-ID 0x80; {error.observed}",
+                remedy="set 1005h to 0x80 with the drive's own tool, or sync = false in [bus]",
+            ) from error
 
     def produce(self) -> float | None:
         """Set 1017h so that the node sends a heartbeat; return the time in s after which it counts as lost, None: it sends none."""
@@ -107,20 +130,15 @@ class Watch:
         return None if not got else max(HEARTBEATS * got / 1000, 0.15)
 
     def arm(self, reaction: str | None) -> WatchdogReport:
-        """Set 1016h so that the node notices our death; ``reaction``: what 6007h says, None where the drive has none."""
+        """Let the node notice our death: by 1016h, else by 100Ch and 100Dh (then ``guarding`` holds the period in s).
+
+        ``reaction``: what 6007h says, None where the drive has none.
+        """
         if self._bus.heartbeat is None:
             return NO_WATCHDOG
-        milliseconds = round(self._bus.heartbeat * 1000 * HEARTBEATS)
-        subindex = self._free_entry()
-        if subindex is None:
+        how = self._consume(self._bus.heartbeat) or self._guard(self._bus.heartbeat)
+        if how is None:
             return NO_WATCHDOG
-        before = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex) or 0
-        try:
-            self._objects.write(o.CONSUMER_HEARTBEAT, subindex, self._bus.master_id << 16 | milliseconds)
-        except SdoAbort:
-            return NO_WATCHDOG
-        self._armed = (subindex, before)
-        how = f"1016h:{subindex:02X} expects our heartbeat within {milliseconds} ms"
         if reaction is None:
             return WatchdogReport(
                 Watchdog.UNKNOWN, how + "; there is no 6007h, so what the drive then does is in its manual"
@@ -128,15 +146,46 @@ class Watch:
         return WatchdogReport(Watchdog.ARMED, f"{how}; else it {reaction}")
 
     def restore(self) -> None:
-        """Give 1016h back what it had, so that our silence after closing faults nobody.
+        """Give 1016h, or 100Ch and 100Dh, back what they had, so that our silence after closing faults nobody.
 
         Raises:
             SdoError, BusError: the node does not answer.
         """
-        if self._armed is not None:
-            (subindex, before), self._armed = self._armed, None
-            ours = before >> 16 & 0x7F == self._bus.master_id
-            self._objects.write(o.CONSUMER_HEARTBEAT, subindex, 0 if ours else before)
+        while self._before:
+            index, subindex, value = self._before.pop()
+            self._objects.write_unchecked(index, subindex, value)
+
+    def _consume(self, heartbeat: float) -> str | None:
+        milliseconds = round(heartbeat * 1000 * HEARTBEATS)
+        subindex = self._free_entry()
+        if subindex is None:
+            return None
+        before = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex) or 0
+        ours = before >> 16 & 0x7F == self._bus.master_id  # left behind by a program that was killed
+        wanted = self._bus.master_id << 16 | milliseconds
+        if not self._set(o.CONSUMER_HEARTBEAT, subindex, wanted, 0 if ours else before):
+            return None
+        return f"1016h:{subindex:02X} expects our heartbeat within {milliseconds} ms"
+
+    def _guard(self, heartbeat: float) -> str | None:
+        before = [read_int(self._objects, index) for index in (o.GUARD_TIME, o.LIFE_TIME_FACTOR)]
+        if None in before:
+            return None
+        period = round(heartbeat * 1000)
+        wanted = ((o.GUARD_TIME, period, before[0]), (o.LIFE_TIME_FACTOR, HEARTBEATS, before[1]))
+        if not all(self._set(index, 0, value, old or 0) for index, value, old in wanted):
+            return None
+        self.guarding = heartbeat
+        return f"100Ch and 100Dh expect our guarding within {period * HEARTBEATS} ms"
+
+    def _set(self, index: int, subindex: int, value: int, back: int) -> bool:
+        """Write and read back; keep what to restore. The limits of the EDS are not asked: for 1016h many are wrong."""
+        try:
+            self._objects.write_unchecked(index, subindex, value)
+        except SdoAbort:
+            return False
+        self._before.append((index, subindex, back))
+        return read_int(self._objects, index, subindex) == value
 
     def _free_entry(self) -> int | None:
         """Return the entry that watches us already, else the first free one."""

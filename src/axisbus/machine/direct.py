@@ -53,6 +53,9 @@ class DirectComms:
     def watch(self, timeout: float | None) -> None:
         """Nothing to do: the port watches."""
 
+    def guard(self, period: float) -> None:
+        """Nothing to do: there is no bus to guard over."""
+
     def start(self) -> str:
         """It is started already."""
         return self._device.nmt.text

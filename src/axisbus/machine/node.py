@@ -103,6 +103,16 @@ class NodeAccess:
         monitor: EmcyMonitor = self._require_bus().emcy
         return monitor.history
 
+    @property
+    def canopen(self) -> Any:
+        """The node as ``canopen.RemoteNode``, for programs that know that library; SDO goes through our client.
+
+        The library loads the EDS for it, which may take a second, once per file. Raises StateError without a bus.
+        """
+        from axisbus.bus.remote import remote_node
+
+        return remote_node(self._require_bus())
+
     def pdos(self) -> list[str]:
         """Return the PDOs in use, each as a line of text."""
         from axisbus.bus.plantext import describe

@@ -13,16 +13,18 @@ from functools import partial
 from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.node import Node
-from axisbus.bus.pdo import configure
+from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import Capabilities, Port
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError, NodeTimeout
 from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.configure import HEARTBEATS
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.runtime import Runtime
 from axisbus.machine.standin import StandIn
@@ -30,6 +32,7 @@ from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
 
 SIM = "sim"
+_FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
 _CHANNELS = itertools.count(1)
 
@@ -40,8 +43,10 @@ class CanComms:
     def __init__(self, cell: CellConfig, node: Node) -> None:
         self._cell = cell
         self._config = cell.nodes[node.node_id]
+        self._tables = self._config.pdos
         self._node = node
         self.ports: dict[str, CanPort] = {}
+        self.guarding: float | None = None
 
     def find(self) -> None:
         """Ask until the node answers, for ``FIND_TIME`` seconds.
@@ -61,12 +66,14 @@ class CanComms:
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
         """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
+        if disturb:
+            self._set_tables()
         policy = Policy(
             sync=self._cell.bus.sync,
             remap=disturb and self._config.remappable and not self._config.pdos,
             communication=disturb,
             taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
-            spare=spare_cob_ids(frozenset(self._cell.nodes)),
+            spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
         )
         plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis)
         port = CanPort(
@@ -76,9 +83,36 @@ class CanComms:
         self.ports[axis.name] = port
         return port.capabilities
 
+    def _set_tables(self) -> None:
+        """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
+        tables, self._tables = self._tables, ()
+        for table in tables:
+            entries = [self._node.sdo.dictionary.resolve(key) for key in table.map or ()]
+            mapping = tuple(
+                MappedObject(entry.index, entry.subindex, entry.data_type.bits or 0)
+                for entry in entries
+                if entry.data_type is not None
+            )
+            set_pdo(
+                self._node.sdo,
+                table.receive,
+                table.number,
+                mapping=None if table.map is None else mapping,
+                transmission_type=table.transmission,
+                event_timer=None if table.event_timer is None else round(table.event_timer * 1000),
+                inhibit_time=None if table.inhibit_time is None else round(table.inhibit_time * 10_000),
+                cob_id=table.cob_id,
+            )
+
     def watch(self, timeout: float | None) -> None:
         """Expect its heartbeat."""
         self._node.nmt.watch(timeout)
+
+    def guard(self, period: float) -> None:
+        """Have the scan ask for its state; answers may stay away three times."""
+        self.guarding = period
+        if self._node.nmt.watched is None:
+            self._node.nmt.guard(HEARTBEATS * period + _FIRST_GUARDING)
 
     def start(self) -> str:
         """Start the node and wait until it confirms."""
@@ -119,6 +153,7 @@ def build_on_bus(
             sync_cob_id=cob.SYNC if cell.bus.sync else None,
             master_id=cell.bus.master_id,
             heartbeat=cell.bus.heartbeat or 0.0,
+            guarded={node_id: one.guarding for node_id, one in comms.items() if one.guarding is not None},
         )
         access = {
             node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
+from typing import ClassVar
 
 from axisbus.cia301 import abort
 from axisbus.cia402 import modes, objects
@@ -17,11 +18,23 @@ from axisbus.motion.parameters import AxisParameters
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
 
 
-class Activity(Protocol):
-    """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``."""
+class Activity(ABC):
+    """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
 
+    ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the axis
+    goes on moving. Only one that ``clears_error`` leads out of ErrorStop.
+    """
+
+    mode: ClassVar[ModeOfOperation | None] = None
+    goes_on: ClassVar[bool] = False
+    clears_error: ClassVar[bool] = False
+
+    @abstractmethod
     def step(self, image: Image, order: Order) -> bool:
         """Do one cycle's work; return True when the command has ended well."""
+
+    def cancel(self, order: Order) -> None:  # noqa: B027  # most have nothing to take back
+        """Take back what is queued: the command has been interrupted."""
 
 
 class Transfers:

@@ -11,6 +11,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, DriveFault
 from axisbus.motion.activity import Transfers
+from axisbus.motion.handle import Handle
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
@@ -64,9 +65,12 @@ class History:
 
 
 class FaultStory:
-    """Collects what a drive says of its fault: 603Fh and the make's own objects; holds the transfers."""
+    """Collects what a drive says of its fault: 603Fh and the make's own objects; holds the transfers, and who waits for the story.
 
-    __slots__ = ("_deadline", "_parameters", "_transfers", "done")
+    ``doing`` says what the fault interrupted, such as ``" during x.home()"``.
+    """
+
+    __slots__ = ("_deadline", "_parameters", "_transfers", "doing", "done", "handles")
 
     def __init__(self, parameters: AxisParameters, now: float) -> None:
         self._parameters = parameters
@@ -75,6 +79,8 @@ class FaultStory:
         wanted = [item for item in items if parameters.has(item[0])]
         self._transfers = Transfers(wanted, parameters)
         self._deadline = now + parameters.timing.diagnosis
+        self.doing = ""
+        self.handles: list[Handle] = []
         self.done = False
 
     def step(self, image: Image, order: Order) -> bool:
@@ -88,7 +94,7 @@ class FaultStory:
             self.done = True
         return self.done
 
-    def tell(self, doing: str, image: Image, history: History) -> DriveFault:
+    def tell(self, image: Image, history: History) -> DriveFault:
         """Return the error that explains the fault."""
         name, values = self._parameters.name, dict(self._transfers.values)
         recent = history.recent_emcy(image.now)
@@ -100,7 +106,7 @@ class FaultStory:
         texts += [f"EMCY {emcy.describe(entry.code)}{_register(entry)}" for entry in recent[-2:]]
         texts.append(f"path: {history.path()}")
         return DriveFault(
-            f"{name}: the drive went into fault{doing}",
+            f"{name}: the drive went into fault{self.doing}",
             axis=name,
             code=code,
             observed="; ".join(texts),

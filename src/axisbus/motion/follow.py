@@ -7,7 +7,7 @@ from collections.abc import Callable
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, LimitError, MotionTimeout
-from axisbus.motion.activity import ModeSwitch, Transfers, require_position
+from axisbus.motion.activity import Activity, ModeSwitch, Transfers, require_position
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
@@ -58,7 +58,7 @@ class PathClock:
         return self.rate == 0.0
 
 
-class Follow:
+class Follow(Activity):
     """One axis on a trajectory: 60C2h and the mode first, then a target in each cycle; holds the last target."""
 
     mode = ModeOfOperation.CYCLIC_SYNC_POSITION

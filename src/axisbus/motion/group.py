@@ -8,7 +8,8 @@ from typing import Any
 
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.accept import accept, begin_follow
+from axisbus.motion.accept import accept
+from axisbus.motion.accept_motion import begin_follow
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow, PathClock
 from axisbus.motion.gate import Gate

@@ -10,7 +10,7 @@ from axisbus.cia402 import homing, objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
-from axisbus.motion.activity import ModeSwitch, Transfers
+from axisbus.motion.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
@@ -47,7 +47,7 @@ class _Step(Enum):
     SEARCH = 3
 
 
-class HomingRun:
+class HomingRun(Activity):
     """A homing under way: mode and objects, a real rising edge of bit 4, then *attained and reached*; holds the step."""
 
     mode = ModeOfOperation.HOMING

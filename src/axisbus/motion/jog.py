@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
+from axisbus.motion.activity import Activity
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.image import Image
 from axisbus.motion.moves import VelocityMove
 from axisbus.motion.order import Order
 
 
-class Jog:
+class Jog(Activity):
     """A velocity move with a life; holds when it ends."""
 
     mode = ModeOfOperation.PROFILE_VELOCITY
+    goes_on = True
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:
         self._move = move

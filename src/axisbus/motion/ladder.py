@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 Standstill on any rung ends the ladder (with the power stage taken down first, where that was asked for). A deadline only leads
-further down. A drive that no longer drives its motor (any state but *operation enabled*, *quick stop active*, *fault reaction
-active*) has stopped as far as a master can make it stop.
+further down, and asking again gives no more time. A drive that no longer drives its motor (any state but *operation enabled*,
+*quick stop active*, *fault reaction active*) has stopped as far as a master can make it stop.
 
 Without a fresh statusword the ladder begins at *quick stop*: that word (0x0002) is safe in every state, whereas the word of *halt*
 contains *enable operation*. An axis that holds a load is never disabled before it stands: for it the ladder ends at *quick stop*.
@@ -19,6 +19,7 @@ from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
+from axisbus.errors import AxisbusError
 from axisbus.motion.activity import preload
 from axisbus.motion.follow import Follow
 from axisbus.motion.image import Image
@@ -70,33 +71,37 @@ class StopLadder:
         """``follow``: the trajectory that is being followed, if any; it is braked along its path."""
         self._parameters = parameters
         self._then = then
-        self.follow = follow
-        self._start = start
+        self._follow = follow
         self._deadline: float | None = None
+        self._since = 0.0  # when the present rung began
         self._disabling = False
         self._urgent_sent: Rung | None = None
         self.rung = start
         self.path: list[Rung] = [start]
         self.confirmed = False
+        self.descended = False  # further down than was asked for
 
     @property
-    def descended(self) -> bool:
-        """Whether a deadline led further down than where it began."""
-        return self.rung > self._start
+    def takes_power(self) -> bool:
+        """Whether the power stage is to be taken down at the end."""
+        return self._then is Then.DISABLE
 
-    def escalate(self, rung: Rung) -> None:
-        """Go down to ``rung`` at once, if it lies below."""
-        if rung > self.rung:
+    def harden(self, then: Then, rung: Rung) -> None:
+        """Another stop is asked for: take what is harder of both, and give no more time to what runs already."""
+        if then is Then.DISABLE:
+            self._then = then
+        if rung > self.rung and not self._disabling:
             self._go(rung)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has stopped, or nothing more can be done; ``confirmed`` tells which."""
         if self._deadline is None:
+            self._since = image.now
             self._deadline = image.now + self._time(self.rung)
         if image.state not in ENERGISED and image.state is not State.UNKNOWN:
             return self._unpowered(image, order)
         if image.state is State.UNKNOWN and self.rung is Rung.HALT:
-            self._go(Rung.QUICK_STOP, image)
+            self._descend(Rung.QUICK_STOP, image)
         if self._disabling:
             return self._take_down(image, order)
         return _STEPS[self.rung](self, image, order)
@@ -109,7 +114,9 @@ class StopLadder:
         return self._expired(image)
 
     def _halt(self, image: Image, order: Order) -> bool:
-        if image.state is State.QUICK_STOP_ACTIVE:
+        if (
+            image.state is State.QUICK_STOP_ACTIVE
+        ):  # the drive is at it already, by its own decision or an earlier command
             self._go(Rung.QUICK_STOP, image)
             return self._quick_stop(image, order)
         if image.state is State.OPERATION_ENABLED:
@@ -120,17 +127,28 @@ class StopLadder:
 
     def _halt_in_mode(self, image: Image, order: Order) -> bool:
         """Ask for a halt the way the mode wants it; return whether the axis stands."""
-        follow = self.follow
-        if follow is not None and image.mode == follow.mode and follow.begin_braking():
-            follow.step(image, order)
-            return follow.at_rest and image.standstill
+        if self._follow is not None and image.mode == self._follow.mode:
+            stands = self._brake_along(self._follow, image, order)
+            if stands is not None:
+                return stands
         if image.mode in _TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
             self._hold_load(image, order)
             return image.standstill and image.mode not in _TORQUE_MODES
         order.halt = True
         order.target_velocity = 0
         order.target_torque = 0
-        return standing(image)
+        return self._standing(image)
+
+    def _brake_along(self, follow: Follow, image: Image, order: Order) -> bool | None:
+        """Brake along the path; return whether the axis stands, None where that is not possible (any more)."""
+        try:
+            if not follow.begin_braking():
+                return None
+            follow.step(image, order)
+        except AxisbusError:  # a position that is gone, a limit in the way: the drive's own halt is left
+            self._follow = None
+            return None
+        return follow.at_rest and image.standstill
 
     def _hold_load(self, image: Image, order: Order) -> None:
         """A torque of 0 would drop the load: a mode that holds takes over."""
@@ -149,10 +167,7 @@ class StopLadder:
 
     def _take_down(self, image: Image, order: Order) -> bool:
         order.goal = State.SWITCH_ON_DISABLED
-        if self._expired(image):
-            self._disabling = False
-            self._go(Rung.DISABLE_VOLTAGE, image)
-        return False
+        return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
 
     def _quick_stop(self, image: Image, order: Order) -> bool:
         order.word = cw.Command.QUICK_STOP.word
@@ -160,7 +175,7 @@ class StopLadder:
         order.target_velocity = 0
         order.target_torque = 0
         self._by_sdo(image, order)
-        if image.state is State.QUICK_STOP_ACTIVE and image.standstill:
+        if image.state is State.QUICK_STOP_ACTIVE and self._standing(image):
             return self._stands(image, order)
         if self._must_hold(image):
             return self._expired(image)
@@ -186,19 +201,38 @@ class StopLadder:
             self._urgent_sent = self.rung
             order.request(objects.CONTROLWORD, 0, order.word)
 
+    def _standing(self, image: Image) -> bool:
+        """Whether the axis stands: by its position, else its velocity, else by bit 10 of a word that knows of this rung.
+
+        Before that, bit 10 speaks of the motion that is being stopped: a velocity that was reached, for one.
+        """
+        if image.position is not None:
+            return image.standstill
+        if image.velocity is not None:
+            return image.velocity == 0
+        if image.statusword is None or image.statusword_stamp <= self._since + self._parameters.timing.settle:
+            return False
+        return bool(image.statusword & sw.TARGET_REACHED)
+
     def _next_if_late(self, image: Image, rung: Rung) -> bool:
         if self._expired(image):
-            self._go(rung, image)
+            self._descend(rung, image)
         return False
 
     def _expired(self, image: Image) -> bool:
         return self._deadline is not None and image.now > self._deadline
+
+    def _descend(self, rung: Rung, image: Image) -> None:
+        self.descended = True
+        self._go(rung, image)
 
     def _go(self, rung: Rung, image: Image | None = None) -> None:
         self.rung = rung
         self.path.append(rung)
         self._disabling = False
         self._deadline = None if image is None else image.now + self._time(rung)
+        if image is not None:
+            self._since = image.now
 
     def _time(self, rung: Rung) -> float:
         times = self._parameters.stop_times
@@ -216,12 +250,3 @@ _STEPS = {
     Rung.DISABLE_VOLTAGE: StopLadder._disable_voltage,
     Rung.NMT_STOP: StopLadder._nmt_stop,
 }
-
-
-def standing(image: Image) -> bool:
-    """Whether a halted axis stands: by its position, else its velocity, else the drive's word (bit 10 under halt)."""
-    if image.position is not None:
-        return image.standstill
-    if image.velocity is not None:
-        return image.velocity == 0
-    return image.statusword is not None and bool(image.statusword & sw.TARGET_REACHED)

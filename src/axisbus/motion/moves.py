@@ -5,8 +5,8 @@ from __future__ import annotations
 from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import MotionTimeout, StaleError
-from axisbus.motion.activity import ModeSwitch, Transfers
+from axisbus.errors import MotionTimeout
+from axisbus.motion.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
@@ -41,7 +41,7 @@ class Prepare:
         self._transfers.cancel(order)
 
 
-class PositionMove:
+class PositionMove(Activity):
     """A move in profile position mode: prepare, set-point handshake, arrival; holds its deadline and its progress."""
 
     mode = ModeOfOperation.PROFILE_POSITION
@@ -166,10 +166,11 @@ class _ArrivalWatch:
         )
 
 
-class VelocityMove:
+class VelocityMove(Activity):
     """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and goes on moving."""
 
     mode = ModeOfOperation.PROFILE_VELOCITY
+    goes_on = True
 
     def __init__(self, profile: Profile, parameters: AxisParameters, prepare: Prepare) -> None:
         """``profile.velocity`` is signed here: the direction."""
@@ -235,10 +236,11 @@ class VelocityMove:
         )
 
 
-class TorqueMove:
+class TorqueMove(Activity):
     """A torque in profile torque mode; ends well when the drive reports it as reached, and keeps it."""
 
     mode = ModeOfOperation.PROFILE_TORQUE
+    goes_on = True
 
     def __init__(
         self, torque: int, timeout: float | None, parameters: AxisParameters, prepare: Prepare
@@ -311,15 +313,3 @@ def profile_writes(
         wanted.insert(0, (objects.PROFILE_VELOCITY, profile.velocity))
         wanted.append((objects.END_VELOCITY, 0))  # anything else would run past the target
     return [(index, 0, value) for index, value in wanted if parameters.has(index)]
-
-
-def stale_statusword(name: str, image: Image) -> StaleError:
-    """Return the error of an axis whose statusword is no longer received."""
-    age = image.now - image.statusword_stamp
-    seen = "it was never received" if age > 1e6 else f"the last one is {age:.3g} s old"
-    return StaleError(
-        f"{name}: the statusword (6041h) is unknown",
-        axis=name,
-        observed=seen,
-        remedy="check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped",
-    )

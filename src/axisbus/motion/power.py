@@ -10,7 +10,7 @@ from axisbus.cia402 import modes, objects, statusword
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, TARGETS, State
 from axisbus.errors import DriveError, ModeError, StaleError, StateError, TransitionError
-from axisbus.motion.activity import preload, require_position
+from axisbus.motion.activity import Activity, preload, require_position
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
@@ -33,7 +33,10 @@ _WAITS_FOR_COMMAND = frozenset(
 
 
 class StateWalk:
-    """Walks the power stage to a goal and watches that every step is taken in time; holds the step's deadline."""
+    """Walks the power stage to a goal and watches that every step is taken in time; holds the step's deadline.
+
+    Only a state that was not seen before gets a time of its own: a drive that falls back again and again is given up.
+    """
 
     __slots__ = ("_deadline", "_last", "_parameters", "path")
 
@@ -53,8 +56,9 @@ class StateWalk:
         if image.state is goal:
             return True
         if image.state is not self._last:
+            if image.state not in self.path:
+                self._deadline = image.now + self._parameters.timing.transition
             self._last = image.state
-            self._deadline = image.now + self._parameters.timing.transition
             self.path.append(image.state)
         if image.now > self._deadline:
             raise self._stuck(image, order, goal)
@@ -79,7 +83,7 @@ class StateWalk:
             f"{name}: the drive does not go on from {image.state.value!r} to {goal.value!r}",
             axis=name,
             observed=f"{command}, {word} for {self._parameters.timing.transition:g} s; "
-            f"path: {' > '.join(state.value for state in self.path)}",
+            f"path: {' > '.join(state.value for state in self.path[-8:])}",
             remedy="; ".join(found)
             or "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
             "(raise transition_time)",
@@ -92,7 +96,7 @@ class _EnableStep(Enum):
     ENABLE = 3
 
 
-class Enable:
+class Enable(Activity):
     """MC_Power(TRUE): choose a resting mode, preload every target, walk to *operation enabled*.
 
     The targets follow the actual position until the drive is enabled, so that nothing jumps in whatever mode it wakes up.
@@ -109,6 +113,8 @@ class Enable:
         self._gate = gate
         self._mode_deadline: float | None = None
         self._confirm_deadline: float | None = None
+        self._stand_deadline: float | None = None
+        self._enabled = False
         self._step = _EnableStep.MODE
 
     def step(self, image: Image, order: Order) -> bool:
@@ -120,10 +126,13 @@ class Enable:
         if self._step is _EnableStep.MODE:
             order.goal = image.state if image.state in TARGETS else None
             return False
-        if self._step is _EnableStep.SWITCH_ON:
-            return self._to_switched_on(image, order)
-        if not self._walk.step(image, order, State.OPERATION_ENABLED):
+        if self._step is _EnableStep.SWITCH_ON and not self._switched_on(image, order):
             return False
+        self._step = _EnableStep.ENABLE
+        if not self._walk.step(image, order, State.OPERATION_ENABLED):
+            self._check_kept(image)
+            return False
+        self._enabled = True
         return self._confirmed(image)
 
     def _refuse(self, image: Image) -> None:
@@ -168,16 +177,45 @@ class Enable:
         """A drive without 6061h has one mode, and is in it."""
         return not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY)
 
-    def _to_switched_on(self, image: Image, order: Order) -> bool:
-        """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC."""
-        if image.state is not State.OPERATION_ENABLED:
-            if not self._walk.step(image, order, State.SWITCHED_ON):
-                return False
-            if not self._gate.pass_through(self):
-                self._walk.hold(image)
-                return False
-        self._step = _EnableStep.ENABLE
-        return self._walk.step(image, order, State.OPERATION_ENABLED)
+    def _switched_on(self, image: Image, order: Order) -> bool:
+        """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC.
+
+        A drive that is energised already keeps its power: from *quick stop active* it takes transition 16, once it stands.
+        """
+        if image.state is State.QUICK_STOP_ACTIVE and not self._stands(image, order):
+            return False
+        if image.state not in ENERGISED and not self._walk.step(image, order, State.SWITCHED_ON):
+            return False
+        if not self._gate.pass_through(self):
+            self._walk.hold(image)
+            order.goal = image.state
+            return False
+        return True
+
+    def _stands(self, image: Image, order: Order) -> bool:
+        """Whether a quick stop that was under way has come to rest; without 6064h nobody knows, and the drive decides."""
+        if image.standstill or image.position is None:
+            return True
+        order.goal = image.state
+        if self._stand_deadline is None:
+            self._stand_deadline = image.now + self._parameters.stop_times.quick_stop
+        if image.now > self._stand_deadline:
+            raise StateError(
+                f"{self._parameters.name}: cannot be enabled, it still moves in quick stop active",
+                observed=f"no standstill for {self._parameters.stop_times.quick_stop:g} s",
+                remedy="wait until it stands, or disable it: axis.disable()",
+            )
+        return False
+
+    def _check_kept(self, image: Image) -> None:
+        """Power that was lost while the mode was awaited is not switched on a second time."""
+        if self._enabled and image.state is not State.UNKNOWN:
+            raise DriveError(
+                f"{self._parameters.name}: the drive left operation enabled right after it was enabled",
+                axis=self._parameters.name,
+                observed=f"state {image.state.value!r}, {_word(image)}",
+                remedy="look for safe torque off, an enable input, a supply that dropped, or another master that stopped it",
+            )
 
     def _confirmed(self, image: Image) -> bool:
         if self._mode is None or image.mode in (self._mode, None):
@@ -201,7 +239,7 @@ class Enable:
         )
 
 
-class Coast:
+class Coast(Activity):
     """MC_Power(FALSE) by transition 9, which must be asked for by name: power off at once, nothing brakes the motor."""
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -218,8 +256,10 @@ class Coast:
         return done
 
 
-class Reset:
+class Reset(Activity):
     """MC_Reset: a rising edge of bit 7 and nothing else; never enables. Harmless where there is no fault."""
+
+    clears_error = True
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters

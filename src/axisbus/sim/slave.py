@@ -124,7 +124,7 @@ class Slave:
         device = self.device
         self._version = device.pdos.version
         sync = device.dictionary.get_int(0x1005, 0, 0x80) & 0x7FF
-        routes: dict[int, Callable[[bytes, float], None]] = {0: self._on_nmt, sync: self._on_sync}
+        routes: dict[int, Callable[[bytes, float], None]] = {sync: self._on_sync, 0: self._on_nmt}
         routes[0x600 + device.node_id] = self._on_sdo
         for pdo in device.pdos.receive:
             if pdo.valid:

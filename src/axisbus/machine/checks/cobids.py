@@ -128,20 +128,31 @@ def sync_identifier(case: Case) -> Found:
         value = case.node_number(node, o.COB_ID_SYNC)
         if value is None or not case.cell.bus.sync:
             continue
-        if value & _PRODUCES_SYNC:
+        what = _sync_trouble(value)
+        variable = eds.get(o.COB_ID_SYNC)
+        if what and variable is not None and variable.writable:
+            yield case.note(
+                node.at.line, f"node {node.node_id} {what}", _said(value, eds), "boot sets 1005h to 80h"
+            )
+        elif what:
             yield case.error(
                 node.at.line,
-                f"node {node.node_id} produces SYNC, and so does the master",
-                f"1005h is {value:X}h in {eds.source}: bit 30 is set",
-                f'"1005" = 0x80 in [nodes.{node.node_id}.objects]',
+                f"node {node.node_id} {what}",
+                _said(value, eds) + ", and cannot be written",
+                "set it with the drive's own tool, or sync = false in [bus]",
             )
-        elif value & cob.ID_MASK_11 != cob.SYNC:
-            yield case.error(
-                node.at.line,
-                f"node {node.node_id} waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; the master sends 080h",
-                f"1005h is {value:X}h in {eds.source}",
-                f'"1005" = 0x80 in [nodes.{node.node_id}.objects]',
-            )
+
+
+def _sync_trouble(value: int) -> str:
+    if value & _PRODUCES_SYNC:
+        return "produces SYNC, and so does the master"
+    if value & cob.ID_MASK_11 != cob.SYNC:
+        return f"waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; the master sends 080h"
+    return ""
+
+
+def _said(value: int, eds: Eds) -> str:
+    return f"1005h is {value:X}h in {eds.source}"
 
 
 _PRODUCES_SYNC = 1 << 30  # in 1005h (CiA 301 7.5.2.5)

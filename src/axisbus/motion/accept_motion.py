@@ -1,0 +1,224 @@
+"""Taking a motion command: what the axis's state, limits and feedback allow, and the activity that carries it out."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import modes, objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.port import Source
+from axisbus.errors import LimitError, StateError
+from axisbus.motion import commands as c
+from axisbus.motion.activity import ModeSwitch, Transfers, require_position
+from axisbus.motion.core import AxisCore
+from axisbus.motion.follow import Follow
+from axisbus.motion.gate import Gate
+from axisbus.motion.handle import Handle
+from axisbus.motion.homing import HomingRun
+from axisbus.motion.jog import Jog
+from axisbus.motion.moves import (
+    OPTIONAL_PROFILE,
+    PositionMove,
+    Prepare,
+    TorqueMove,
+    VelocityMove,
+    profile_writes,
+)
+from axisbus.motion.profile import Profile
+from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
+from axisbus.units import INT32_HALF
+
+_M = ModeOfOperation
+
+
+def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
+    """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
+    require_motion(core, handle)
+    _require_watch(core, command.profile, handle)
+    target = _target(core, command, handle)
+    profile = command.profile
+    prepare = _prepare(
+        core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
+    )
+    before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.set_point
+    core.begin(
+        PositionMove(target, profile, core.parameters, prepare, before), handle, AxisState.DISCRETE_MOTION
+    )
+    core.set_point = None
+    core.last_target = target
+
+
+def _require_watch(core: AxisCore, profile: Profile, handle: Handle) -> None:
+    """Every move needs a deadline; without 6064h neither distance nor progress is known."""
+    if profile.timeout is None and not core.parameters.has(objects.POSITION_ACTUAL):
+        raise StateError(
+            f"{handle.name}: nothing tells how long it may take",
+            observed="the drive has no position actual value (6064h), so neither distance nor progress can be seen",
+            remedy="give timeout = ... (seconds) in the call",
+        )
+
+
+def _target(core: AxisCore, command: c.Move, handle: Handle) -> int:
+    """Return the absolute target in unwrapped drive increments; the master always sends absolute ones."""
+    origin = core.image.origin
+    if command.reference is c.Reference.ABSOLUTE:
+        return _within_reach(core, command.value + origin, handle)
+    actual = require_position(core.image, core.parameters.name, "a relative move")
+    base = actual
+    if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
+        base = core.last_target
+    _check_limits(core, base + command.value - origin, handle)
+    return _within_reach(core, base + command.value, handle)
+
+
+def _within_reach(core: AxisCore, target: int, handle: Handle) -> int:
+    """Return ``target``, which a drive that counts in INTEGER32 can tell from one a whole count away."""
+    position, units = core.image.position, core.parameters.units.position
+    if position is not None and abs(target - position) >= INT32_HALF:
+        raise LimitError(
+            f"{handle.name}: farther than half the drive's count of positions (INTEGER32)",
+            observed=f"the way is {abs(units.to_units(target - position)):g} {units.unit}; below "
+            f"{abs(units.to_units(INT32_HALF)):g} the drive knows which way round",
+            remedy="go there in several moves, or set modulo in cell.toml for an endless axis",
+        )
+    return target
+
+
+def _check_limits(core: AxisCore, position: int, handle: Handle) -> None:
+    limits, units = core.parameters.limits.position, core.parameters.units.position
+    value = units.to_units(position)
+    if limits is not None and not limits[0] <= value <= limits[1]:
+        raise LimitError(
+            f"{handle.name}: would end beyond the position limits",
+            observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy="move less far, or change position_limits in cell.toml",
+        )
+
+
+def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate: Gate) -> None:
+    """MC_MoveVelocity, MC_Jog."""
+    if (
+        command.life is not None
+        and isinstance(core.activity, Jog)
+        and core.activity.renew(command, core.image)
+    ):
+        core.finish(handle)
+        return
+    require_motion(core, handle)
+    profile = command.profile
+    prepare = _prepare(
+        core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
+    )
+    velocity_move = VelocityMove(profile, core.parameters, prepare)
+    activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
+    core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
+    core.last_target = None
+
+
+def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate) -> None:
+    """MC_TorqueControl."""
+    require_motion(core, handle)
+    parameters = core.parameters
+    writes: list[tuple[int, int, int | None]] = []
+    if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
+        writes.append((objects.TORQUE_SLOPE, 0, command.slope))
+    prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
+    activity = TorqueMove(command.torque, command.timeout, parameters, prepare)
+    core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
+    core.last_target = None
+
+
+def home(core: AxisCore, command: c.Home, handle: Handle, _: Gate) -> None:
+    """MC_Home."""
+    require_motion(core, handle)
+    if core.state is not AxisState.STANDSTILL:
+        raise StateError(f"{handle.name}: the axis moves", remedy="halt it first: axis.halt()")
+    core.homed = False
+    core.begin(HomingRun(command.job, core.parameters), handle, AxisState.HOMING)
+
+
+def set_position(core: AxisCore, command: c.SetPosition, handle: Handle, _: Gate) -> None:
+    """MC_SetPosition."""
+    if core.state in MOVING or core.state is AxisState.STOPPING:
+        raise StateError(f"{handle.name}: the axis moves", remedy="set the position at standstill")
+    actual = require_position(core.image, core.parameters.name, "setting the position")
+    core.image.origin = actual - command.position
+    core.last_target = None
+    core.homed = True
+    core.finish(handle)
+
+
+def follow(core: AxisCore, command: c.FollowTrajectory, handle: Handle, gate: Gate) -> None:
+    """A trajectory in cyclic synchronous position mode."""
+    begin_follow(core, Follow(command.trajectory, core.parameters, gate), handle)
+
+
+def begin_follow(core: AxisCore, follow: Follow, handle: Handle) -> None:
+    """Let a trajectory begin; cyclic modes need standstill and values that travel with SYNC.
+
+    Raises:
+        StateError: the axis is not at standstill, or its values do not travel with SYNC.
+    """
+    require_motion(core, handle)
+    require_cyclic(core, handle)
+    if core.state is not AxisState.STANDSTILL:
+        raise StateError(f"{handle.name}: the axis moves", remedy="halt it first: axis.halt()")
+    core.begin(follow, handle, AxisState.SYNCHRONIZED_MOTION)
+
+
+def require_cyclic(core: AxisCore, handle: Handle) -> None:
+    """Raise StateError unless statusword, position and target travel in synchronous PDOs (DESIGN: freshness)."""
+    how = core.capabilities
+    wanted = {
+        "statusword": how.inputs.get("statusword", Source.NONE),
+        "position": how.inputs.get("position", Source.NONE),
+        "target_position": how.outputs.get("target_position", Source.NONE),
+    }
+    wrong = [
+        f"{name} travels by {source.value}"
+        for name, source in wanted.items()
+        if source is not Source.SYNC_PDO
+    ]
+    if wrong:
+        raise StateError(
+            f"{handle.name}: a cyclic mode needs 6041h, 6064h and 607Ah in synchronous PDOs",
+            observed="; ".join(wrong),
+            remedy="set sync = true in [bus], and let axisbus map the PDOs (remap) or map them in the drive",
+        )
+
+
+def _prepare(
+    core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
+) -> Prepare:
+    return Prepare(
+        ModeSwitch(mode, core.parameters), Transfers(writes, core.parameters, OPTIONAL_PROFILE), gate
+    )
+
+
+def require_motion(core: AxisCore, handle: Handle) -> None:
+    """Raise StateError unless the axis takes a motion command now."""
+    if core.state not in TAKES_MOTION:
+        raise refusal(core, handle, core.state)
+    require_no_stop(core, handle)
+    if not core.powered:
+        raise StateError(
+            f"{handle.name}: {core.parameters.name} was found enabled, not by this program",
+            observed=f"drive state {core.image.state.value!r}, mode "
+            f"{'unknown' if core.image.mode is None else modes.short(ModeOfOperation(core.image.mode))}",
+            remedy="take it over with axis.enable(), or switch it off with axis.disable()",
+        )
+
+
+def require_no_stop(core: AxisCore, handle: Handle) -> None:
+    """Raise StateError where a stop runs that only standstill ends; a mere halt may be interrupted."""
+    if not core.stopping.interruptible:
+        raise StateError(
+            f"{handle.name}: {core.parameters.name} is being stopped",
+            observed=core.stopping.reason,
+            remedy="wait until it stands",
+        )
+
+
+def refusal(core: AxisCore, handle: Handle, state: AxisState) -> StateError:
+    """Return why a command is not possible in ``state``, and what to do first."""
+    what, todo = REFUSAL[state]
+    why = f": {core.error.message}" if core.error is not None else ""
+    return StateError(f"{handle.name}: {core.parameters.name} {what}{why}", remedy=todo)

@@ -1,0 +1,113 @@
+"""The stop that is under way on one axis: how strong it is, why it runs, who waits for it, and what it came to."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from axisbus.cia402.state import ENERGISED, State
+from axisbus.errors import AxisbusError, DriveError
+from axisbus.motion.follow import Follow
+from axisbus.motion.handle import Handle, Status
+from axisbus.motion.image import Image
+from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.parameters import AxisParameters
+
+_MAYBE_ENERGISED = ENERGISED | {State.UNKNOWN}
+
+
+class StopKind(IntEnum):
+    """Why the stop ladder runs, the stronger the higher. Only a halt may be interrupted by a new motion command."""
+
+    HALT = 0
+    POLICY = 1
+    STOP = 2
+    DISABLE = 3
+    QUICK_STOP = 4
+    ERROR = 5
+    SHUTDOWN = 6
+
+
+class Stopping:
+    """Holds the ladder of the stop that is under way (None: there is none), its kind and reason, and the handles that wait."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._handles: list[Handle] = []
+        self.ladder: StopLadder | None = None
+        self.kind = StopKind.HALT
+        self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
+        self.reason = ""
+
+    @property
+    def name(self) -> str:
+        """What is under way, for a person."""
+        return self._handles[0].name if self._handles else f"{self._parameters.name}'s stop"
+
+    @property
+    def interruptible(self) -> bool:
+        """Whether a new motion command may take over."""
+        return self.ladder is None or self.kind is StopKind.HALT
+
+    def ask(
+        self,
+        kind: StopKind,
+        then: Then,
+        rung: Rung,
+        reason: str,
+        handle: Handle | None,
+        follow: Follow | None,
+    ) -> None:
+        """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.
+
+        ``follow`` is the trajectory to be braked along.
+        """
+        if handle is not None:
+            self.join(handle)
+        self.locks = self.locks or kind is StopKind.STOP
+        if self.ladder is None:
+            self.ladder = StopLadder(self._parameters, then, start=rung, follow=follow)
+            self.kind, self.reason = kind, reason
+            return
+        self.ladder.harden(then, rung)
+        if kind >= self.kind:
+            self.kind, self.reason = kind, reason
+
+    def join(self, handle: Handle) -> None:
+        """Let ``handle`` end when the stop ends."""
+        self._handles.append(handle)
+        handle.status = Status.ACTIVE
+
+    def drop(self) -> list[Handle]:
+        """Forget the stop; return the handles that waited for it."""
+        handles, self._handles = self._handles, []
+        self.ladder, self.locks = None, False
+        return handles
+
+
+def stop_error(ladder: StopLadder, image: Image, name: str) -> AxisbusError | None:
+    """Return what is to be told of a ladder that has come to its end, None when the axis stopped as it was asked to."""
+    if ladder.confirmed and not ladder.descended:
+        return None
+    path = "stop ladder: " + " > ".join(rung.text for rung in ladder.path)
+    seen = f"{path}; state {image.state.value!r}"
+    if not ladder.confirmed:
+        return DriveError(
+            f"{name}: could not be confirmed as stopped",
+            axis=name,
+            observed=f"{seen}, standstill not seen",
+            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive",
+        )
+    if ladder.takes_power and image.state in _MAYBE_ENERGISED:
+        return DriveError(
+            f"{name}: stands, but could not be switched off",
+            axis=name,
+            observed=seen,
+            remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then look why the drive does not obey",
+        )
+    return DriveError(
+        f"{name}: stopped only by a harder stop than was asked for",
+        axis=name,
+        observed=path,
+        remedy=f"raise the time of the rung that was too short in [axes.{name}.stop], or look why the drive does not brake in "
+        "time",
+    )

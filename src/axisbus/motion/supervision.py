@@ -1,0 +1,138 @@
+"""What nobody asked for: lost node, dropped power, stale statusword, limits in danger; looked for in each cycle."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.cia402.port import Capabilities
+from axisbus.cia402.state import State
+from axisbus.errors import AxisbusError, DriveError, NodeError, StaleError
+from axisbus.motion.guard import Guard
+from axisbus.motion.image import Image
+from axisbus.motion.ladder import Rung
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.states import MOVING, AxisState
+
+_POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
+_LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
+# After one of these a node may have lost its position: it has restarted, or somebody is about to configure it.
+_RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
+
+
+class Finding(NamedTuple):
+    """Why the axis must be stopped, and the rung from which it is."""
+
+    error: AxisbusError
+    rung: Rung = Rung.HALT
+
+
+class Supervision:
+    """Watches one axis; holds whether its node was ever there and whether it is lost, and the guard of its limits."""
+
+    def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
+        self._parameters = parameters
+        self._guard = Guard(parameters)
+        self._met_operational = False
+        oldest = capabilities.max_age.get("statusword", math.inf)
+        self._longest_gap = max(
+            oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
+        )
+        self.lost = False
+
+    def node(self, image: Image) -> Finding | None:
+        """Return that the node is lost, once, until ``lost`` is set back."""
+        if image.operational:
+            self._met_operational = True
+        elif self._met_operational and not self.lost:
+            self.lost = True
+            return Finding(self._lost_error(image), Rung.QUICK_STOP)
+        return None
+
+    @staticmethod
+    def has_restarted(image: Image) -> bool:
+        """Whether the node's position may be another one than before."""
+        return not image.operational and image.nmt in _RESTARTED
+
+    def power(self, image: Image, state: AxisState) -> Finding | None:
+        """Return what endangers an axis that we have enabled and that is not being stopped."""
+        if state is AxisState.ERRORSTOP:
+            return self._unknown(image)
+        if state not in _POWERED:
+            return None
+        return (
+            self._gap(image)
+            or self._unknown(image)
+            or self._dropped(image, state)
+            or self._danger(image, state)
+        )
+
+    def _gap(self, image: Image) -> Finding | None:
+        """A program that was suspended comes back with values that look fresh and a world that has moved on."""
+        if image.gap <= self._longest_gap:
+            return None
+        name = self._parameters.name
+        return Finding(
+            StaleError(
+                f"{name}: this program did not run for {image.gap:.3g} s",
+                axis=name,
+                observed=f"the scan has a period of {self._parameters.scan_period * 1000:g} ms; longer than "
+                f"{self._longest_gap:.3g} s the state of the drive cannot be trusted",
+                remedy="do not suspend the program (SIGSTOP, a debugger, a laptop's sleep) and do not starve it of time; the axis "
+                "was stopped",
+            )
+        )
+
+    def _unknown(self, image: Image) -> Finding | None:
+        if image.state is not State.UNKNOWN:
+            return None
+        return Finding(stale_statusword(self._parameters.name, image), Rung.QUICK_STOP)
+
+    def _dropped(self, image: Image, state: AxisState) -> Finding | None:
+        held = image.state is State.QUICK_STOP_ACTIVE and state is AxisState.STOPPING
+        if image.state is State.OPERATION_ENABLED or held:
+            return None
+        name = self._parameters.name
+        return Finding(
+            DriveError(
+                f"{name}: the drive left operation enabled by itself",
+                axis=name,
+                observed=f"state {image.state.value!r}, statusword 0x{image.statusword or 0:04X}",
+                remedy="look for safe torque off, an enable input, a supply that dropped, or another master or tool that stopped "
+                "it; then axis.reset() and axis.enable()",
+            ),
+            Rung.QUICK_STOP,
+        )
+
+    def _danger(self, image: Image, state: AxisState) -> Finding | None:
+        danger = self._guard.danger(image, state)
+        return None if danger is None else Finding(danger)
+
+    def _lost_error(self, image: Image) -> NodeError:
+        name, node = self._parameters.name, self._parameters.node
+        silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
+        seen = (
+            "its heartbeat stopped"
+            if silent
+            else f"its NMT state is {NmtState(image.nmt).text}, not operational"
+        )
+        return NodeError(
+            f"{name}: node {node} is lost",
+            node=node,
+            observed=seen + (" (0: it has restarted)" if image.nmt == 0 else ""),
+            remedy="check its supply and cable; a drive that restarted has lost its configuration and position: close the machine "
+            "and open it again (another master or tool may also have stopped it)",
+        )
+
+
+def stale_statusword(name: str, image: Image) -> StaleError:
+    """Return the error of an axis whose statusword is no longer received."""
+    age = image.now - image.statusword_stamp
+    seen = "it was never received" if age > 1e6 else f"the last one is {age:.3g} s old"
+    return StaleError(
+        f"{name}: the statusword (6041h) is unknown",
+        axis=name,
+        observed=seen,
+        remedy="check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped",
+    )

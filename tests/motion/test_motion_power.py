@@ -1,0 +1,516 @@
+"""Enabling, disabling and reset: the way through the power stage as the drive sees it, and that nothing moves by it."""
+
+from __future__ import annotations
+
+import pytest
+from rig import PERIOD, rig
+from watch import (
+    DISABLED,
+    ENABLE_BITS,
+    ENABLED,
+    FAULT,
+    FAULT_RESET,
+    NOT_READY,
+    QUICK_STOP,
+    READY,
+    SWITCHED_ON,
+    Watch,
+)
+
+from axisbus.cia402.port import Source
+from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
+from axisbus.motion.handle import Status
+from axisbus.motion.states import AxisState
+from axisbus.sim.dials import NEVER
+
+
+def bring_to(r, stage: int) -> None:
+    """Put the stand-in into a power-stage state, as another master or tool would have left it."""
+    power, drive = r.drive.power, r.drive
+    if stage == NOT_READY:
+        power.stage, power.pending, power._timer = power.stage.__class__(NOT_READY), 1, 0.05
+        return
+    if stage == ENABLED:
+        drive.start_enabled(1)
+    elif stage == QUICK_STOP:
+        r.device.write(0x605A, 0, 6)
+        drive.start_enabled(1)
+        drive.controlword = 0x02
+        drive.hear()
+    elif stage == FAULT:
+        drive.fault(0x2310)
+    else:
+        for word in {DISABLED: (0x00,), READY: (0x06,), SWITCHED_ON: (0x06, 0x07)}[stage]:
+            drive.controlword = word
+            drive.hear()
+            drive.step(0.005)
+    r.run(0.1)
+    assert drive.power.stage == stage
+
+
+# Enable.
+
+
+def test_enable_takes_transitions_2_3_4_and_holds_the_axis():
+    r = rig()
+    watch = Watch(r)
+    r.axis.enable().wait(1)
+    assert watch.transitions == [2, 3, 4]
+    assert watch.words == [0x00, 0x06, 0x07, 0x0F]  # 0x00 holds while the mode is awaited
+    assert r.axis.state is AxisState.STANDSTILL
+    r.run(1.0)
+    assert watch.transitions == [2, 3, 4]
+    assert watch.words == [0x00, 0x06, 0x07, 0x0F]
+    assert watch.displacement == 0.0
+
+
+def test_nothing_is_sent_before_the_first_command():
+    r = rig()
+    watch = Watch(r)
+    r.run(1.0)
+    assert [item for item in watch.sent if any(item.outputs)] == []
+
+
+def test_enable_twice_is_harmless():
+    r = rig().enabled()
+    watch = Watch(r)
+    first, second = r.axis.enable(), r.axis.enable()
+    first.wait(1)
+    second.wait(1)
+    r.run(0.5)
+    assert watch.transitions == []
+    assert watch.words == [0x0F]
+
+
+def test_an_enable_under_way_is_replaced_by_a_second_one_and_the_walk_goes_on():
+    r = rig()
+    r.drive.dials.transition_delay[3] = 0.2
+    first = r.axis.enable()
+    r.run(0.1)
+    second = r.axis.enable()
+    second.wait(2)
+    assert first.aborted
+    assert r.drive.power.stage == ENABLED
+
+
+@pytest.mark.parametrize(
+    ("stage", "path"),
+    [
+        (NOT_READY, [1, 2, 3, 4]),
+        (DISABLED, [2, 3, 4]),
+        (READY, [3, 4]),
+        (SWITCHED_ON, [4]),
+        (ENABLED, []),
+        (QUICK_STOP, [16]),
+    ],
+)
+def test_enable_from_every_state_of_the_power_stage(stage, path):
+    r = rig()
+    bring_to(r, stage)
+    watch = Watch(r)
+    r.axis.enable().wait(3)
+    assert watch.transitions == path
+    assert r.drive.power.stage == ENABLED
+    assert watch.displacement < 1.0
+    assert r.axis.state is AxisState.STANDSTILL
+
+
+def test_a_drive_held_in_quick_stop_keeps_its_power_until_enable_asks_for_transition_16():
+    """A power cycle (12, 2, 3, 4) would drop a hanging load."""
+    r = rig()
+    bring_to(r, QUICK_STOP)
+    watch = Watch(r)
+    r.run(1.0)
+    assert watch.transitions == []
+    assert watch.words == []
+    r.axis.enable().wait(2)
+    assert watch.transitions == [16]
+
+
+def test_a_drive_that_leaves_quick_stop_by_itself_is_enabled_from_there():
+    r = rig()
+    r.device.write(0x605A, 0, 6)
+    r.enabled()
+    r.axis.quick_stop().wait(2)
+    r.device.write(0x605A, 0, 2)  # 16 is not taken with this option
+    watch = Watch(r)
+    r.drive.controlword = 0x00
+    r.drive.hear()
+    with pytest.raises(DriveError):  # it left the state that it was held in: that is told, not covered up
+        r.axis.enable().wait(3)
+    r.axis.reset().wait(1)
+    r.axis.enable().wait(3)
+    assert watch.transitions == [12, 2, 3, 4]
+
+
+def test_enable_from_fault_says_reset_first_and_sends_no_enable():
+    r = rig()
+    bring_to(r, FAULT)
+    watch = Watch(r)
+    handle = r.axis.enable()
+    with pytest.raises(StateError, match="reset"):
+        handle.wait(1)
+    r.run(0.5)
+    assert all(word & ENABLE_BITS != ENABLE_BITS for word in watch.words)
+    assert r.drive.power.stage == FAULT
+
+
+def test_a_fault_while_enabling_ends_the_handle_with_its_cause():
+    r = rig()
+    r.drive.dials.fault_on_enable = 0x3210
+    handle = r.axis.enable()
+    with pytest.raises(DriveFault) as caught:
+        handle.wait(2)
+    assert caught.value.code == 0x3210
+    assert "during x.enable()" in caught.value.message
+    assert "reset" in caught.value.remedy
+    assert r.axis.state is AxisState.ERRORSTOP
+    watch = Watch(r)
+    r.run(1.0)
+    assert watch.words == [0x00]
+
+
+@pytest.mark.parametrize(
+    ("number", "stuck"), [(2, "switch on disabled"), (3, "ready to switch on"), (4, "switched on")]
+)
+def test_a_transition_that_is_not_taken_names_the_state_the_words_and_why(number, stuck):
+    r = rig()
+    r.drive.dials.transition_delay[number] = NEVER
+    r.drive.dials.no_voltage = True
+    start = r.now
+    with pytest.raises(TransitionError) as caught:
+        r.axis.enable().wait(10)
+    assert 2.0 <= r.now - start < 2.3  # one step's time
+    error = caught.value
+    assert stuck in error.message
+    assert f"0x{ {2: 0x06, 3: 0x07, 4: 0x0F}[number]:04X}" in error.observed or number == 4
+    assert "bit 4 (voltage enabled) is 0" in error.remedy
+    r.run(0.5)
+    assert r.drive.power.stage == DISABLED  # taken back: nothing is left half enabled
+    assert r.axis.state is AxisState.ERRORSTOP
+
+
+def test_a_drive_that_falls_back_again_and_again_is_given_up():
+    """Each attempt resets nothing: the time of a state that was seen before is not granted again."""
+    r = rig()
+    watch = Watch(r)
+    handle = r.axis.enable()
+
+    def drop() -> None:
+        if r.drive.power.stage == SWITCHED_ON:
+            r.drive.controlword = 0x00
+            r.drive.hear()
+
+    start = r.now
+    while handle.busy and r.now - start < 20:
+        r.run(PERIOD)
+        drop()
+    assert isinstance(handle.exception(), TransitionError)
+    assert r.now - start < 5
+    assert 4 not in watch.transitions
+
+
+def test_a_drive_that_drops_out_right_after_being_enabled_is_not_enabled_again():
+    r = rig()
+    r.drive.dials.mode_delay = 0.3  # the enable still waits for 6061h when the power goes
+    r.drive.mode_display = 0
+    watch = Watch(r)
+    handle = r.axis.enable()
+    while 4 not in watch.transitions:
+        r.run(PERIOD)
+    r.run(2 * PERIOD)
+    r.drive.power.stage = type(r.drive.power.stage)(DISABLED)  # safe torque off
+    r.run(3.0)
+    assert watch.transitions.count(4) == 1
+    assert r.axis.state is AxisState.ERRORSTOP or not handle.error
+
+
+def test_a_node_that_was_lost_is_not_enabled():
+    r = rig()
+    r.cycle.nmt(0x80)
+    r.run(0.5)
+    with pytest.raises(StateError, match="node 1 is lost"):
+        r.axis.enable().wait(1)
+    assert r.drive.power.stage == DISABLED
+
+
+def test_enable_needs_to_know_where_the_axis_is():
+    r = rig(port={"inputs": {"position": Source.NONE}})
+    with pytest.raises(StaleError, match="6064h"):
+        r.axis.enable().wait(3)
+    assert r.drive.power.stage == DISABLED
+
+
+def test_a_drive_that_shows_its_mode_only_when_enabled_is_enabled_all_the_same():
+    r = rig()
+    r.drive.mode = r.drive.mode_display = 0
+    r.drive.dials.modes_refused = frozenset({1})
+    watch = Watch(r)
+    handle = r.axis.enable()
+    while 4 not in watch.transitions:
+        r.run(PERIOD)
+    r.drive.dials.modes_refused = frozenset()
+    handle.wait(3)
+    assert r.drive.mode_display == 1
+
+
+def test_a_drive_that_refuses_every_resting_mode_is_not_enabled():
+    r = rig()
+    r.drive.mode = r.drive.mode_display = 6
+    r.drive.dials.modes_refused = frozenset({1, 3, 4, 8, 9})
+    with pytest.raises(ModeError, match="stands still"):
+        r.axis.enable().wait(10)
+    assert r.drive.power.stage == DISABLED
+
+
+# Disable.
+
+
+def test_disable_takes_transition_5_and_then_down_never_9():
+    r = rig().enabled()
+    watch = Watch(r)
+    r.axis.disable().wait(2)
+    assert watch.transitions == [5, 6, 7]
+    assert watch.words == [0x07, 0x06, 0x00]
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_disable_while_moving_brakes_first():
+    r = rig().enabled()
+    move = r.axis.move_absolute(360.0)
+    r.run(0.5)
+    watch = Watch(r)
+    r.axis.disable().wait(3)
+    assert watch.transitions == [5, 6, 7]
+    speed_at_5 = next(abs(row.velocity) for row in watch.rows if row.stage == SWITCHED_ON)
+    assert speed_at_5 < 1.0
+    assert watch.acceleration() < 500_000 * 1.02  # the profile's own deceleration, 500 deg/s²
+    assert isinstance(move.exception(), Stopped)
+
+
+def test_disable_twice_is_harmless():
+    r = rig().enabled()
+    first, second = r.axis.disable(), r.axis.disable()
+    first.wait(2)
+    second.wait(2)
+    watch = Watch(r)
+    r.axis.disable().wait(1)
+    r.run(0.5)
+    assert watch.transitions == []
+    assert watch.words == [0x00]
+    assert r.axis.error is None
+
+
+def test_coasting_must_be_asked_for_by_name():
+    r = rig().enabled()
+    r.axis.move_velocity(100.0).wait(2)
+    watch = Watch(r)
+    r.axis.disable(coast=True).wait(2)
+    assert watch.transitions == [9]
+    assert watch.words == [0x00]
+    assert abs(r.drive.axis.motor.velocity) > 50_000  # it still turns: nothing brakes it
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_coasting_out_of_errorstop_does_not_clear_the_error():
+    r = rig().enabled()
+    r.drive.dials.blocked = True
+    with pytest.raises(DriveError):
+        r.axis.move_absolute(10.0, timeout=0.2).wait(5)
+    r.until(lambda: r.core.ladder is None)
+    r.axis.disable(coast=True).wait(2)
+    assert r.axis.state is AxisState.ERRORSTOP
+    assert r.axis.error is not None
+    r.axis.reset().wait(1)
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_disable_during_enable_takes_the_power_stage_down_again():
+    r = rig()
+    r.drive.dials.transition_delay[4] = 0.3
+    watch = Watch(r)
+    enable = r.axis.enable()
+    r.run(0.15)
+    r.axis.disable().wait(2)
+    assert isinstance(enable.exception(), Stopped)
+    assert r.drive.power.stage == DISABLED
+    r.run(1.0)
+    assert r.drive.power.stage == DISABLED
+    assert watch.transitions.count(4) <= 1
+
+
+def test_enable_during_disable_is_refused_and_the_axis_goes_down():
+    r = rig().enabled()
+    r.axis.move_velocity(100.0).wait(2)
+    disable = r.axis.disable()
+    r.run(0.05)
+    with pytest.raises(StateError, match="being stopped"):
+        r.axis.enable().wait(2)
+    disable.wait(3)
+    assert r.drive.power.stage == DISABLED
+
+
+def test_a_move_during_disable_is_refused():
+    r = rig().enabled()
+    r.axis.move_velocity(100.0).wait(2)
+    disable = r.axis.disable()
+    r.run(0.05)
+    with pytest.raises(StateError, match="being stopped"):
+        r.axis.move_absolute(0.0).wait(2)
+    disable.wait(3)
+    assert r.drive.power.stage == DISABLED
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_halt_during_enable_takes_it_back():
+    r = rig()
+    r.drive.dials.transition_delay[3] = 0.2
+    enable = r.axis.enable()
+    r.run(0.1)
+    r.axis.halt().wait(1)
+    assert isinstance(enable.exception(), Stopped)
+    r.run(1.0)
+    assert r.drive.power.stage == DISABLED
+    assert r.axis.state is AxisState.DISABLED
+
+
+# Reset.
+
+
+def test_reset_is_one_rising_edge_and_never_enables():
+    r = rig().enabled()
+    r.drive.fault(0x2310)
+    r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
+    r.run(0.5)
+    watch = Watch(r)
+    r.axis.reset().wait(2)
+    assert watch.transitions == [15]
+    assert watch.words == [0x00, 0x80, 0x00] or watch.words == [0x00, 0x80]
+    r.run(1.0)
+    assert watch.transitions == [15]
+    assert watch.words == [0x00, 0x80, 0x00]
+    assert r.axis.state is AxisState.DISABLED
+    assert r.axis.error is None
+
+
+def test_reset_without_a_fault_sends_nothing_new():
+    r = rig().enabled()
+    watch = Watch(r)
+    r.axis.reset().wait(1)
+    r.axis.reset().wait(1)
+    assert watch.words == [0x0F]
+    assert r.axis.state is AxisState.STANDSTILL
+
+
+def test_a_fault_that_persists_gets_a_new_edge_and_is_then_told_with_its_cause():
+    r = rig().enabled()
+    r.drive.dials.fault_persists = True
+    r.drive.fault(0x4210)
+    r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
+    r.run(0.5)
+    watch = Watch(r)
+    with pytest.raises(TransitionError) as caught:
+        r.axis.reset().wait(5)
+    edges = [
+        b
+        for a, b in zip(watch.words, watch.words[1:], strict=False)
+        if b & FAULT_RESET and not a & FAULT_RESET
+    ]
+    assert len(edges) >= 1
+    assert "does not go away" in caught.value.message
+    assert r.axis.state is AxisState.ERRORSTOP
+    assert "4210" in str(r.axis.error)  # the first reason stays, what came later is added
+    assert "does not go away" in str(r.axis.error)
+    r.drive.dials.fault_persists = False
+    r.axis.reset().wait(3)
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_bit_7_is_low_before_every_edge_even_when_another_master_left_it_high():
+    r = rig()
+    r.drive.fault(0x2310)
+    r.drive.controlword = 0x80
+    r.drive.hear()
+    r.drive.fault(0x2310)
+    r.drive._word = 0x80
+    r.run(0.5)
+    watch = Watch(r)
+    r.axis.reset().wait(3)
+    zeros = [item.t for item in watch.sent if item.outputs.controlword == 0]
+    ones = [item.t for item in watch.sent if item.outputs.controlword == 0x80]
+    assert zeros[0] < ones[0]
+    assert ones[0] - zeros[0] >= 2 * PERIOD - 1e-9
+
+
+def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
+    """In ErrorStop the axis is held; a supply that comes back must not bring the power back."""
+    r = rig().enabled()
+    r.drive.dials.blocked = True
+    with pytest.raises(DriveError):
+        r.axis.move_absolute(10.0, timeout=0.2).wait(5)
+    r.until(lambda: r.core.ladder is None)
+    assert r.drive.power.stage == ENABLED
+    watch = Watch(r)
+    r.drive.controlword = 0x00  # an enable input was cut
+    r.drive.hear()
+    r.run(2.0)
+    assert watch.transitions == [9]
+    assert all(word & ENABLE_BITS != ENABLE_BITS for word in watch.words[1:])
+    assert r.axis.state is AxisState.ERRORSTOP
+
+
+def test_a_drive_that_drops_out_at_standstill_says_so_and_stays_off():
+    r = rig().enabled()
+    watch = Watch(r)
+    r.drive.controlword = 0x00
+    r.drive.hear()
+    r.run(1.0)
+    assert watch.transitions == [9]
+    assert r.axis.state is AxisState.ERRORSTOP
+    assert "left operation enabled by itself" in str(r.axis.error)
+    r.axis.reset().wait(1)
+    assert r.axis.state is AxisState.DISABLED
+    r.run(1.0)
+    assert watch.transitions == [9]
+
+
+def test_a_drive_found_enabled_is_left_as_it_is_and_refuses_motion_until_it_is_taken_over():
+    r = rig()
+    r.drive.start_enabled(3)
+    r.run(0.2)
+    watch = Watch(r)
+    assert r.axis.state is AxisState.STANDSTILL
+    with pytest.raises(StateError, match="found enabled"):
+        r.axis.move_velocity(10.0).wait(1)
+    r.run(0.5)
+    assert watch.words == []
+    r.axis.enable().wait(2)
+    assert watch.transitions == []
+    assert r.drive.mode_display == 3  # it keeps its mode
+    r.axis.move_velocity(10.0).wait(2)
+
+
+def test_a_drive_found_moving_is_taken_over_without_a_jump():
+    r = rig()
+    r.drive.start_enabled(3)
+    r.drive.target_velocity = 50_000
+    r.run(1.0)
+    assert r.axis.state is AxisState.CONTINUOUS_MOTION
+    watch = Watch(r)
+    r.axis.enable().wait(2)
+    r.run(1.0)
+    assert watch.transitions == []
+    assert r.drive.velocity == 0
+    assert watch.acceleration() <= 1_000_000 * 1.02  # 6084h of the drive
+    assert r.axis.state is AxisState.STANDSTILL
+
+
+def test_handles_of_power_commands_tell_how_they_ended():
+    r = rig()
+    handle = r.axis.enable()
+    assert handle.busy
+    assert handle.status is Status.BUSY
+    r.run(PERIOD)
+    assert handle.active
+    handle.wait(1)
+    assert handle.done
