@@ -1,0 +1,28 @@
+"""``axisbus eds``: the workbench for EDS and DCF files."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.lazy import LazyGroup
+
+COMMANDS = {
+    "check": ("axisbus.cli.eds_check", "Say exactly what is wrong with a file, and where."),
+    "fix": ("axisbus.cli.eds_fix", "Mend what can be mended safely; shows a diff, writes only with --write."),
+    "show": ("axisbus.cli.eds_show", "Show the dictionary as a tree, or one object."),
+    "diff": ("axisbus.cli.eds_diff", "Compare two files by what they mean."),
+    "doc": ("axisbus.cli.eds_doc", "Write a complete reference of the drive as HTML or Markdown."),
+    "dcf": ("axisbus.cli.eds_dcf", "Make a DCF from an EDS and values, or a concise DCF, and back."),
+    "export": ("axisbus.cli.eds_export", "Write the dictionary as CSV or JSON, or the PDOs as DBC."),
+    "code": ("axisbus.cli.eds_code", "Write a typed Python module of object names and enumerations."),
+    "verify": ("axisbus.cli.eds_verify", "Hold a file against the live drive; reads only."),
+    "from-device": ("axisbus.cli.eds_from_device", "Take an EDS from the drive, or a skeleton by asking it."),
+}
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Check, mend, show, compare and document EDS and DCF files.
+
+    Exit codes: 0 all well, 1 something was found wrong, 2 wrong use, 3 the bus or a drive failed.
+    """
