@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.mapping import DevicePdos, MapEntry, axis_objects
 from axisbus.bus.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
 from axisbus.bus.plantext import describe
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.port import Source
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
 
 NODE = 5

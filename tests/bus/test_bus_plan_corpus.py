@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.mapping import DevicePdos, axis_objects
 from axisbus.bus.plan import Policy, make_plan
 from axisbus.bus.plantext import describe
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.port import Source
 from axisbus.eds import Eds, load
+from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import EdsError
 
 FOLDER = Path(

@@ -133,7 +133,7 @@ def test_an_unknown_section_is_kept_and_reported() -> None:
     ],
 )  # fmt: skip
 def test_the_sections_of_the_standard_are_known(name: str) -> None:
-    assert read(f"[{name}]\n").findings == ()
+    assert "S012" not in rules(read(f"[{name}]\n"))
 
 
 def test_a_flood_of_findings_is_cut_and_says_so() -> None:

@@ -3,5 +3,10 @@
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
-    "deep", max_examples=5000, stateful_step_count=80, deadline=None, derandomize=False, suppress_health_check=list(HealthCheck)
+    "deep",
+    max_examples=5000,
+    stateful_step_count=80,
+    deadline=None,
+    derandomize=False,
+    suppress_health_check=list(HealthCheck),
 )

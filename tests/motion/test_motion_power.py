@@ -271,7 +271,7 @@ def test_disable_takes_transition_5_and_then_down_never_9():
     watch = Watch(r)
     r.axis.disable().wait(2)
     assert watch.transitions == [5, 6, 7]
-    assert watch.words == [0x07, 0x06, 0x00]
+    assert watch.words == [0x10F, 0x107, 0x06, 0x00]  # halted until the drive has left the state
     assert r.axis.state is AxisState.DISABLED
 
 

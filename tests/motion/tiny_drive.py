@@ -87,8 +87,11 @@ class TinyDrive:
         self.objects: dict[tuple[int, int], int] = {(0x6081, 0): 0}
         self.refuses_mode = False
         self.ignores_set_points = False
+        self.keeps_acknowledge = False
         self.blocked = False
+        self.lazy = 0  # cycles until bit 12 follows bit 4
         self._word = 0
+        self._countdown = 0
         self._set_point: int | None = None
         self._acknowledge = False
         self._reached = True
@@ -108,6 +111,16 @@ class TinyDrive:
         if outputs.controlword is not None:
             self._hear(outputs.controlword)
 
+    def serve(self, index: int, subindex: int, value: int | None) -> int | None:
+        """Answer an SDO request: ``value`` None reads."""
+        if index == 0x6040 and value is not None:
+            self._hear(value)
+        elif index == 0x6041:
+            return self.statusword
+        elif value is not None:
+            self.objects[index, subindex] = value
+        return self.objects.get((index, subindex), 0) if value is None else None
+
     def _hear(self, word: int) -> None:
         old, self._word = self._word, word
         if self.state == "fault":
@@ -124,9 +137,9 @@ class TinyDrive:
         rising, falling = word & 0x10 and not old & 0x10, old & 0x10 and not word & 0x10
         if self.mode_display == PP:
             if rising and not self.ignores_set_points:
-                self._set_point, self._acknowledge, self._reached = self.target_position, True, False
-            elif falling or not word & 0x10:
-                self._acknowledge = False
+                self._set_point, self._reached = self.target_position, False
+            if rising or falling:
+                self._countdown = self.lazy
         elif self.mode_display == HM:
             if rising:
                 self._homing, self._home_found = 5, False
@@ -175,10 +188,17 @@ class TinyDrive:
             self._enter()
         self.velocity = 0
         if self.state == "enabled":
+            self._acknowledge_edge()
             self._move(dt)
         if self.blocked:
             self.velocity = 0
         self.position += round(self.velocity * dt)
+
+    def _acknowledge_edge(self) -> None:
+        if self._countdown:
+            self._countdown -= 1
+        elif self.mode_display == PP and not (self._acknowledge and self.keeps_acknowledge):
+            self._acknowledge = bool(self._word & 0x10) and not self.ignores_set_points
 
     def _move(self, dt: float) -> None:
         halted = self._word & 0x100

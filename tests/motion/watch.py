@@ -124,11 +124,12 @@ class Watch:
         """The greatest speed, in increments/s."""
         return max(abs(row.velocity) for row in self.rows)
 
-    def acceleration(self) -> float:
-        """The greatest change of velocity per second over one scan period."""
+    def acceleration(self, cycles: int = 1) -> float:
+        """The greatest change of velocity per second, over so many scan periods (positions are whole increments)."""
+        rows = self.rows
         return max(
             abs(b.velocity - a.velocity) / (b.t - a.t)
-            for a, b in pairwise(self.rows)
+            for a, b in zip(rows, rows[cycles:], strict=False)
             if b.t - a.t > PERIOD / 2
         )
 

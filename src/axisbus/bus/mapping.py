@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from axisbus.bus.dictionary import Dictionary, merged_type, standard
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS
+from axisbus.eds.dictionary import Dictionary, merged_type, standard
 
 _RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
 _TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.mapping import DevicePdos
 from axisbus.bus.sdo import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo
+from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import SdoAbort
 
 _LAST = 512

@@ -21,12 +21,12 @@ from enum import Enum
 from itertools import chain
 
 from axisbus.bus import choose
-from axisbus.bus.dictionary import PROFILE_AREA
 from axisbus.bus.mapping import DevicePdos, MapEntry, axis_index
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.objects import names as standard_names
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
+from axisbus.eds.dictionary import PROFILE_AREA
 
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
 EVENT_PROFILE = 255  # transmission type: event-driven by the device profile

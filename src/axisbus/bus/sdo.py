@@ -17,12 +17,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from axisbus.bus.channel import Channel, require_other_thread
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.sdo_transfer import Call, Cancelled, Garbled, Line, NoAnswer, Refused, Transfer
 from axisbus.bus.sdo_value import checked_bytes
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
 from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, Interrupted, SdoAbort, SdoError, SdoTimeout
 

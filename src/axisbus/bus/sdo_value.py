@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from axisbus.bus.dictionary import Entry
 from axisbus.cia301.datatypes import DataType, Value, check_range, encode
+from axisbus.eds.dictionary import Entry
 from axisbus.errors import ArgumentError, LimitError
 
 _REALS = (DataType.REAL32, DataType.REAL64)

@@ -88,5 +88,7 @@ def names() -> dict[int, str]:
     """Return the standard's name of each object by its index."""
     found: dict[int, str] = {}
     for row in table():
-        found.setdefault(int(row["index"], 16), row["name"])  # an object's own row comes before its sub-indices
+        found.setdefault(
+            int(row["index"], 16), row["name"]
+        )  # an object's own row comes before its sub-indices
     return found

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
@@ -64,6 +67,41 @@ def say_next(text: str) -> None:
     """Print what to type next."""
     if sys.stdout.isatty() or not sys.stdout.closed:
         click.echo(f"next: {text}")
+
+
+@contextmanager
+def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
+    """Offer ``tell(done, all)``, which draws a bar on standard error, on a terminal only."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    bar = click.progressbar(length=1000, label=label, file=sys.stderr)
+    with bar:
+        shown = 0
+
+        def tell(done: int, total: int) -> None:
+            nonlocal shown
+            now = done * 1000 // max(1, total)
+            bar.update(now - shown)
+            shown = now
+
+        yield tell
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that it is either the old one or the new one, never half of it.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    beside = path.with_name(path.name + ".new")
+    try:
+        beside.write_bytes(data)
+        beside.replace(path)
+    except OSError as error:
+        raise UserError(
+            f"{path} cannot be written", observed=str(error), remedy="give another path with -O"
+        ) from error
 
 
 def say_json(value: Any) -> None:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from axisbus.cli.buses import open_bus
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.options import bus_options, parse_options
+from axisbus.cli.options import bus_options
 
 if TYPE_CHECKING:
-    from axisbus.bus.channel import Channel
     from axisbus.bus.discover import Found
 
 
@@ -36,36 +36,13 @@ def command(
     from axisbus.bus.discover import scan
 
     with ExitStack() as stack:
-        bus = _open(stack, cell, interface, channel, bitrate, option)
+        bus = open_bus(stack, cell, interface, channel, bitrate, option)
         found = scan(bus)
     if as_json:
         say_json([{**asdict(node), "nmt": node.nmt.text if node.nmt is not None else None} for node in found])
     else:
         _show(found)
     return OK if found else WRONG
-
-
-def _open(
-    stack: ExitStack,
-    cell: Path | None,
-    interface: str | None,
-    channel: str | None,
-    bitrate: int | None,
-    option: tuple[str, ...],
-) -> Channel:
-    from axisbus.bus.channel import Channel
-
-    if interface is not None:
-        return stack.enter_context(Channel.open(interface, channel, bitrate, **parse_options(option)))
-    if cell is None:
-        raise click.UsageError("give a cell file, or the bus with -i and -c (such as: -i socketcan -c can0)")
-    from axisbus.machine import config
-    from axisbus.machine.runtime import load_dictionaries
-    from axisbus.machine.wire import SIM, open_channel
-
-    loaded = config.load(cell)
-    dictionaries = load_dictionaries(loaded) if loaded.bus.interface == SIM else {}
-    return open_channel(loaded, dictionaries, stack)[0]
 
 
 def _show(found: list[Found]) -> None:

@@ -26,19 +26,14 @@ _SPELLED = {
         *("LowLimit", "HighLimit", "PDOMapping", "ObjFlags"),
     )
 }
-_NOTHING = Section("", 0, {})
+_MODELLED = frozenset(_SPELLED) | {"parametername", "denotation", "subnumber", "compactsubobj"}
+_NOTHING: Mapping[str, str] = {}
 
 
-def build_objects(document: Document, parts: Sorted, findings: Findings) -> dict[int, Object]:
-    """Return the objects by index, ascending; whatever cannot be understood goes to ``findings``."""
-    builder = _Builder(document, parts, findings)
-    return {index: builder.object(index) for index in sorted(parts.heads.keys() | parts.subs.keys())}
+class Builder:
+    """Builds objects one by one; what cannot be understood goes to ``findings`` where they are wanted, which is all it changes."""
 
-
-class _Builder:
-    """Builds objects one by one; it holds what one file's objects share, and changes only ``findings``."""
-
-    def __init__(self, document: Document, parts: Sorted, findings: Findings) -> None:
+    def __init__(self, document: Document, parts: Sorted, findings: Findings | None = None) -> None:
         self._document = document
         self._parts = parts
         self._findings = findings
@@ -54,14 +49,26 @@ class _Builder:
         else:
             name = self._name(head, index)
             object_type = self._object_type(head, index, bool(sub_sections))
-        if object_type not in _WITH_SUBS:
+        if object_type in _WITH_SUBS:
+            subs = self._subs(head, index, name, sub_sections)
+        else:
+            subs = {0: self.variable(head, index, 0, name, object_type)}
             if sub_sections:
                 text = f"[{head.name}] is a {object_type.name}, but has sub-indices"
                 self._note("O011", text, head, "objecttype", index)
-            return Object(
-                index, name, object_type, {0: self._variable(head, index, 0, name, object_type)}, head.line
-            )
-        return Object(index, name, object_type, self._subs(head, index, name, sub_sections), head.line)
+        entries = head.entries if index in self._parts.heads else _NOTHING
+        denotation = entries.get("denotation", "")
+        return Object(
+            index, name, object_type, subs, head.line, denotation, self._links(index), _more(entries)
+        )
+
+    def _links(self, index: int) -> tuple[int, ...]:
+        """Return the indices of ``[xxxxObjectLinks]`` (DS 306 4.6.4)."""
+        listed = self._parts.beside.get((index, "objectlinks"))
+        if listed is None:
+            return ()
+        texts = [text for key, text in listed.entries.items() if key.isdecimal()]
+        return tuple(number for number in map(values.plain, texts) if number is not None)
 
     def _subs(
         self, head: Section, index: int, name: str, sub_sections: Mapping[int, Section]
@@ -70,7 +77,7 @@ class _Builder:
         for subindex, section in sub_sections.items():
             sub_name = self._name(section, index, subindex)
             kind = self._sub_type(section, index, subindex)
-            subs[subindex] = self._variable(section, index, subindex, sub_name, kind)
+            subs[subindex] = self.variable(section, index, subindex, sub_name, kind)
         beside = self._parts.beside
         for kind_of_list in ("value", "denotation"):
             listed = beside.get((index, kind_of_list))
@@ -86,9 +93,9 @@ class _Builder:
             count = compact.MAX_ENTRIES if count == compact.MAX_ENTRIES + 1 else 0
         if count == 0:
             return {}
-        template = self._variable(head, index, 1, name, ObjectType.VAR)
-        names = self._parts.beside.get((index, "name"), _NOTHING).entries
-        return compact.sub_indices(template, count, names)
+        template = self.variable(head, index, 1, name, ObjectType.VAR)
+        names = self._parts.beside.get((index, "name"))
+        return compact.sub_indices(template, count, _NOTHING if names is None else names.entries)
 
     def _apply(self, subs: dict[int, Variable], listed: Section, kind: str, index: int) -> None:
         """Enter what ``[xxxxValue]`` or ``[xxxxDenotation]`` says of sub-indices, whose numbers are decimal there (DS 306 5)."""
@@ -105,10 +112,11 @@ class _Builder:
                 self._problems(problems, listed, key, index, subindex)
                 subs[subindex] = compact.valued(entry, value)
 
-    def _variable(
+    def variable(
         self, section: Section, index: int, subindex: int, name: str, object_type: ObjectType
     ) -> Variable:
-        get = section.entries.get
+        """Return the entry that a section describes; what ``name`` and ``object_type`` default to, the caller knows."""
+        entries = section.entries
         data_type = self._data_type(section, index, subindex, object_type)
         low, high = self._limits(section, data_type, index, subindex)
         return Variable(
@@ -125,7 +133,8 @@ class _Builder:
             self._flag(section, "objflags", index, subindex),
             section.line,
             object_type,
-            get("denotation", ""),
+            entries.get("denotation", ""),
+            _more(entries),
         )
 
     def _name(self, section: Section, index: int, subindex: int | None = None) -> str:
@@ -216,8 +225,17 @@ class _Builder:
     def _note(
         self, rule: str, message: str, section: Section, key: str, index: int, subindex: int | None = None
     ) -> None:
+        if self._findings is None:
+            return
         line, column = self._document.place(section, key) if key else (section.line, 1)
         self._findings.add(rule, message, line=line, column=column, index=index, subindex=subindex)
+
+
+def _more(entries: Mapping[str, str]) -> Mapping[str, str]:
+    """Return the keys that the model has no place for."""
+    if entries.keys() <= _MODELLED:
+        return _NOTHING
+    return {key: text for key, text in entries.items() if key not in _MODELLED}
 
 
 @lru_cache(maxsize=256)

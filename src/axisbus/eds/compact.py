@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 from axisbus.cia301 import objects
 from axisbus.cia301.datatypes import DataType
@@ -60,13 +61,21 @@ def denoted(entry: Variable, text: str) -> Variable:
     return replace(entry, denotation=text)
 
 
-def pdos(rpdos: int, tpdos: int, parts: int, described: Mapping[int, Object]) -> dict[int, Object]:
-    """Return the PDO parameters that CompactPDO (bit mask ``parts``) implies beside those ``described``.
+class Implied(NamedTuple):
+    """An object that CompactPDO implies: of PDO ``number`` (from 0), a communication parameter where ``parts`` is not 0."""
+
+    number: int
+    receive: bool
+    parts: int = 0
+
+
+def pdos(rpdos: int, tpdos: int, parts: int, described: Container[int]) -> dict[int, Implied]:
+    """Return the PDO parameters that CompactPDO (bit mask ``parts``) implies beside those ``described``, by index.
 
     ``rpdos`` and ``tpdos`` are the numbers of all PDOs (NrOfRXPDO, NrOfTXPDO); numbers that the file does not describe are filled
     from the lowest up.
     """
-    found: dict[int, Object] = {}
+    found: dict[int, Implied] = {}
     for total, first, mapping, receive in (
         (rpdos, objects.RPDO_COMMUNICATION, objects.RPDO_MAPPING, True),
         (tpdos, objects.TPDO_COMMUNICATION, objects.TPDO_MAPPING, False),
@@ -75,10 +84,17 @@ def pdos(rpdos: int, tpdos: int, parts: int, described: Mapping[int, Object]) ->
         missing = total - sum(first + number in described for number in numbers)
         free = [number for number in numbers if first + number not in described]
         for number in free[: max(0, missing)]:
-            found[first + number] = _communication(first + number, number, parts, receive)
+            found[first + number] = Implied(number, receive, parts)
             if mapping + number not in described:
-                found[mapping + number] = _mapping(mapping + number, number, receive)
+                found[mapping + number] = Implied(number, receive)
     return found
+
+
+def pdo(index: int, implied: Implied) -> Object:
+    """Return the object at ``index`` that is implied."""
+    if implied.parts:
+        return _communication(index, implied.number, implied.parts, implied.receive)
+    return _mapping(index, implied.number, implied.receive)
 
 
 def _communication(index: int, number: int, parts: int, receive: bool) -> Object:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
@@ -70,7 +70,8 @@ class Variable:
 
     ``low`` and ``high`` are None where the file gives no limit, or none that makes sense. ``default`` and ``parameter_value`` (DCF)
     are None where absent or not understood; integers are ``Number``, because they may depend on the node ID. ``denotation`` is the
-    name that a DCF gives the entry beside its ``name``.
+    name that a DCF gives the entry beside its ``name``. ``more`` holds the section's other keys in lower case, such as
+    ``uploadfile`` and those of later drafts and other standards (``paramrefd``, ``srdomapping``, …).
     """
 
     index: int
@@ -87,6 +88,7 @@ class Variable:
     line: int = 0
     object_type: ObjectType = ObjectType.VAR
     denotation: str = ""
+    more: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def readable(self) -> bool:
@@ -111,13 +113,20 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Object:
-    """One index of the dictionary; a VAR or DOMAIN holds itself as sub-index 0."""
+    """One index of the dictionary; a VAR or DOMAIN holds itself as sub-index 0.
+
+    ``denotation`` is the name that a DCF gives it; ``links`` are the indices that belong to it ([xxxxObjectLinks], DS 306 4.6.4);
+    ``more`` holds its section's other keys in lower case.
+    """
 
     index: int
     name: str
     object_type: ObjectType
     subs: Mapping[int, Variable]
     line: int = 0
+    denotation: str = ""
+    links: tuple[int, ...] = ()
+    more: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_record(self) -> bool:
@@ -134,22 +143,78 @@ class Identity:
     revision: int | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class SubExtension:
+    """Sub-indices that a module adds to an object of the bus coupler, all like ``variable`` (DS 306 6, [MxSubExtxxxx]).
+
+    A module adds ``count`` of them; where that is 0, it takes ``bits`` bits of one that several modules share.
+    ``object_extend`` is ObjExtend as written, 0 where the file gives none.
+    """
+
+    variable: Variable
+    count: int
+    bits: int = 0
+    object_extend: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """One kind of module that a modular device may carry (DS 306 6).
+
+    ``info`` is [MxModuleInfo] by lower-case key, ``comments`` the lines of [MxComments]. ``fixed`` are the objects that the device
+    has once such a module is there, ``extends`` those that each such module enlarges. Both hold None for an index that the module
+    lists but does not describe.
+    """
+
+    number: int
+    info: Mapping[str, str]
+    fixed: Mapping[int, Object | None]
+    extends: Mapping[int, SubExtension | None]
+    comments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicChannel:
+    """One segment of [DynamicChannels] (CiA 302, CiA 405): objects for network variables that a program makes at run time.
+
+    ``indices`` are those of the segment, ``offset`` the place of the first in the process image, and ``step`` the distance of two
+    neighbours there where the file gives it.
+    """
+
+    data_type: DataType
+    access: str
+    indices: range
+    offset: int = 0
+    step: int | None = None
+
+
 @dataclass(frozen=True)
 class Eds:
     """One EDS or DCF file: its objects, its information sections, and what was found odd while reading it.
 
     ``info`` maps a section's lower-case name (``fileinfo``, ``deviceinfo``, ``devicecomissioning``, …) to its entries by lower-case
-    key. ``source`` is the path or name that messages show. ``node_id`` (1 to 127) is the one that a DCF is made for. Frozen, and
-    shared by all nodes that use the same file: do not change the mappings.
+    key. ``source`` is the path or name that messages show. ``node_id`` (1 to 127) is the one that a DCF is made for. ``modules``
+    are the kinds of module that a modular device may carry, by number; ``connected`` are those that a DCF says it has, in order.
+
+    Frozen, and shared by all nodes that use the same file: do not change the mappings. Objects of a file are made when they are
+    first looked at; any thread may look.
     """
 
     source: str
     objects: Mapping[int, Object]
     info: Mapping[str, Mapping[str, str]]
-    findings: tuple[Finding, ...] = ()
     node_id: int | None = None
+    modules: Mapping[int, Module] = field(default_factory=dict)
+    connected: tuple[int, ...] = ()
+    dynamic_channels: tuple[DynamicChannel, ...] = ()
+    _diagnose: Callable[[], tuple[Finding, ...]] = field(default=tuple, compare=False, repr=False)
     _names: dict[str, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
     _texts: dict[str, str] = field(default_factory=dict, compare=False, repr=False)  # made once on first use
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What reading found odd, in the order of the lines; the first look goes through the whole file."""
+        return self._diagnose()
 
     def __contains__(self, index: int) -> bool:
         return index in self.objects

@@ -1,28 +1,28 @@
 """Reading an EDS or DCF: bytes in, the model out.
 
-Theory of operation. Four steps, each a pure function of the one before: ``text`` decodes the bytes and sorts the lines into
-sections, losing nothing; ``sections`` tells objects, sub-indices and the rest apart by the sections' names; ``build`` makes the
-objects, with ``values`` for each number and text; ``compact`` adds what the file only implies. Findings gather on the way. Nothing
-in a text stops the reading: what is not understood is absent in the model and named in a finding. Only what is no EDS at all is an
-error.
+Theory of operation. Reading a file is only three quick steps: ``text`` decodes the bytes, cuts them into lines and finds where the
+sections begin, losing nothing; ``sections`` tells objects, sub-indices and the rest apart by the sections' names; ``fileobjects``
+notes which indices there are. An object is made when it is first looked at: then its sections are taken apart into keys, ``build``
+makes the object, with ``values`` for each number and text, and ``compact`` adds what the file only implies. A machine looks at
+some tens of a drive's thousand objects, so most of a file is never parsed.
 
-The findings are those that reading meets by itself. Rules over a document as a whole belong in a package of their own beside this
-module; they take the ``Reading``, which has the lines, the sections and the model.
+Nothing in a text stops the reading: what is not understood is absent in the model and named in a finding. The findings take a
+pass over the whole file, which is made when they are first asked for; it makes the objects on its way. They are those that
+reading meets by itself. Rules over a document as a whole belong in a package of their own beside this module; they take the
+``Reading``, which has the lines, the sections and the model. Only what is no EDS at all is an error.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from axisbus.eds import compact, sections, text, values
-from axisbus.eds.build import build_objects
-from axisbus.eds.findings import Findings
-from axisbus.eds.model import Eds, Object
+from axisbus.eds import modules, sections, text
+from axisbus.eds.fileobjects import FileObjects, node_id
+from axisbus.eds.model import Eds
 from axisbus.eds.text import Document
 from axisbus.errors import EdsError
 
@@ -76,7 +76,6 @@ def read(data: bytes, source: str) -> Reading:
         EdsError: the data is larger than 16 MiB, or is no EDS at all.
     """
     _check_size(len(data), source)
-    findings = Findings()
     if not data.strip():
         raise EdsError("the file is empty", file=source, remedy="take the file again from the drive's maker")
     content = text.decode(data)
@@ -87,50 +86,38 @@ def read(data: bytes, source: str) -> Reading:
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )
-    document = text.parse(content, findings)
-    parts = sections.sort(document, findings)
-    objects = build_objects(document, parts, findings)
-    objects.update(_implied(parts.info.get("deviceinfo", {}), objects))
+    return read_document(text.parse(content), source)
+
+
+def read_document(document: Document, source: str) -> Reading:
+    """Return what a document says, such as one that ``edit`` changed.
+
+    Raises:
+        EdsError: it describes no object.
+    """
+    parts = sections.sort(document.sections)
+    objects = FileObjects(document, parts)
     if not objects:
         raise EdsError(
             "the file describes no object", file=source, observed=f"{len(document.sections)} sections, none of an object",
             remedy=f"take the file again from the drive's maker; {_WHAT_IS_AN_EDS}",
         )  # fmt: skip
-    node_id = _node_id(document, findings)
-    eds = Eds(source, dict(sorted(objects.items())), parts.info, findings.all(), node_id)
+    eds = Eds(
+        source,
+        objects,
+        parts.info,
+        node_id(document),
+        modules.modules(document),
+        modules.connected(document),
+        modules.dynamic_channels(document),
+        _diagnose=objects.findings,
+    )
     return Reading(document, parts, eds)
 
 
 @lru_cache(maxsize=64)
 def _parsed(data: bytes) -> Eds:
     return read(data, "").eds
-
-
-def _implied(device: Mapping[str, str], described: Mapping[int, Object]) -> dict[int, Object]:
-    """Return the PDO parameters that CompactPDO implies."""
-    parts = values.plain(device.get("compactpdo", "")) or 0
-    if not parts:
-        return {}
-    rpdos = values.plain(device.get("nrofrxpdo", "")) or 0
-    tpdos = values.plain(device.get("nroftxpdo", "")) or 0
-    return compact.pdos(rpdos, tpdos, parts, described)
-
-
-def _node_id(document: Document, findings: Findings) -> int | None:
-    """Return the node ID of a DCF, under either spelling of the section's name."""
-    section = document.sections.get("devicecomissioning")
-    if section is None:
-        section = document.sections.get("devicecommissioning")
-        if section is None:
-            return None
-        findings.add("K001", f"section [{section.name}]", line=section.line)
-    given = section.entries.get("nodeid", "")
-    node_id = values.plain(given)
-    if node_id is not None and 1 <= node_id <= 127:
-        return node_id
-    line, column = document.place(section, "nodeid")
-    findings.add("K003", f"NodeID={given[:40]} is no node ID", line=line, column=column)
-    return None
 
 
 def _bytes(path: Path) -> bytes:

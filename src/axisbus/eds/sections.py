@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from axisbus.eds.findings import Findings
-from axisbus.eds.text import Document, Section
+from axisbus.eds.text import Section
 
 MAX_SUBINDEX = 0xFF
 
@@ -23,62 +23,85 @@ _KNOWN = re.compile(
 _TYPE_SUB = re.compile(r"0*([0-9a-f]{1,4})sub1")
 
 
+class Info(Mapping[str, Mapping[str, str]]):
+    """The entries of the sections that are no objects, by lower-case name; a section is taken apart when looked at."""
+
+    def __init__(self, sections: Mapping[str, Section]) -> None:
+        self._sections = sections
+
+    def __getitem__(self, name: str) -> Mapping[str, str]:
+        return self._sections[name].entries
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._sections
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sections)
+
+    def __len__(self) -> int:
+        return len(self._sections)
+
+
 @dataclass(frozen=True, slots=True)
 class Sorted:
-    """Sections by index and sub-index; ``beside`` holds ``[xxxxName]`` and its kin as (index, ``name``)."""
+    """Sections by index and sub-index; ``beside`` holds ``[xxxxName]`` and its kin as (index, ``name``).
+
+    ``again`` are sections of a sub-index that has one already under another spelling, each with the first.
+    """
 
     heads: Mapping[int, Section]
     subs: Mapping[int, Mapping[int, Section]]
     beside: Mapping[tuple[int, str], Section]
     types: Mapping[int, Section]
-    info: Mapping[str, Mapping[str, str]]
+    info: Info
+    again: tuple[tuple[Section, Section], ...] = ()
 
 
-def sort(document: Document, findings: Findings) -> Sorted:
-    """Sort a document's sections; unknown ones are kept as information and noted."""
+def sort(sections: Mapping[str, Section]) -> Sorted:
+    """Sort the sections of a document by their (lower-case) names; unknown ones are kept as information."""
     heads: dict[int, Section] = {}
     subs: dict[int, dict[int, Section]] = {}
     beside: dict[tuple[int, str], Section] = {}
     types: dict[int, Section] = {}
-    info: dict[str, Mapping[str, str]] = {}
-    for name, section in document.sections.items():
+    other: dict[str, Section] = {}
+    again: list[tuple[Section, Section]] = []
+    for name, section in sections.items():
         found = _OBJECT.fullmatch(name)
         if found is None:
-            _other(name, section, beside, info, findings)
+            listed = _BESIDE.fullmatch(name)
+            if listed is not None:
+                beside[int(listed[1], 16), listed[2]] = section
+            other[name] = section
         elif found[3] is None:
-            heads[int(found[1], 16)] = section
+            heads[int(name, 16)] = section
         else:
-            _sub(found, section, subs, findings)
+            of_index = subs.setdefault(int(found[1], 16), {})
+            first = of_index.setdefault(int(found[3], 16), section)
+            if first is not section:
+                again.append((section, first))
         typed = _TYPE_SUB.fullmatch(name) if name.endswith("sub1") else None
         if typed is not None:
             types[int(typed[1], 16)] = section
-    return Sorted(heads, subs, beside, types, info)
+    return Sorted(heads, subs, beside, types, Info(other), tuple(again))
 
 
-def _sub(
-    found: re.Match[str], section: Section, subs: dict[int, dict[int, Section]], findings: Findings
-) -> None:
+def report(sections: Mapping[str, Section], parts: Sorted, findings: Findings) -> None:
+    """Name what is odd about the sections' names."""
+    again = dict(parts.again)
+    for name, section in sections.items():
+        found = _OBJECT.fullmatch(name)
+        if found is None:
+            if _BESIDE.fullmatch(name) is None and _KNOWN.fullmatch(name) is None:
+                findings.add("S012", f"section [{section.name[:60]}] is not of DS 306", line=section.line)
+        elif found[2] or section in again:
+            _report_sub(found, section, again.get(section), findings)
+
+
+def _report_sub(found: re.Match[str], section: Section, first: Section | None, findings: Findings) -> None:
     index, subindex = int(found[1], 16), int(found[3], 16)
     if found[2]:
-        findings.add(
-            "O012", f"[{section.name}] has leading zeros", line=section.line, index=index, subindex=subindex
-        )
-    first = subs.setdefault(index, {}).setdefault(subindex, section)
-    if first is not section:
+        text = f"[{section.name}] has leading zeros"
+        findings.add("O012", text, line=section.line, index=index, subindex=subindex)
+    if first is not None:
         text = f"[{section.name}] and [{first.name}] (line {first.line}) are the same sub-index"
         findings.add("S003", text, line=section.line, index=index, subindex=subindex)
-
-
-def _other(
-    name: str,
-    section: Section,
-    beside: dict[tuple[int, str], Section],
-    info: dict[str, Mapping[str, str]],
-    findings: Findings,
-) -> None:
-    found = _BESIDE.fullmatch(name)
-    if found is not None:
-        beside[int(found[1], 16), found[2]] = section
-    info[name] = section.entries
-    if found is None and _KNOWN.fullmatch(name) is None:
-        findings.add("S012", f"section [{section.name[:60]}] is not of DS 306", line=section.line)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from axisbus.eds.findings import Findings
@@ -23,12 +23,65 @@ _BOMS = (
 _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
 
 
-class Section(NamedTuple):
-    """One ``[section]``: its name as written, its line (from 1), and its entries by lower-case key, values trimmed."""
+def entry_of(raw: str) -> tuple[str, str]:
+    """Return lower-case key and trimmed value of a line; the key is empty where it is no entry (comment, header, blank)."""
+    key, equals, value = raw.partition("=")
+    key = key.strip().lower()
+    if not equals or key[:1] in (";", "["):
+        key = ""
+    return key, value.strip()
 
-    name: str
-    line: int
-    entries: Mapping[str, str]
+
+class _Entries(dict[str, tuple[str, str]]):
+    """Lines to (key, value), each different line worked out once."""
+
+    def __missing__(self, raw: str) -> tuple[str, str]:
+        self[raw] = entry = entry_of(raw)
+        return entry
+
+
+class Section:
+    """One ``[section]``: its ``name`` as written, its ``line`` (from 1), and ``end``, the number of the line after its last.
+
+    Its entries are taken from the lines when first asked for, which is all the state that it has.
+    """
+
+    __slots__ = ("_entries", "_known", "_lines", "_places", "end", "line", "name")
+
+    def __init__(self, name: str, line: int, end: int, lines: Sequence[str], known: _Entries) -> None:
+        self.name = name
+        self.line = line
+        self.end = end
+        self._lines = lines
+        self._known = known
+        self._entries: dict[str, str] | None = None
+        self._places: dict[str, int] | None = None
+
+    @property
+    def entries(self) -> Mapping[str, str]:
+        """Values (trimmed) by lower-case key, in the file's order; of two equal keys the first counts."""
+        if self._entries is None:
+            entries: dict[str, str] = {}
+            for raw in self._lines[self.line : self.end - 1]:
+                key, value = self._known[raw]
+                if key:
+                    entries.setdefault(key, value)
+            self._entries = entries
+        return self._entries
+
+    @property
+    def places(self) -> Mapping[str, int]:
+        """Line numbers (from 1) by lower-case key; of two equal keys that of the first."""
+        if self._places is None:
+            places: dict[str, int] = {}
+            for number in range(self.line + 1, self.end):
+                places.setdefault(self._known[self._lines[number - 1]][0], number)
+            places.pop("", None)
+            self._places = places
+        return self._places
+
+    def __repr__(self) -> str:
+        return f"<[{self.name}], line {self.line}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +89,7 @@ class Document:
     """A file's text: ``newline`` joins ``lines`` to the whole again, ``bom`` and ``encoding`` make bytes of it.
 
     Where the line ending is CR LF, the lines keep their CR. ``sections`` is by lower-case name in the file's order; of two with
-    one name it holds the first.
+    one name it holds the first, and ``repeated`` the others.
     """
 
     lines: Sequence[str]
@@ -44,32 +97,16 @@ class Document:
     encoding: str
     bom: bytes
     sections: Mapping[str, Section]
-    _places: dict[int, dict[str, int]] = field(
-        default_factory=dict, compare=False, repr=False
-    )  # filled when asked for
+    repeated: Sequence[Section] = ()
 
     def place(self, section: Section, key: str) -> tuple[int, int]:
         """Return line and column (from 1) of the value of ``key``; those of the section where it has no such key."""
-        places = self._places.get(section.line)
-        if places is None:
-            places = self._places[section.line] = self._lines_of(section)
-        number = places.get(key)
+        number = section.places.get(key)
         if number is None:
             return section.line, 1
         raw = self.lines[number - 1]
         value = raw.partition("=")[2]
         return number, len(raw) - len(value.lstrip()) + 1
-
-    def _lines_of(self, section: Section) -> dict[str, int]:
-        found: dict[str, int] = {}
-        for number in range(section.line + 1, len(self.lines) + 1):
-            key, equals, _ = self.lines[number - 1].partition("=")
-            key = key.strip().lower()
-            if key.startswith("["):
-                break
-            if equals:
-                found.setdefault(key, number)
-        return found
 
 
 class Text(NamedTuple):
@@ -80,14 +117,25 @@ class Text(NamedTuple):
     bom: bytes = b""
 
 
-def parse(content: Text, findings: Findings) -> Document:
-    """Take a text apart into lines and sections; never raises, and what is odd goes to ``findings``."""
+def parse(content: Text) -> Document:
+    """Take a text apart into lines and sections; never raises, and leaves to ``report`` what is odd."""
     text, encoding, bom = content
     newline = "\n" if "\n" in text else "\r"
-    lines = text.split(newline)
-    document = Document(lines, newline, encoding, bom, _sections(lines, findings))
-    _report_encoding(document, findings)
-    return document
+    return document(text.split(newline), newline, encoding, bom)
+
+
+def document(lines: Sequence[str], newline: str, encoding: str, bom: bytes) -> Document:
+    """Return the document of these lines."""
+    starts = [at for at, raw in enumerate(lines, 1) if "[" in raw and raw.lstrip()[:1] == "["]
+    known = _Entries()
+    sections: dict[str, Section] = {}
+    repeated = []
+    for line, end in zip(starts, [*starts[1:], len(lines) + 1], strict=False):
+        name = lines[line - 1].lstrip()[1:].partition("]")[0].strip()
+        section = Section(name, line, end, lines, known)
+        if sections.setdefault(name.lower(), section) is not section:
+            repeated.append(section)
+    return Document(lines, newline, encoding, bom, sections, repeated)
 
 
 def decode(data: bytes) -> Text:
@@ -122,67 +170,53 @@ def _utf16_without_bom(data: bytes) -> str:
     return "utf-16-le" if start[1:2] == b"\0" else "utf-16-be"
 
 
-class _Entries(dict[str, tuple[str, str]]):
-    """Lines to (key, value), each different line worked out once; no key where a line is no entry (comment, header, blank)."""
-
-    def __missing__(self, raw: str) -> tuple[str, str]:
-        key, equals, value = raw.partition("=")
-        key = key.strip().lower()
-        if not equals or key[:1] in (";", "["):
-            key = ""
-        self[raw] = entry = (key, value.strip())
-        return entry
-
-
-def _sections(lines: Sequence[str], findings: Findings) -> dict[str, Section]:
-    """Sort the lines into sections; the loop runs once per line of the file and is kept bare for that."""
-    sections: dict[str, Section] = {}
-    entries: dict[str, str] = {}
-    known = _Entries()
-    for number, raw in enumerate(lines, 1):
-        key, value = known[raw]
-        if not key:
-            line = raw.strip()
-            if line[:1] == "[":
-                entries = _open(sections, raw, line, number, findings)
-            elif line and line[0] != ";":
-                findings.add("S006", f"{_short(line)} is no key=value", line=number)
-        elif key in entries:
-            findings.add("S004", f"key {_short(key)} is there twice in its section", line=number)
-        else:
-            entries[key] = value
-    _report_preface(lines, findings)
-    return sections
+def report(document: Document, findings: Findings) -> None:
+    """Name what is odd about a document's text."""
+    every = [*document.sections.values(), *document.repeated]
+    _report_preface(document, findings)
+    for section in every:
+        _report_header(document.lines[section.line - 1], section, findings)
+        _report_body(document.lines, section, findings)
+    for section in document.repeated:
+        first = document.sections[section.name.lower()].line
+        text = f"section [{_short(section.name)}] is there twice, first in line {first}"
+        findings.add("S003", text, line=section.line)
+    _report_encoding(document, findings)
 
 
-def _report_preface(lines: Sequence[str], findings: Findings) -> None:
-    for number, raw in enumerate(lines, 1):
+def _report_preface(document: Document, findings: Findings) -> None:
+    start = next(iter(document.sections.values())).line if document.sections else len(document.lines) + 1
+    for number, raw in enumerate(document.lines[: start - 1], 1):
         line = raw.strip()
-        if line[:1] == "[":
-            break
         if line and line[0] != ";":
             findings.add("S005", f"{_short(line)} stands before the first section", line=number)
 
 
-def _open(
-    sections: dict[str, Section], raw: str, line: str, number: int, findings: Findings
-) -> dict[str, str]:
-    """Begin a section and return its (still empty) entries; those of a second one of the same name go nowhere."""
+def _report_header(raw: str, section: Section, findings: Findings) -> None:
+    line = raw.strip()
     if raw[0] != "[":
-        findings.add("S009", f"{_short(line)} is indented", line=number, column=raw.index("[") + 1)
-    name, bracket, rest = line[1:].partition("]")
-    name = name.strip()
+        findings.add("S009", f"{_short(line)} is indented", line=section.line, column=raw.index("[") + 1)
+    _, bracket, rest = line.partition("]")
     if not bracket:
-        findings.add("S010", f"{_short(line)} has no closing bracket", line=number)
+        findings.add("S010", f"{_short(line)} has no closing bracket", line=section.line)
     elif rest.strip():
-        findings.add("S011", f"text after [{_short(name)}]", line=number, column=raw.index("]") + 2)
-    entries: dict[str, str] = {}
-    first = sections.setdefault(name.lower(), Section(name, number, entries))
-    if first.entries is not entries:
-        findings.add(
-            "S003", f"section [{_short(name)}] is there twice, first in line {first.line}", line=number
-        )
-    return entries
+        column = raw.index("]") + 2
+        findings.add("S011", f"text after [{_short(section.name)}]", line=section.line, column=column)
+
+
+def _report_body(lines: Sequence[str], section: Section, findings: Findings) -> None:
+    known, seen = section._known, set()
+    for number in range(section.line + 1, section.end):
+        raw = lines[number - 1]
+        key = known[raw][0]
+        if not key:
+            line = raw.strip()
+            if line and line[0] != ";":
+                findings.add("S006", f"{_short(line)} is no key=value", line=number)
+        elif key in seen:
+            findings.add("S004", f"key {_short(key)} is there twice in its section", line=number)
+        else:
+            seen.add(key)
 
 
 def _report_encoding(document: Document, findings: Findings) -> None:

@@ -1,47 +1,21 @@
 """Stopping a cell's drives beside whoever else is on the bus: no boot, no reset, only a stop that lasts.
 
-Theory of operation
--------------------
-Another master may be alive and go on sending *enable operation* by PDO in every cycle, which ends a quick stop at once (transition
-16). So each drive gets its quick stop by SDO; if it is enabled again, its node is sent to pre-operational, where PDOs no longer
-reach it, and gets the quick stop once more. Only when all its axes stand or are off is the node stopped (NMT), which a live master
-has to take as a fault.
+Only when all axes of a node stand or are off is the node stopped (NMT), which a live master has to take as a fault.
 """
 
 from __future__ import annotations
 
-import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
 
 from axisbus.bus import nmt
 from axisbus.bus.node import Node
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia402 import objects as o
-from axisbus.cia402.controlword import Command
-from axisbus.cia402.state import ENERGISED, State, decode
-from axisbus.errors import BusError, SdoTimeout
-from axisbus.machine.access import read_int
-from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.parameters import standstill_speed
+from axisbus.errors import BusError
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.node_stop import NodeStop
+from axisbus.machine.parting import Stopped, in_parallel
 from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.scales import units_of
 from axisbus.machine.wire import open_channel
-from axisbus.machine.writes import own_index
-
-_STANDS_FOR = 0.1
-_LONGEST = 5.0
-_POLL = 0.02
-
-
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """How one axis was left: ``ok`` when it stands or is off, ``text`` in words."""
-
-    axis: str
-    ok: bool
-    text: str
 
 
 def stop_beside(cell: CellConfig) -> list[Stopped]:
@@ -54,84 +28,20 @@ def stop_beside(cell: CellConfig) -> list[Stopped]:
     with ExitStack() as stack:
         channel, _ = open_channel(cell, dictionaries, stack)
         nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
-        with ThreadPoolExecutor(max_workers=max(1, len(nodes)), thread_name_prefix="axisbus stop") as pool:
-            results = list(pool.map(lambda node: _NodeStop(cell, node).run(), nodes))
+        results = in_parallel(lambda node: _stop(cell, node), nodes)
     return [result for node in results for result in node]
 
 
-class _NodeStop:
-    """One node on its way to a stop; holds whether its PDOs were cut off."""
-
-    def __init__(self, cell: CellConfig, node: Node) -> None:
-        self._node = node
-        self._axes = list(cell.axes_of(node.node_id))
-        self._cut_off = False
-
-    def run(self) -> list[Stopped]:
-        try:
-            results = [self._stop(axis) for axis in self._axes]
-            if all(result.ok for result in results):
-                nmt.send(self._node.channel, NmtCommand.STOP, self._node.node_id)
-        except BusError as error:
-            return [Stopped(axis.name, False, str(error)) for axis in self._axes]
+def _stop(cell: CellConfig, node: Node) -> list[Stopped]:
+    axes = list(cell.axes_of(node.node_id))
+    results = NodeStop(node, axes).run()
+    if not all(result.ok for result in results):
         return results
-
-    def _stop(self, axis: AxisConfig) -> Stopped:
-        state = self._state(axis)
-        if state not in ENERGISED and state is not State.UNKNOWN:
-            return Stopped(axis.name, True, f"was not energised ({state.value})")
-        self._quick_stop(axis)
-        return self._await(axis)
-
-    def _await(self, axis: AxisConfig) -> Stopped:
-        deadline = time.monotonic() + _LONGEST
-        stands = _Standstill(axis)
-        while time.monotonic() < deadline:
-            state = self._state(axis)
-            if state is State.OPERATION_ENABLED:
-                self._enabled_again(axis)
-            if state not in ENERGISED and state is not State.UNKNOWN:
-                return Stopped(axis.name, True, f"stopped, power is off ({state.value})")
-            position = read_int(self._node.sdo, own_index(o.POSITION_ACTUAL, axis.drive_axis))
-            if state is State.QUICK_STOP_ACTIVE and stands.note(position, time.monotonic()):
-                return Stopped(axis.name, True, "stands, held in quick stop")
-            time.sleep(_POLL)
-        return Stopped(
-            axis.name,
-            False,
-            f"NOT CONFIRMED as stopped after {_LONGEST:g} s (state {self._state(axis).value}): use the emergency stop",
-        )
-
-    def _enabled_again(self, axis: AxisConfig) -> None:
-        """Not yet obeyed, or another master enables it in every cycle: keep its PDOs away, and repeat."""
-        if not self._cut_off:
-            nmt.send(self._node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, self._node.node_id)
-            self._cut_off = True
-        self._quick_stop(axis)
-
-    def _quick_stop(self, axis: AxisConfig) -> None:
-        index = own_index(o.CONTROLWORD, axis.drive_axis)
-        self._node.sdo.download_urgent(index, 0, Command.QUICK_STOP.word.to_bytes(2, "little"))
-
-    def _state(self, axis: AxisConfig) -> State:
-        try:
-            word = read_int(self._node.sdo, own_index(o.STATUSWORD, axis.drive_axis))
-        except SdoTimeout:
-            return State.UNKNOWN
-        return State.UNKNOWN if word is None else decode(word)
-
-
-class _Standstill:
-    """Whether positions stay together for a while; holds the first of them."""
-
-    def __init__(self, axis: AxisConfig) -> None:
-        speed = standstill_speed(axis, units_of(axis)) or 0.0
-        self._tolerance = max(2.0, speed * _STANDS_FOR)
-        self._anchor: tuple[int, float] | None = None
-
-    def note(self, position: int | None, now: float) -> bool:
-        if position is None:
-            return False
-        if self._anchor is None or abs(position - self._anchor[0]) > self._tolerance:
-            self._anchor = position, now
-        return now - self._anchor[1] >= _STANDS_FOR
+    try:
+        nmt.send(node.channel, NmtCommand.STOP, node.node_id)
+    except BusError as error:
+        return [
+            Stopped(axis.name, False, f"stands, but its node could not be stopped: {error.message}")
+            for axis in axes
+        ]
+    return results

@@ -18,13 +18,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.port import Capabilities, Source
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.drives import registry
 from axisbus.drives.make import Make
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, BootError
 from axisbus.machine import identity as ids
@@ -71,6 +71,7 @@ class Booted:
     report: NodeReport
     parameters: dict[str, AxisParameters]
     watch: Watch | None = None
+    found_enabled: bool = False
 
 
 class NodeBoot:
@@ -103,7 +104,7 @@ class NodeBoot:
             self._step("start", self._start)
         except AxisbusError as error:
             self._report.error = error
-        return Booted(self._report, parameters, self._watch)
+        return Booted(self._report, parameters, self._watch, self.found_enabled)
 
     @property
     def found_enabled(self) -> bool:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from axisbus.bus.dictionary import Dictionary
-from axisbus.cia301 import cob
+from axisbus.cia301 import abort, cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
+from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import BootError, SdoAbort, SdoError
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.cell import BusConfig, CellConfig
@@ -46,8 +46,12 @@ def _write_one(objects: Objects, write: Write, file: str) -> None:
     try:
         objects.write(write.index, write.subindex, write.value)
         got = _read_back(objects, write)
+    except SdoAbort as error:
+        hint = error.remedy or abort.explain(error.code).hint
+        raise _failed(objects, write, file, "the drive refuses it", error.observed, hint) from error
     except SdoError as error:
-        raise _failed(objects, write, file, error.message, error.observed, error.remedy) from error
+        remedy = "" if isinstance(error, SdoAbort) else error.remedy
+        raise _failed(objects, write, file, error.message, error.observed, remedy) from error
     if got is not None and got != write.value and not _close(got, write.value):
         raise _failed(
             objects,
@@ -83,7 +87,7 @@ def _failed(objects: Objects, write: Write, file: str, what: str, observed: str,
         index=write.index,
         subindex=write.subindex,
         observed=observed,
-        remedy=remedy or "check the value, or leave the line out",
+        remedy=remedy or "give a value that the drive takes (its manual lists them), or leave the line out",
     )
 
 

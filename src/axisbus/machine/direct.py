@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Collection, Mapping
+from contextlib import nullcontext, suppress
 from functools import partial
 
+from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.eds.model import Eds
-from axisbus.errors import NodeTimeout
+from axisbus.errors import NodeTimeout, SdoError
 from axisbus.machine.access import DeviceObjects
 from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.node import NodeAccess
+from axisbus.machine.parting import Parting, Stopped
 from axisbus.machine.runtime import Runtime
 from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
@@ -79,9 +81,17 @@ def build_direct(
         comms = DirectComms(devices[node_id], ports)
         booted[node_id] = NodeBoot(cell, node_id, eds, objects, comms).run()
         nodes[node_id] = NodeAccess(node_id, eds, objects)
-    release = [partial(_restore, node) for node in booted.values()]
     stand_ins = {node_id: StandIn(device, nullcontext()) for node_id, device in devices.items()}
-    return Runtime(cycle, dict[str, Port](ports), booted, nodes, [*release, cycle.close], stand_ins)
+    return Runtime(
+        cycle,
+        dict[str, Port](ports),
+        booted,
+        nodes,
+        _rescue,
+        partial(_let_all_go, devices, booted),
+        [cycle.close],
+        stand_ins,
+    )
 
 
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
@@ -98,6 +108,17 @@ def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
     )
 
 
-def _restore(node: Booted) -> None:
-    if node.watch is not None:
-        node.watch.restore()
+def _rescue(names: Collection[str]) -> list[Stopped]:
+    """Without the scan no virtual time passes, so nothing more can be done or seen here."""
+    return [Stopped(name, False, "NOT CONFIRMED as stopped: virtual time stands still") for name in names]
+
+
+def _let_all_go(
+    devices: Mapping[int, Device], booted: Mapping[int, Booted], how: Mapping[int, Parting]
+) -> None:
+    for node_id, node in booted.items():
+        if how[node_id] is not Parting.ARMED and node.watch is not None:
+            with suppress(SdoError):  # a node that is gone cannot be let go
+                node.watch.restore()
+        if how[node_id] is Parting.REST and node.report.ok:
+            devices[node_id].nmt_command(NmtCommand.ENTER_PRE_OPERATIONAL)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from axisbus.bus.dictionary import Dictionary, Entry
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Variable
 from axisbus.machine.cell import AxisConfig, NodeConfig
 from axisbus.machine.writes import FIRST_AXIS, Write, implied_writes, initial, known_writes, own_index

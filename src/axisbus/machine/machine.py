@@ -6,19 +6,21 @@ import atexit
 import gc
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 
 from axisbus.cia402.port import Waiter
-from axisbus.errors import AxisbusError, ScanError, StateError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.machine import config
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.check import check_cell
 from axisbus.machine.direct import build_direct
 from axisbus.machine.exit import ExitSignals
 from axisbus.machine.node import NodeAccess
+from axisbus.machine.parting import Stopped, partings, scan_failure
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
 from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
@@ -98,7 +100,7 @@ class Machine:
             require_all(runtime.booted)
             machine = cls(cell, runtime, realtime)
         except BaseException:
-            _release(runtime)
+            _leave(runtime)
             raise
         machine._begin()
         return machine
@@ -197,6 +199,8 @@ class Machine:
                 error.add_note(f"while stopping: {failure}")
             return
         if self._signals.pending is not None:
+            for failure in failures:
+                self._signals.pending.add_note(f"while stopping: {failure}")
             raise self._signals.pending
         _raise(failures)
 
@@ -215,6 +219,7 @@ class Machine:
         if not self._realtime:
             assert isinstance(self._waiter, PumpWaiter)
             self._waiter.pump()
+            self._waiter.wait(self._has_values, _FIRST_VALUES)
             self._signals.install()
             return
         assert isinstance(self._waiter, ThreadWaiter)
@@ -240,19 +245,24 @@ class Machine:
     def _close(self, reason: str) -> list[AxisbusError]:
         if self._closed:
             return []
+        self._signals.closing = True  # first: from here on a signal waits until all is done
         self._closed = True
-        self._signals.closing = True
+        rescued: list[Stopped] = []
         try:
             self._stop_axes(reason)
         finally:
             self._end_scan()
-            _release(self._runtime)
+            if self.scan.failure is not None:
+                touched = [name for name, core in self.scan.axes.items() if core.touched]
+                rescued = self._runtime.rescue(touched)
+            _leave(self._runtime, self.scan.axes, rescued)
             self._signals.restore()
-        return self._failures()
+        return self._failures(rescued)
 
     def _stop_axes(self, reason: str) -> None:
         times = [core.parameters.stop_times for core in self.scan.axes.values()]
         longest = max((t.halt + t.quick_stop + 2 * t.disable for t in times), default=0.0)
+        self.scan.refuse_commands()
         self.scan.request_stop(reason)
         self._waiter.wait(lambda: self.scan.has_stopped, longest + _CLOSE_MARGIN)
 
@@ -270,19 +280,10 @@ class Machine:
         gc.unfreeze()
         atexit.unregister(self._at_exit)
 
-    def _failures(self) -> list[AxisbusError]:
-        failures = self.scan.stop_failures()
-        failure = self.scan.failure
-        if failure is not None:
-            failures.insert(
-                0,
-                ScanError(
-                    "the scan of the bus had failed",
-                    observed=f"{type(failure).__name__}: {failure}",
-                    remedy="all drives were sent a quick stop; make sure that they stand",
-                ),
-            )
-        return failures
+    def _failures(self, rescued: list[Stopped]) -> list[AxisbusError]:
+        if self.scan.failure is not None:
+            return [scan_failure(self.scan.failure, rescued)]
+        return self.scan.stop_failures()
 
     def _at_exit(self) -> None:
         with suppress(AxisbusError):
@@ -304,7 +305,7 @@ def boot(path: str | Path) -> list[NodeReport]:
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:
-        _release(runtime)
+        _leave(runtime)
 
 
 def _checked(path: str | Path) -> CellConfig:
@@ -316,11 +317,15 @@ def _checked(path: str | Path) -> CellConfig:
     return cell
 
 
-def _release(runtime: Runtime) -> None:
-    """Let everything go, whatever fails on the way."""
-    for let_go in runtime.release:
+def _leave(
+    runtime: Runtime, cores: Mapping[str, AxisCore] | None = None, rescued: Iterable[Stopped] = ()
+) -> None:
+    """Leave the nodes as is right for each, and release everything, whatever fails on the way."""
+    how = partings(runtime.booted, cores or {}, rescued)
+    works: list[Callable[[], None]] = [partial(runtime.let_go, how), *runtime.release]
+    for work in works:
         with suppress(AxisbusError, OSError):
-            let_go()
+            work()
 
 
 def _raise(failures: list[AxisbusError]) -> None:

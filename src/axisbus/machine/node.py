@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.emcy import EmcyMonitor
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
 from axisbus.machine.access import Objects

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from axisbus.cia402.port import Cycle, Port
@@ -12,18 +12,25 @@ from axisbus.eds.model import Eds
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.node import NodeAccess
+from axisbus.machine.parting import Parting, Stopped
 from axisbus.machine.standin import StandIn
 from axisbus.motion.parameters import AxisParameters
 
 
 @dataclass(slots=True)
 class Runtime:
-    """A cell on its bus, booted but not yet scanned; ``release`` is called once, when everything stands."""
+    """A cell on its bus, booted but not yet scanned.
+
+    At the end, each called once: ``rescue`` stops the axes with these names where the scan has failed, ``let_go`` leaves the nodes,
+    ``release`` closes the rest.
+    """
 
     cycle: Cycle
     ports: dict[str, Port]
     booted: dict[int, Booted]
     nodes: dict[int, NodeAccess]
+    rescue: Callable[[Collection[str]], list[Stopped]]
+    let_go: Callable[[Mapping[int, Parting]], None]
     release: list[Callable[[], None]] = field(default_factory=list)
     stand_ins: dict[int, StandIn] = field(default_factory=dict)
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 
@@ -26,6 +25,8 @@ from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.configure import HEARTBEATS
 from axisbus.machine.node import NodeAccess
+from axisbus.machine.node_stop import NodeStop
+from axisbus.machine.parting import Parting, Stopped, in_parallel
 from axisbus.machine.runtime import Runtime
 from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
@@ -121,11 +122,13 @@ class CanComms:
         return self._node.nmt.state.text
 
     def _nobody(self) -> NodeTimeout:
+        channel = self._node.channel
+        health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
         return NodeTimeout(
             f"node {self._node.node_id} does not answer",
             node=self._node.node_id,
             observed=f"no answer to the SDO request for 1000h within {FIND_TIME:g} s, {self._node.nmt.describe(time.monotonic())}; "
-            f"channel {self._node.channel.name}: {self._node.channel.health()}",
+            f"{health}",
             remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
         )
 
@@ -158,13 +161,14 @@ def build_on_bus(
         access = {
             node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes
         }
-        let_go = partial(_let_all_go, nodes, booted)
         return Runtime(
             cycle,
             dict[str, Port](there),
             booted,
             access,
-            [let_go, cycle.close, stack.pop_all().close],
+            partial(_rescue, cell, nodes),
+            partial(_let_all_go, nodes, booted),
+            [cycle.close, stack.pop_all().close],
             stand_ins,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
@@ -201,8 +205,7 @@ def _boot_all(
             on_report(booted)
         return booted
 
-    with ThreadPoolExecutor(max_workers=max(1, len(nodes)), thread_name_prefix="axisbus boot") as pool:
-        return dict(zip(nodes, pool.map(boot, nodes), strict=True))
+    return dict(zip(nodes, in_parallel(boot, nodes), strict=True))
 
 
 def _access(node: Node, eds: Eds, comms: CanComms) -> NodeAccess:
@@ -218,18 +221,25 @@ def _access(node: Node, eds: Eds, comms: CanComms) -> NodeAccess:
     return access
 
 
-def _let_all_go(nodes: Mapping[int, Node], booted: Mapping[int, Booted]) -> None:
-    with ThreadPoolExecutor(max_workers=max(1, len(nodes)), thread_name_prefix="axisbus close") as pool:
-        for _ in pool.map(_let_go, nodes.values(), booted.values()):
-            pass
+def _rescue(cell: CellConfig, nodes: Mapping[int, Node], names: Collection[str]) -> list[Stopped]:
+    """Stop axes without the scan, by SDO; blocks as ``NodeStop.run``."""
+    axes = [[axis for axis in cell.axes_of(node_id) if axis.name in names] for node_id in nodes]
+    results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes.values(), axes)
+    return [result for node in results for result in node]
 
 
-def _let_go(node: Node, booted: Booted) -> None:
-    """After the axes stand: our heartbeat will end, so the drive must no longer wait for it; then pre-operational."""
+def _let_all_go(nodes: Mapping[int, Node], booted: Mapping[int, Booted], how: Mapping[int, Parting]) -> None:
+    in_parallel(lambda node_id: _let_go(nodes[node_id], booted[node_id], how[node_id]), booted)
+
+
+def _let_go(node: Node, booted: Booted, how: Parting) -> None:
+    """Our heartbeat will end now: leave the node so that this faults nobody, or stops whoever may still move."""
+    if how is Parting.ARMED:
+        return
     with suppress(BusError):  # a node that is gone cannot be let go
         if booted.watch is not None:
             booted.watch.restore()
-        if booted.report.ok:
+        if booted.report.ok and how is Parting.REST:
             node.command(NmtCommand.ENTER_PRE_OPERATIONAL, timeout=0.5)
 
 

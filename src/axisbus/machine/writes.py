@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from axisbus.bus.dictionary import Dictionary, Entry
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.errors import ArgumentError
 from axisbus.machine.cell import AxisConfig, NodeConfig, ObjectSetting
 from axisbus.machine.scales import DRIVE, units_of

@@ -7,10 +7,11 @@ from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, StateError, Stopped
+from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import accept_motion as motion
 from axisbus.motion import commands as c
 from axisbus.motion.core import AxisCore
+from axisbus.motion.diagnosis import first_observation
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.handle import Handle
 from axisbus.motion.ladder import Rung, Then
@@ -78,6 +79,8 @@ def _coast(core: AxisCore, handle: Handle) -> None:
         )
     core.powered = False
     core.begin(Coast(core.parameters), handle)
+    if core.state is not AxisState.ERRORSTOP:
+        core.state = AxisState.DISABLED
 
 
 def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
@@ -85,7 +88,8 @@ def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
     if core.ladder is not None:
         raise StateError(f"{handle.name}: the axis is still being stopped", remedy="wait until it stands")
     if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-        core.begin(Reset(core.parameters), handle)
+        fault = first_observation(core.error) if isinstance(core.error, DriveFault) else ""
+        core.begin(Reset(core.parameters, fault), handle)
         return
     if core.state is AxisState.ERRORSTOP and (not image.operational or image.state is State.UNKNOWN):
         raise StateError(
@@ -120,9 +124,12 @@ def _quick_stop(core: AxisCore, _: c.QuickStop, handle: Handle, __: Gate) -> Non
 
 
 def _stop_if_powered(core: AxisCore, handle: Handle, kind: StopKind, rung: Rung) -> None:
-    """Outside operation enabled there is nothing to stop, and that is success; an enable under way is taken back."""
+    """Where the motor is not driven there is nothing to stop, and that is success; an enable under way is taken back.
+
+    A drive of which nothing is known may be moving: it is stopped.
+    """
     reason = f"{handle.name} was asked for"
-    if core.image.state in ENERGISED or (core.image.state is State.UNKNOWN and core.touched):
+    if core.image.state in ENERGISED or core.image.state is State.UNKNOWN:
         core.stop_because(kind, Then.HOLD, rung, reason, handle)
         if kind is not StopKind.HALT and core.state is not AxisState.ERRORSTOP:
             core.state = AxisState.STOPPING
@@ -130,6 +137,7 @@ def _stop_if_powered(core: AxisCore, handle: Handle, kind: StopKind, rung: Rung)
     if isinstance(core.activity, Enable):
         core.end_command(Stopped(reason))
         core.order.goal = State.SWITCH_ON_DISABLED
+        core.state = AxisState.DISABLED
     core.finish(handle)
 
 

@@ -12,7 +12,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -111,7 +111,7 @@ class ModeSwitch:
     """Brings the drive into a mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
 
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
-    enabled), velocity and torque targets are 0.
+    enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one).
     """
 
     __slots__ = ("_deadline", "_mode", "_parameters", "_reference")
@@ -140,7 +140,10 @@ class ModeSwitch:
             return True  # a drive without 6061h has one mode, and is in it
         order.mode = self._mode
         preload(order, self._reference)
+        if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
+            order.target_torque = image.torque  # what holds the load now; 0 would let it fall
         if image.now > self._deadline:
+            order.mode = image.mode  # not to be taken later, when nobody expects it
             raise self._refused(image)
         return False
 
@@ -157,7 +160,7 @@ class ModeSwitch:
             f"{name}: the drive does not take mode {asked}",
             axis=name,
             observed=f"6060h was set to {int(self._mode)}, 6061h {shown} after {self._parameters.timing.mode:g} s; "
-            f"6502h {'says that the mode is supported' if claimed else 'does not list the mode'}",
+            f"by its objects or 6502h the drive {'has' if claimed else 'does not have'} this mode",
             remedy="use another mode, or check in the drive's manual when it takes this one (some only while enabled, "
             "some only with a licence or a wired encoder)",
         )

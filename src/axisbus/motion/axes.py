@@ -11,6 +11,7 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis import Axis
 from axisbus.motion.group import ForEach, GroupCommand, MoveLinear
 from axisbus.motion.handle import Handle
+from axisbus.motion.request import shown
 from axisbus.motion.scan import Scan
 
 
@@ -72,7 +73,7 @@ class Group:
             LimitError: an end lies beyond an axis's position limits.
             ArgumentError: a value is missing, not finite or not positive.
         """
-        name = f"move_linear({_list(positions)}, velocity={velocity:g})"
+        name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
         ends = self._ends(name, positions)
         self._positive(name, "velocity", velocity)
         if acceleration is None:
@@ -107,9 +108,10 @@ class Group:
                 f"{self.name}.{name}: {len(positions)} positions for {len(self._axes)} axes",
                 remedy=f"give one for each of {', '.join(self._axes)}, in this order",
             )
-        for axis, value in zip(self._axes.values(), positions, strict=True):
-            axis.absolute_increments(f"{self.name}.{name}", value)
-        return dict(zip(self._axes, positions, strict=True))
+        return {
+            axis.name: axis.absolute_position(name, value)
+            for axis, value in zip(self._axes.values(), positions, strict=True)
+        }
 
     def _smallest_acceleration(self, name: str) -> float:
         known = [axis.default_acceleration for axis in self._axes.values()]
@@ -124,8 +126,11 @@ class Group:
 
     def _positive(self, name: str, what: str, value: float) -> None:
         if not math.isfinite(value) or value <= 0:
-            raise LimitError(f"{self.name}.{name}: {what} {value!r} must be a finite number above 0")
+            raise LimitError(
+                f"{self.name}.{name}: {what} {value!r} must be a finite number above 0",
+                remedy=f"give the {what} of the path, a magnitude in the axes' unit",
+            )
 
 
 def _list(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
+    return ", ".join(shown(value) for value in values)

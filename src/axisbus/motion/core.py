@@ -7,7 +7,8 @@ In each cycle ``step`` does four things, in this order:
 1. ``Image`` decodes the inputs; what is too old is unknown.
 2. ``Supervision`` looks for what nobody asked for: node lost, fault, power stage dropped, statusword gone, limits in danger.
    Each ends in ``fail``: state ErrorStop, stop ladder, the command's handle ends with the reason.
-3. One of three is stepped: the stop ladder if there is one, else the running activity, else nothing (the last targets hold).
+3. The running activity is stepped, or the stop ladder if there is one (also when the activity has just failed); without either
+   the last targets hold.
 4. ``Order`` turns the wishes into ``Outputs``.
 
 Nothing is sent to a drive before a command asks for something (``Order.goal`` is None until then): a drive found enabled is left as
@@ -22,7 +23,7 @@ from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError, Interrupted, Replaced, Stopped
 from axisbus.motion.activity import Activity
-from axisbus.motion.diagnosis import FaultStory, History, enrich
+from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status, end_as
 from axisbus.motion.image import Image
@@ -34,7 +35,7 @@ from axisbus.motion.power import Enable
 from axisbus.motion.setpoint import SetPoint
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.motion.stopping import StopKind, Stopping, stop_error
+from axisbus.motion.stopping import REMEDIES, StopKind, Stopping, stop_error
 from axisbus.motion.supervision import Supervision
 
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
@@ -70,12 +71,18 @@ class AxisCore:
         self.halted = False
         self.set_point: SetPoint | None = None  # a handshake that an interrupted move has begun
         self._story: FaultStory | None = None
+        self._stopped_for_sure = False
         self.has_ended = False  # a handle has ended since the scan last looked
 
     @property
     def ladder(self) -> StopLadder | None:
         """The stop ladder that runs, if any."""
         return self.stopping.ladder
+
+    @property
+    def rests(self) -> bool:
+        """Whether the drive may be left alone: it never was commanded, is not driven, or is known to have been stopped."""
+        return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
 
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
@@ -91,10 +98,12 @@ class AxisCore:
         if self._story is not None:
             self._step_story(self._story, image, order)
         order.halt = self.halted
-        if self.ladder is not None:
-            self._step_ladder(self.ladder, image, order)
-        elif self.activity is not None:
+        if self.ladder is None and self.activity is not None:
             self._step_activity(self.activity, image, order)
+        elif self.ladder is None and self.set_point is not None:
+            self._finish_handshake(self.set_point, image, order)
+        if self.ladder is not None:  # in the same cycle: in a cyclic mode one without a target is a jolt
+            self._step_ladder(self.ladder, image, order)
         self.halted = order.halt
         if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
             self.last_target = order.target_position
@@ -149,6 +158,8 @@ class AxisCore:
 
     def _show_found(self, image: Image) -> None:
         """A drive that nobody has commanded yet: its axis is in the state that the drive shows."""
+        if image.state is State.UNKNOWN:
+            return
         if image.state not in ENERGISED:
             self.state = AxisState.DISABLED
         else:
@@ -156,6 +167,8 @@ class AxisCore:
 
     def _let_go(self, image: Image) -> None:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
+        if image.state is not State.OPERATION_ENABLED:
+            self.set_point = None  # what the drive had begun to take is void
         goal = self.order.goal
         if goal not in ENERGISED or image.state is goal or isinstance(self.activity, Enable):
             return
@@ -169,8 +182,8 @@ class AxisCore:
 
     def fail(self, error: AxisbusError, rung: Rung = Rung.HALT) -> None:
         """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on."""
-        enrich(error, self.image, self.history)
         self._trip(error)
+        enrich(error, self.image, self.history)
         self.end_command(error)
         if self.touched and self.image.state in _MAY_BE_ENERGISED:
             self._stop(StopKind.ERROR, Then.HOLD, rung, error.message)
@@ -180,17 +193,17 @@ class AxisCore:
             self.order.goal = State.SWITCH_ON_DISABLED
 
     def _trip(self, error: AxisbusError) -> None:
-        """Be in ErrorStop; what comes later is added to the first reason."""
+        """Be in ErrorStop; what comes later is added to the first reason, and its remedy goes first."""
         if self.error is None or self.state is not AxisState.ERRORSTOP:
             self.error = error
         elif error.message not in f"{self.error.message}{self.error.observed}":
-            self.error.observed += f"; then: {error.message} ({error.observed})"
-            self.error.remedy += f"; {error.remedy}"
+            self.error.observed += f"{THEN}{error.message} ({error.observed})"
+            self.error.remedy = join_remedies(error.remedy, self.error.remedy)
         self.state = AxisState.ERRORSTOP
         self.tripped = error
 
     def _fault(self, image: Image) -> None:
-        """The drive storys a fault: stop asking for anything, find out why, then tell."""
+        """The drive reports a fault: stop asking for anything, find out why, then tell."""
         story = FaultStory(self.parameters, image.now)
         if self.handle is not None and self.handle.busy:
             story.doing = f" during {self.handle.name}"
@@ -223,6 +236,7 @@ class AxisCore:
         if self.ladder is not None:
             self._end_stop(Replaced(f"{self.stopping.name} was replaced by {handle.name}"))
         self.touched = True
+        self._stopped_for_sure = False
         self.activity, self.handle = activity, handle
         handle.status = Status.ACTIVE
         if state is not None:
@@ -302,7 +316,13 @@ class AxisCore:
             self.end_command(error)
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message)
             return
-        self.fail(error)
+        resetting = self.activity is not None and self.activity.clears_error
+        cyclic = isinstance(self.activity, Follow) and not self.activity.at_rest
+        self.fail(error, Rung.QUICK_STOP if cyclic else Rung.HALT)  # a target that stays behind is no ramp
+        if resetting:
+            self.tripped = (
+                None  # the failure itself has been told; that it stays is no reason to stop others again
+            )
 
     # -- stopping ----------------------------------------------------------------------------------------------------
 
@@ -311,7 +331,7 @@ class AxisCore:
     ) -> None:
         """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
         follow = self.activity if isinstance(self.activity, Follow) else None
-        self.end_command(Stopped(reason))
+        self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
         self._stop(kind, then, rung, reason, handle, follow)
 
     def _stop(
@@ -343,10 +363,12 @@ class AxisCore:
 
     def _stopped(self, ladder: StopLadder, image: Image) -> None:
         self.powered = ladder.confirmed and image.state in ENERGISED
+        self._stopped_for_sure = ladder.confirmed
         self.last_target = image.reference
-        error = stop_error(ladder, image, self.parameters.name)
+        error = stop_error(ladder, self.parameters.name)
         if error is not None:
-            self._trip(enrich(error, image, self.history))
+            self._trip(error)
+            enrich(error, image, self.history)
         elif self.state is not AxisState.ERRORSTOP:
             self.state = self._state_after_stop(image)
         self._end_stop(error)

@@ -9,13 +9,14 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, DriveFault
+from axisbus.errors import AxisbusError, DriveFault, NodeError
 from axisbus.motion.activity import Transfers
 from axisbus.motion.handle import Handle
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 
+THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
 _RECENT = 5.0  # seconds that an EMCY counts as belonging to what happens now
 
 # What to check first, by class of the error code (first hex digit, then the exact ones that deserve their own).
@@ -39,6 +40,9 @@ _REMEDY_BY_CODE = {
 }
 
 
+_NO_OTHER = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN})
+
+
 class History:
     """The last states and emergency messages of one drive; bounded."""
 
@@ -58,6 +62,11 @@ class History:
     def path(self) -> str:
         """Return the last states in order, for a person."""
         return " > ".join(state.value for _, state in list(self.states)[-4:])
+
+    @property
+    def began_in_fault(self) -> bool:
+        """Whether the drive was in no other known state since this program looks at it."""
+        return all(state in _NO_OTHER for _, state in self.states)
 
     def recent_emcy(self, now: float) -> list[emcy.Emcy]:
         """Return the emergency messages (no resets) of the last seconds."""
@@ -105,13 +114,24 @@ class FaultStory:
         texts += self._parameters.explain_fault(code or 0, values)
         texts += [f"EMCY {emcy.describe(entry.code)}{_register(entry)}" for entry in recent[-2:]]
         texts.append(f"path: {history.path()}")
+        came = "was found in" if history.began_in_fault else "went into"
         return DriveFault(
-            f"{name}: the drive went into fault{self.doing}",
+            f"{name}: the drive {came} fault{self.doing}",
             axis=name,
             code=code,
             observed="; ".join(texts),
             remedy=f"{remedy(code)}; then reset it: axis.reset()",
         )
+
+
+def first_observation(error: AxisbusError) -> str:
+    """Return what was observed first, without what came of it."""
+    return error.observed.split(THEN)[0]
+
+
+def join_remedies(first: str, then: str) -> str:
+    """Return two remedies, a line each under the word "remedy"; what is said already is not said twice."""
+    return then if not first or first in then else f"{first}\n            {then}" if then else first
 
 
 def remedy(code: int | None) -> str:
@@ -137,8 +157,9 @@ def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
     if image.mode is not None:
         texts.append(f"mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})")
     texts += [f"EMCY {emcy.describe(entry.code)}" for entry in history.recent_emcy(image.now)[-2:]]
-    if not image.operational:
-        texts.append(f"NMT state {NmtState(image.nmt).text}")
+    if not image.operational and not isinstance(error, NodeError):
+        silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
+        texts.append("its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}")
     age = image.now - image.statusword_stamp
     if 0.5 < age < 1e6:
         texts.append(f"last statusword {age:.3g} s ago")

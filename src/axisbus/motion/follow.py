@@ -2,60 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from functools import partial
 
-from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import DriveError, LimitError, MotionTimeout
-from axisbus.motion.activity import Activity, ModeSwitch, Transfers, require_position
+from axisbus.errors import ArgumentError, LimitError, MotionTimeout
+from axisbus.motion.activity import Activity, ModeSwitch, require_position
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
+from axisbus.motion.interpolation import CyclicSetup
+from axisbus.motion.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.trajectory import Trajectory
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
 _ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
 _OVERSPEED = 1.02
-
-
-class PathClock:
-    """The time along a trajectory. It advances by exactly one period per executed cycle, and can be slowed to a stop.
-
-    Slowing time scales the velocity down and keeps the path: a group that is halted stays on its straight line.
-    """
-
-    __slots__ = ("_slope", "rate", "t")
-
-    def __init__(self) -> None:
-        self.t = 0.0
-        self.rate = 1.0
-        self._slope = 0.0
-
-    def advance(self, period: float) -> None:
-        """Go on by one cycle."""
-        if self._slope:
-            new = max(0.0, self.rate - self._slope * period)
-            self.t += 0.5 * (self.rate + new) * period
-            self.rate = new
-        else:
-            self.t += self.rate * period
-
-    def brake(self, seconds: float) -> None:
-        """Slow down to a stop within ``seconds`` (0: at once)."""
-        if seconds <= 0:
-            self.rate = 0.0
-        self._slope = max(self._slope, 1.0 / seconds if seconds > 0 else 1.0)
-
-    @property
-    def braking(self) -> bool:
-        """Whether it is slowing down or stopped."""
-        return self._slope > 0
-
-    @property
-    def stopped(self) -> bool:
-        """Whether time stands still."""
-        return self.rate == 0.0
 
 
 class Follow(Activity):
@@ -69,22 +34,21 @@ class Follow(Activity):
         parameters: AxisParameters,
         gate: Gate,
         clock: PathClock | None = None,
-        brake_time: Callable[[], float] | None = None,
+        brake: Callable[[], None] | None = None,
     ) -> None:
         """``trajectory`` None: the group sets it with ``begin`` while all wait at the gate, and advances its own ``clock``.
 
-        ``brake_time`` gives the seconds in which the path may be braked from full speed; None derives them from the axis's speed
-        and deceleration.
+        ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
         """
         self._trajectory = trajectory
         self._parameters = parameters
         self._gate = gate
-        self._brake_time = brake_time
+        self._brake = brake
         self._speed = 0.0
         self._own_clock = clock is None
         self.clock = clock or PathClock()
         self._mode = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_POSITION, parameters)
-        self._period = InterpolationPeriod(parameters)
+        self._setup = CyclicSetup(parameters)
         self._prepared = False
         self._running = False
         self._last: int | None = None
@@ -119,40 +83,46 @@ class Follow(Activity):
         self._trajectory = trajectory
 
     def begin_braking(self) -> bool:
-        """Begin to slow down along the path; False where no deceleration is known to do it with."""
-        if self.clock.braking or not self._running:
-            return True
-        seconds = self._brake_time() if self._brake_time is not None else self._braking_time()
-        if seconds is None:
+        """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
+        if self._trajectory is None or not self._running:
             return False
-        self.clock.brake(seconds)
-        return True
+        if self._brake is not None:
+            self._brake()
+            return True
+        deceleration = self._deceleration
+        if deceleration:
+            self.clock.brake(partial(self._way, self._trajectory), deceleration)
+        return self.clock.braking
 
     @property
     def at_rest(self) -> bool:
-        """Whether the commanded motion stands still (before the start, or after braking)."""
-        return not self._running or self.clock.stopped
+        """Whether the commanded motion stands still: before the start, after braking, at the end."""
+        ended = self._trajectory is not None and self.clock.t >= self._trajectory.duration
+        return not self._running or self.clock.stopped or ended
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
-        self._period.cancel(order)
+        self._setup.cancel(order)
 
-    def _braking_time(self) -> float | None:
+    @property
+    def _deceleration(self) -> float | None:
         defaults = self._parameters.defaults
-        deceleration = defaults.deceleration or defaults.acceleration or self._parameters.limits.acceleration
-        return None if not deceleration else self._speed / deceleration
+        return defaults.deceleration or defaults.acceleration or self._parameters.limits.acceleration
+
+    def _way(self, trajectory: Trajectory, t: float) -> float:
+        return self._position(trajectory, min(max(t, 0.0), trajectory.duration))
 
     def _prepare(self, image: Image, order: Order) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
         if not self._prepared:
-            self._prepared = self._period.step(image, order) and self._mode.step(image, order)
+            self._prepared = self._setup.step(image, order) and self._mode.step(image, order)
         return self._prepared and self._gate.pass_through(self)
 
     def _start(self, image: Image) -> None:
         assert self._trajectory is not None
         units = self._parameters.units.position
         reference = self.reference(image)
-        first = units.to_increments(self._trajectory.position(0.0)) + image.origin
+        first = units.to_increments(self._position(self._trajectory, 0.0)) + image.origin
         if abs(first - reference) > START_TOLERANCE:
             raise LimitError(
                 f"{self._parameters.name}: the trajectory does not begin where the axis stands",
@@ -167,7 +137,7 @@ class Follow(Activity):
         assert self._trajectory is not None
         assert self._last is not None
         units, limits = self._parameters.units, self._parameters.limits
-        value = self._trajectory.position(min(self.clock.t, self._trajectory.duration))
+        value = self._way(self._trajectory, self.clock.t)
         if limits.position is not None and not limits.position[0] <= value <= limits.position[1]:
             raise LimitError(
                 f"{self._parameters.name}: the trajectory leaves the position limits",
@@ -180,6 +150,21 @@ class Follow(Activity):
         self._check_speed()
         self._last = target
         return target
+
+    def _position(self, trajectory: Trajectory, t: float) -> float:
+        """Return the position at ``t``; a trajectory is the user's own code, and its mistake must not end the scan."""
+        try:
+            value = trajectory.position(t)
+            if math.isfinite(value):
+                return value
+            seen = f"it gave {value}"
+        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command with its name
+            seen = f"{type(error).__name__}: {error}"
+        raise ArgumentError(
+            f"{self._parameters.name}: the trajectory gives no position at {t:.3f} s",
+            observed=seen,
+            remedy="mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped",
+        )
 
     def _check_speed(self) -> None:
         limit = self._parameters.limits.velocity
@@ -219,55 +204,3 @@ class Follow(Activity):
             + name
             + "] sets the tolerance",
         )
-
-
-class InterpolationPeriod:
-    """Sets 60C2h to the scan period and reads it back, before a cyclic mode; nothing to do where the drive has no 60C2h."""
-
-    __slots__ = ("_parameters", "_read", "_wanted", "_write")
-
-    def __init__(self, parameters: AxisParameters) -> None:
-        self._parameters = parameters
-        self._wanted = interpolation_period(parameters.scan_period)
-        index = objects.INTERPOLATION_TIME_PERIOD
-        present = parameters.has(index)
-        value, exponent = self._wanted
-        self._write = Transfers([(index, 1, value), (index, 2, exponent)] if present else [], parameters)
-        self._read = Transfers([(index, 1, None), (index, 2, None)] if present else [], parameters)
-
-    def step(self, image: Image, order: Order) -> bool:
-        """Return True when the drive interpolates over our period."""
-        if not self._write.step(image, order) or not self._read.step(image, order):
-            return False
-        got = tuple(self._read.values.values())
-        if got and got[0] * 10.0 ** got[1] != self._wanted[0] * 10.0 ** self._wanted[1]:
-            name = self._parameters.name
-            raise DriveError(
-                f"{name}: the drive does not take the scan period as its interpolation time",
-                axis=name,
-                observed=f"60C2h was written as {self._wanted[0]} x 10^{self._wanted[1]} s and reads {got[0]} x 10^{got[1]} s",
-                remedy="choose a scan_period in cell.toml that the drive can interpolate over (its manual lists them)",
-            )
-        return True
-
-    def cancel(self, order: Order) -> None:
-        """Take back what is queued."""
-        self._write.cancel(order)
-        self._read.cancel(order)
-
-
-def interpolation_period(period: float) -> tuple[int, int]:
-    """Return value and power of ten for 60C2h (value 1 to 255, seconds = value x 10^index).
-
-    Raises:
-        LimitError: the period cannot be said in that form.
-    """
-    for exponent in range(0, -7, -1):
-        value = period * 10.0**-exponent
-        if value >= 1 and abs(value - round(value)) < 1e-9 * value and round(value) <= 255:
-            return round(value), exponent
-    raise LimitError(
-        f"a scan period of {period * 1000:g} ms cannot be written into 60C2h",
-        observed="60C2h holds 1 to 255 times a power of ten",
-        remedy='choose a period such as "2ms", "2.5ms" or "10ms"',
-    )

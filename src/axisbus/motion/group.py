@@ -6,16 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from axisbus.errors import AxisbusError, StateError, Stopped
+from axisbus.errors import AxisbusError, Interrupted, Replaced, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.accept import accept
 from axisbus.motion.accept_motion import begin_follow
 from axisbus.motion.core import AxisCore
-from axisbus.motion.follow import Follow, PathClock
-from axisbus.motion.gate import Gate
+from axisbus.motion.follow import Follow
+from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.handle import NOBODY, Handle, Status, end_as
 from axisbus.motion.path import plan_line
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,7 @@ class MoveLinear:
 
 
 GroupCommand = ForEach | MoveLinear
+_STOPS = {c.Halt, c.Stop, c.QuickStop, c.Disable}
 
 
 class GroupCore:
@@ -64,7 +67,7 @@ class GroupCore:
         A line goes on until its clock stands still, also when its command has ended: the axes brake along it.
         """
         if self._gate is not None:
-            self._gate.update()
+            self._gate.update(sum(child.busy for child in self._children.values()))
         if self._line is not None:
             self._step_line(self._line)
         self._gather()
@@ -81,19 +84,20 @@ class GroupCore:
             handle.finish(Status.ERROR, error)
 
     def _for_each(self, command: ForEach, handle: Handle) -> None:
-        gate = Gate(len(command.commands)) if command.together else Gate(0)
-        self._start(handle, gate, None)
+        gate = Gate() if command.together else OPEN
+        kinds = {type(axis_command) for axis_command in command.commands.values()}
+        self._start(handle, gate, None, Stopped if kinds <= _STOPS else Replaced)
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, self._child(name, handle), gate)
         self._gather()
 
     def _move_linear(self, command: MoveLinear, handle: Handle) -> None:
-        gate, line = Gate(len(command.ends)), _Line(command)
+        gate, line = Gate(), _Line(command)
         self._require_rest(command, handle)
-        self._start(handle, gate, line)
+        self._start(handle, gate, line, Replaced)
         for name in command.ends:
             core = self.axes[name]
-            follow = Follow(None, core.parameters, gate, line.clock, brake_time=line.brake_time)
+            follow = Follow(None, core.parameters, gate, line.clock, brake=line.brake)
             line.follows[name] = follow
             child = self._child(name, handle)
             try:
@@ -111,9 +115,10 @@ class GroupCore:
                     remedy="a straight line starts from Standstill on every axis: enable, or wait for or halt what moves",
                 )
 
-    def _start(self, handle: Handle, gate: Gate, line: _Line | None) -> None:
+    def _start(self, handle: Handle, gate: Gate, line: _Line | None, end: type[Interrupted]) -> None:
         if self._handle is not None:
-            self._finish(self._handle, Stopped(f"{self._handle.name} was replaced by {handle.name}"))
+            how = "stopped" if end is Stopped else "replaced"
+            self._finish(self._handle, end(f"{self._handle.name} was {how} by {handle.name}"))
         self._handle, self._gate, self._children = handle, gate, {}
         self._line = line or self._line
         handle.status = Status.ACTIVE
@@ -129,13 +134,6 @@ class GroupCore:
                 self._plan(line)
             return
         line.clock.advance(self._period)
-        if line.clock.stopped:
-            self._line = None
-            for name in line.follows:
-                core = self.axes[name]
-                if core.activity is line.follows[name]:
-                    core.end_command(Stopped(f"{self.name}: the straight line was braked to a stop"))
-                    core.state = AxisState.STANDSTILL
 
     def _plan(self, line: _Line) -> None:
         """All wait at the gate: plan from where each stands now."""
@@ -148,18 +146,15 @@ class GroupCore:
         }
         parameters = {name: core.parameters for name, core in cores.items()}
         command = line.command
-        shares, line.braking = plan_line(
-            starts, command.ends, parameters, command.velocity, command.acceleration
-        )
+        shares, line.way = plan_line(starts, command.ends, parameters, command.velocity, command.acceleration)
         for name, share in shares.items():
             line.follows[name].begin(share)
         line.planned = True
 
     def _gather(self) -> None:
-        """End the group's handle when every axis has ended; one that fails before the start takes the waiting ones with it."""
+        """End the group's handle when every axis has ended."""
         handle = self._handle
-        if self._gate is not None and not self._gate.is_open:
-            self._call_off()
+        self._call_off()
         if handle is None or any(child.busy for child in self._children.values()):
             return
         errors = [error for child in self._children.values() if (error := child.exception()) is not None]
@@ -169,10 +164,16 @@ class GroupCore:
         self._finish(handle, _worst(errors))
 
     def _call_off(self) -> None:
-        failed = next((child for child in self._children.values() if child.exception() is not None), None)
-        if failed is None:
+        """One axis that fails, or is taken away, before the start or on a line, takes the others with it."""
+        waiting = self._gate is not None and not self._gate.is_open
+        if not waiting and self._line is None:
             return
-        reason = f"{self.name}: not started, because {failed.error.message if failed.error else failed.name}"
+        ended = [child for child in self._children.values() if not child.busy]
+        errors = [error for child in ended if (error := child.exception()) is not None]
+        if not errors or len(ended) == len(self._children):
+            return
+        what = "not started" if waiting else "stopped on its line"
+        reason = f"{self.name}: {what}, because {errors[0].message}"
         for name, child in self._children.items():
             if child.busy:
                 accept(self.axes[name], c.PolicyStop(reason), Handle(f"{name}.stop", NOBODY))
@@ -183,17 +184,18 @@ class GroupCore:
 
 
 class _Line:
-    """A straight line under way: its axes' followers and their common clock."""
+    """A straight line under way: its axes' followers, the way from 0 to 1 that they share, and their common clock."""
 
     def __init__(self, command: MoveLinear) -> None:
         self.command = command
         self.clock = PathClock()
         self.follows: dict[str, Follow] = {}
         self.planned = False
-        self.braking = 0.0
+        self.way = Trapezoid(0.0, 0.0, 1.0, 1.0)
 
-    def brake_time(self) -> float:
-        return self.braking
+    def brake(self) -> None:
+        """Slow all down together."""
+        self.clock.brake(self.way.position, self.way.acceleration)
 
 
 def _worst(errors: list[AxisbusError]) -> AxisbusError | None:

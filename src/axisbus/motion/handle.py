@@ -6,8 +6,11 @@ import asyncio
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Iterable
+from contextlib import suppress
 from enum import Enum
+from functools import partial
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import AxisbusError, Interrupted, StateError
@@ -44,7 +47,7 @@ class Handle:
         self.error: AxisbusError | None = None
         self._waiter = waiter
         self._looked = False
-        self._callbacks: list[Callable[[], None]] = []
+        self._callbacks: deque[Callable[[], None]] = deque()
 
     def __repr__(self) -> str:
         return f"<Handle {self.name}: {self.status.value}>"
@@ -102,19 +105,28 @@ class Handle:
             return
         self.error = error
         self.status = status
-        callbacks, self._callbacks = self._callbacks, []
-        for callback in callbacks:
-            callback()
+        self._call_back()
 
     def add_done_callback(self, callback: Callable[[], None]) -> None:
-        """Call ``callback`` (in the scan's thread, so be quick) when the command has ended; at once if it has."""
+        """Call ``callback`` (in the scan's thread, so be quick) when the command has ended; at once if it has.
+
+        One that fails is logged with its traceback: it must not end the scan.
+        """
+        self._callbacks.append(callback)
         if self._ended():
-            callback()
-        else:
-            self._callbacks.append(callback)
-            if self._ended() and callback in self._callbacks:  # it ended in between
-                self._callbacks.remove(callback)
+            self._call_back()
+
+    def _call_back(self) -> None:
+        """Call every callback once; whoever takes one out calls it, and taking out is atomic."""
+        while True:
+            try:
+                callback = self._callbacks.popleft()
+            except IndexError:
+                return
+            try:
                 callback()
+            except Exception:
+                log.exception("a callback of %s failed", self.name)
 
     def _ended(self) -> bool:
         return self.status in _ENDED
@@ -144,7 +156,8 @@ async def _await(handle: Handle, waiter: Waiter) -> None:
             ended.set_result(None)
 
     def tell_loop() -> None:
-        loop.call_soon_threadsafe(tell)
+        with suppress(RuntimeError):  # the loop is gone: nobody awaits any more
+            loop.call_soon_threadsafe(tell)
 
     handle.add_done_callback(tell_loop)
     await ended
@@ -158,21 +171,29 @@ def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> l
         ExceptionGroup: all that failed, after all have ended. The first failure stops nobody by itself (the fault policy does).
     """
     flat = _flatten(handles)
-    deadline = None if timeout is None else time.monotonic() + timeout
-    failures: list[Exception] = []
-    for handle in flat:
-        left = None if deadline is None else max(0.0, deadline - time.monotonic())
-        try:
-            handle.wait(left)
-        except TimeoutError as error:
-            if handle.busy:
-                raise
-            failures.append(error)
-        except AxisbusError as error:
-            failures.append(error)
+    _wait_for_all(flat, timeout)
+    failures = [error for handle in flat if (error := handle.exception()) is not None]
     if failures:
         raise ExceptionGroup(f"{len(failures)} of {len(flat)} commands failed", failures)
     return flat
+
+
+def _wait_for_all(handles: list[Handle], timeout: float | None) -> None:
+    """Block until none is busy. One waiter waits for all of its handles together, so that virtual time counts once."""
+    deadline = None if timeout is None else time.monotonic() + timeout
+    waiters = {id(handle._waiter): handle._waiter for handle in handles}
+    for waiter in waiters.values():
+        own = [handle for handle in handles if handle._waiter is waiter]
+        left = timeout if deadline is None or len(waiters) == 1 else max(0.0, deadline - time.monotonic())
+        waiter.wait(partial(_none_busy, own), left)
+    busy = [handle.name for handle in handles if handle.busy]
+    if busy:
+        after = "" if timeout is None else f" after {timeout:g} s"
+        raise TimeoutError(f"{', '.join(busy)}: not ended{after}; they go on")
+
+
+def _none_busy(handles: list[Handle]) -> bool:
+    return not any(handle.busy for handle in handles)
 
 
 def _flatten(handles: tuple[Handle | Iterable[Handle], ...]) -> list[Handle]:

@@ -106,8 +106,8 @@ class HomingRun(Activity):
         return False
 
     def _settled(self, image: Image) -> bool:
-        """The bits speak of this run: they have been seen low, or (home in place) stand long after the edge."""
-        return self._seen_low or image.statusword_stamp > self._since + self._parameters.timing.settle
+        """The bits speak of this run: they have been seen low, or (home in place) stand some time after the edge."""
+        return self._seen_low or image.now > self._since + self._parameters.timing.settle
 
     def _error(self, image: Image, why: str) -> HomingError:
         name, method = self._parameters.name, self._job.method

@@ -7,7 +7,10 @@ further down, and asking again gives no more time. A drive that no longer drives
 *quick stop active*, *fault reaction active*) has stopped as far as a master can make it stop.
 
 Without a fresh statusword the ladder begins at *quick stop*: that word (0x0002) is safe in every state, whereas the word of *halt*
-contains *enable operation*. An axis that holds a load is never disabled before it stands: for it the ladder ends at *quick stop*.
+contains *enable operation*. It then goes by SDO too, and what it did is read back by SDO (``SdoPath``).
+
+An axis that holds a load is never disabled before it stands, and one whose load hangs on the motor alone not even then, unless that
+was asked for: for them the ladder ends at *quick stop*.
 """
 
 from __future__ import annotations
@@ -15,7 +18,6 @@ from __future__ import annotations
 from enum import Enum, IntEnum
 
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
@@ -25,6 +27,7 @@ from axisbus.motion.follow import Follow
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.sdo_path import SdoPath
 
 
 class Rung(IntEnum):
@@ -55,6 +58,8 @@ _HOLDING_MODES = (
     ModeOfOperation.PROFILE_VELOCITY,
 )
 _NMT_STOP_TIME = 0.1
+# The entry of [axes.NAME.stop] that gives each rung its time.
+_TIMES = {Rung.HALT: "halt_time", Rung.QUICK_STOP: "quick_stop_time", Rung.DISABLE_VOLTAGE: "disable_time"}
 
 
 class StopLadder:
@@ -75,11 +80,19 @@ class StopLadder:
         self._deadline: float | None = None
         self._since = 0.0  # when the present rung began
         self._disabling = False
-        self._urgent_sent: Rung | None = None
+        self._by_sdo = SdoPath(parameters)
         self.rung = start
         self.path: list[Rung] = [start]
+        self.seen = State.UNKNOWN  # by PDO, else by SDO
         self.confirmed = False
-        self.descended = False  # further down than was asked for
+        self.late: list[str] = []  # the times of cell.toml that have passed: further down than was asked for
+        self.blind = False  # the statusword was gone when a halt was asked for
+        self.spared = False  # the power was left on because of the load
+
+    @property
+    def descended(self) -> bool:
+        """Whether it came further down than was asked for."""
+        return bool(self.late) or self.blind
 
     @property
     def takes_power(self) -> bool:
@@ -98,10 +111,19 @@ class StopLadder:
         if self._deadline is None:
             self._since = image.now
             self._deadline = image.now + self._time(self.rung)
-        if image.state not in ENERGISED and image.state is not State.UNKNOWN:
+        ended = self._step(image, order)
+        if ended:
+            self._by_sdo.cancel(order)
+        return ended
+
+    def _step(self, image: Image, order: Order) -> bool:
+        self._by_sdo.look(image, order)
+        self.seen = self._by_sdo.state or image.state
+        if self.seen not in ENERGISED and self.seen is not State.UNKNOWN:
             return self._unpowered(image, order)
         if image.state is State.UNKNOWN and self.rung is Rung.HALT:
-            self._descend(Rung.QUICK_STOP, image)
+            self.blind = True
+            self._go(Rung.QUICK_STOP, image)
         if self._disabling:
             return self._take_down(image, order)
         return _STEPS[self.rung](self, image, order)
@@ -109,7 +131,7 @@ class StopLadder:
     def _unpowered(self, image: Image, order: Order) -> bool:
         self.confirmed = True
         order.goal = State.SWITCH_ON_DISABLED
-        if self._then is Then.HOLD or image.state in (State.SWITCH_ON_DISABLED, State.FAULT):
+        if self._then is Then.HOLD or self.seen in (State.SWITCH_ON_DISABLED, State.FAULT):
             return True
         return self._expired(image)
 
@@ -133,7 +155,7 @@ class StopLadder:
                 return stands
         if image.mode in _TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
             self._hold_load(image, order)
-            return image.standstill and image.mode not in _TORQUE_MODES
+            return False
         order.halt = True
         order.target_velocity = 0
         order.target_torque = 0
@@ -148,7 +170,7 @@ class StopLadder:
         except AxisbusError:  # a position that is gone, a limit in the way: the drive's own halt is left
             self._follow = None
             return None
-        return follow.at_rest and image.standstill
+        return follow.at_rest and self._standing(image)
 
     def _hold_load(self, image: Image, order: Order) -> None:
         """A torque of 0 would drop the load: a mode that holds takes over."""
@@ -167,64 +189,70 @@ class StopLadder:
 
     def _take_down(self, image: Image, order: Order) -> bool:
         order.goal = State.SWITCH_ON_DISABLED
+        if image.state is State.UNKNOWN:  # only a word that is safe in every state goes to it
+            self._go(Rung.DISABLE_VOLTAGE, image)
+            return False
         return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
 
     def _quick_stop(self, image: Image, order: Order) -> bool:
-        order.word = cw.Command.QUICK_STOP.word
+        order.word = _still_halted(cw.Command.QUICK_STOP, image, order)
         order.goal = State.QUICK_STOP_ACTIVE
         order.target_velocity = 0
-        order.target_torque = 0
-        self._by_sdo(image, order)
-        if image.state is State.QUICK_STOP_ACTIVE and self._standing(image):
+        if self._parameters.holds_load is HoldsLoad.NO:
+            order.target_torque = 0  # a drive that does not hear the word would let its load fall
+        self._by_sdo.send(order.word, image, order)
+        if self.seen is State.QUICK_STOP_ACTIVE and (self._standing(image) or self._by_sdo.stands):
             return self._stands(image, order)
-        if self._must_hold(image):
-            return self._expired(image)
-        return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
+        if not self._must_hold(image):
+            return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
+        if not self._expired(image):
+            return False
+        self.spared = True
+        self.confirmed = self._standing(image)
+        return True
 
     def _must_hold(self, image: Image) -> bool:
-        return self._parameters.holds_load is not HoldsLoad.NO and not image.standstill
+        """Whether cutting the power would let the load fall: what only the motor holds always, a brake while it moves."""
+        holds = self._parameters.holds_load
+        return holds is HoldsLoad.TORQUE or (holds is HoldsLoad.BRAKE and not image.standstill)
 
     def _disable_voltage(self, image: Image, order: Order) -> bool:
-        order.word = cw.Command.DISABLE_VOLTAGE.word
+        order.word = _still_halted(cw.Command.DISABLE_VOLTAGE, image, order)
         order.goal = State.SWITCH_ON_DISABLED
-        self._by_sdo(image, order)
+        self._by_sdo.send(order.word, image, order)
         return self._next_if_late(image, Rung.NMT_STOP)
 
     def _nmt_stop(self, image: Image, order: Order) -> bool:
-        order.word = cw.Command.DISABLE_VOLTAGE.word
+        order.word = _still_halted(cw.Command.DISABLE_VOLTAGE, image, order)
         order.nmt_stop = True
         return self._expired(image)
 
-    def _by_sdo(self, image: Image, order: Order) -> None:
-        """A node that is not operational takes no PDO: the word goes by SDO, once per rung."""
-        if not image.operational and self._urgent_sent is not self.rung and order.word is not None:
-            self._urgent_sent = self.rung
-            order.request(objects.CONTROLWORD, 0, order.word)
-
     def _standing(self, image: Image) -> bool:
-        """Whether the axis stands: by its position, else its velocity, else by bit 10 of a word that knows of this rung.
+        """Whether the axis stands: by its position, else its velocity, else by bit 10.
 
-        Before that, bit 10 speaks of the motion that is being stopped: a velocity that was reached, for one.
+        What was seen before this rung could act does not count: a motion may have been on its way to the drive, and bit 10 spoke of
+        the motion that is being stopped (a velocity that was reached, for one).
         """
+        timing = self._parameters.timing
+        if image.now < self._since + timing.standstill_window:
+            return False
         if image.position is not None:
             return image.standstill
         if image.velocity is not None:
             return image.velocity == 0
-        if image.statusword is None or image.statusword_stamp <= self._since + self._parameters.timing.settle:
+        if image.statusword is None or image.statusword_stamp <= self._since + timing.settle:
             return False
         return bool(image.statusword & sw.TARGET_REACHED)
 
     def _next_if_late(self, image: Image, rung: Rung) -> bool:
         if self._expired(image):
-            self._descend(rung, image)
+            key = "disable_time" if self._disabling else _TIMES[self.rung]
+            self.late += [] if key in self.late else [key]
+            self._go(rung, image)
         return False
 
     def _expired(self, image: Image) -> bool:
         return self._deadline is not None and image.now > self._deadline
-
-    def _descend(self, rung: Rung, image: Image) -> None:
-        self.descended = True
-        self._go(rung, image)
 
     def _go(self, rung: Rung, image: Image | None = None) -> None:
         self.rung = rung
@@ -242,6 +270,12 @@ class StopLadder:
             Rung.DISABLE_VOLTAGE: times.disable,
             Rung.NMT_STOP: _NMT_STOP_TIME,
         }[rung]
+
+
+def _still_halted(command: cw.Command, image: Image, order: Order) -> int:
+    """Return a stop's word, with the halt bit if it stood: a drive that stays enabled all the same would go on without it."""
+    stays = image.state is State.OPERATION_ENABLED and order.halt
+    return command.word | (cw.HALT if stays else 0)
 
 
 _STEPS = {

@@ -6,12 +6,12 @@ from axisbus.cia402 import objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.activity import Activity, ModeSwitch, Transfers
+from axisbus.motion.activity import Activity, ModeSwitch, Transfers, require_position
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import Profile, duration
+from axisbus.motion.profile import Profile, braking_distance, duration
 from axisbus.motion.setpoint import Phase, SetPoint
 
 _WINDOW_FLOOR = 20  # increments
@@ -74,13 +74,22 @@ class PositionMove(Activity):
         if self._start is None:
             self._begin(image)
         taken = self.set_point.step(image, order)
-        order.halt = order.halt and self.set_point.phase is Phase.CLEAR
+        order.halt = order.halt and self._stays_halted(image)
         if not taken:
             return False
         if self._arrived(image):
             return True
         self._watch.check(image)
         return False
+
+    def _stays_halted(self, image: Image) -> bool:
+        """A halted axis stays so until its drive has the new target: without the halt it would go on to the old one.
+
+        A drive that takes no set-point under halt is given half of the time without.
+        """
+        phase = self.set_point.phase
+        patience = 0.5 * self._parameters.timing.acknowledge
+        return phase is Phase.CLEAR or (phase is Phase.OFFER and image.now < self.set_point.since + patience)
 
     @property
     def in_flight(self) -> SetPoint | None:
@@ -94,6 +103,8 @@ class PositionMove(Activity):
         self._prepare.cancel(order)
 
     def _begin(self, image: Image) -> None:
+        if self._profile.timeout is None:
+            require_position(image, self._parameters.name, "the time that a move may take")
         self._start = image.position if image.position is not None else self.set_point.target
         distance = abs(self.set_point.target - self._start)
         if self._window is None:
@@ -125,17 +136,26 @@ class _ArrivalWatch:
 
     def begin(self, image: Image, distance: float) -> None:
         """Start the watch for a move of ``distance`` increments."""
-        allowed = self._allowed(distance)
+        allowed = self._allowed(distance, self._speed(image))
         self._deadline = None if allowed is None else image.now + allowed
         self._progress_at = image.now
 
-    def _allowed(self, distance: float) -> float | None:
+    def _allowed(self, distance: float, speed: float) -> float | None:
+        """Twice the time to brake from ``speed`` (perhaps away from the target) and to go all the way, and a margin."""
         profile = self._profile
         if profile.timeout is not None:
             return profile.timeout
         if not profile.speed or not profile.ramp:
             return None
-        return 2.0 * duration(distance, profile.speed, profile.ramp) + 2.0
+        way = distance + braking_distance(speed, profile.ramp)
+        return 2.0 * (speed / profile.ramp + duration(way, profile.speed, profile.ramp)) + 2.0
+
+    def _speed(self, image: Image) -> float:
+        """The present speed in position increments per second; 0 where it is not known."""
+        units = self._parameters.units
+        if image.velocity is None or not units.ratio_known:
+            return 0.0
+        return abs(units.velocity.to_units(image.velocity) * units.position.factor)
 
     def check(self, image: Image) -> None:
         """Raise MotionTimeout when the deadline has passed, or (without one) when 6064h no longer changes."""

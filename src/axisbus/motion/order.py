@@ -77,8 +77,10 @@ class Order:
         else:
             command = plan(state, self.goal)
             word = _HOLD[state] if command is None else command.word
-        if state is State.OPERATION_ENABLED and self.goal is State.OPERATION_ENABLED:
-            word |= self.bits | (cw.HALT if self.halt else 0)
+        if state is State.OPERATION_ENABLED:
+            # Also on the way down: until the drive has left the state, a halted motion would go on without it.
+            word |= cw.HALT if self.halt else 0
+            word |= self.bits if self.goal is state else 0
         return word
 
     def outputs(self, state: State) -> Outputs:

@@ -34,8 +34,8 @@ def plan_line(
     axes: Mapping[str, AxisParameters],
     velocity: float,
     acceleration: float,
-) -> tuple[dict[str, LineAxis], float]:
-    """Plan a straight line from rest to rest; return each axis's share, and the seconds in which it brakes from full speed.
+) -> tuple[dict[str, LineAxis], Trapezoid]:
+    """Plan a straight line from rest to rest; return each axis's share, and the way from 0 to 1 that they share.
 
     ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
     They are lowered where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line.
@@ -43,7 +43,7 @@ def plan_line(
     length = math.sqrt(sum((ends[name] - starts[name]) ** 2 for name in ends))
     if length == 0:
         still = Trapezoid(0.0, 0.0, 1.0, 1.0)
-        return {name: LineAxis(starts[name], ends[name], still) for name in ends}, 0.0
+        return {name: LineAxis(starts[name], ends[name], still) for name in ends}, still
     speed, ramp = velocity / length, acceleration / length  # of the way from 0 to 1
     for name, parameters in axes.items():
         distance = abs(ends[name] - starts[name])
@@ -53,6 +53,4 @@ def plan_line(
         if distance and limits.acceleration is not None:
             ramp = min(ramp, limits.acceleration / distance)
     way = Trapezoid(0.0, 1.0, speed, ramp)
-    return {name: LineAxis(starts[name], ends[name], way) for name in ends}, min(
-        speed, math.sqrt(ramp)
-    ) / ramp
+    return {name: LineAxis(starts[name], ends[name], way) for name in ends}, way

@@ -68,13 +68,10 @@ class StateWalk:
         """Start the step's time again: the walk waits for something else."""
         self._deadline = image.now + self._parameters.timing.transition
 
-    def _stuck(self, image: Image, order: Order, goal: State) -> TransitionError:
-        name = self._parameters.name
+    def _stuck(self, image: Image, order: Order, goal: State) -> DriveError:
         if image.statusword is None:
-            word, found = "no fresh statusword", []
-        else:
-            word = f"statusword 0x{image.statusword:04X}"
-            found = statusword.hints(image.statusword)
+            return _blind(self._parameters, goal)
+        name, word = self._parameters.name, image.statusword
         sent = order.controlword(image.state)
         command = (
             "nothing was sent" if sent is None else f"controlword 0x{sent:04X} ({cw.words(sent)}) was sent"
@@ -82,12 +79,21 @@ class StateWalk:
         return TransitionError(
             f"{name}: the drive does not go on from {image.state.value!r} to {goal.value!r}",
             axis=name,
-            observed=f"{command}, {word} for {self._parameters.timing.transition:g} s; "
+            observed=f"{command}, statusword 0x{word:04X} for {self._parameters.timing.transition:g} s; "
             f"path: {' > '.join(state.value for state in self.path[-8:])}",
-            remedy="; ".join(found)
+            remedy="; ".join(statusword.hints(word))
             or "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
             "(raise transition_time)",
         )
+
+
+def _blind(parameters: AxisParameters, goal: State) -> StaleError:
+    return StaleError(
+        f"{parameters.name}: cannot be led to {goal.value!r}: its statusword (6041h) is unknown",
+        axis=parameters.name,
+        observed=f"no fresh statusword for {parameters.timing.transition:g} s, so nothing was sent",
+        remedy=f"check the cable, and that node {parameters.node} is operational and sends its TPDO (axisbus monitor)",
+    )
 
 
 class _EnableStep(Enum):
@@ -109,18 +115,22 @@ class Enable(Activity):
         self._parameters = parameters
         self._others = list(candidates)
         self._mode = self._others.pop(0) if candidates else None
+        self._tried = list(candidates[:1])
         self._walk = StateWalk(parameters)
         self._gate = gate
         self._mode_deadline: float | None = None
         self._confirm_deadline: float | None = None
         self._stand_deadline: float | None = None
         self._enabled = False
+        self._found_enabled: bool | None = None
         self._step = _EnableStep.MODE
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive is enabled, in the resting mode."""
         self._refuse(image)
         self._preload(image, order)
+        if self._found_enabled is None:
+            self._found_enabled = image.state is State.OPERATION_ENABLED
         if self._step is _EnableStep.MODE and self._mode_settled(image):
             self._step = _EnableStep.SWITCH_ON
         if self._step is _EnableStep.MODE:
@@ -133,7 +143,23 @@ class Enable(Activity):
             self._check_kept(image)
             return False
         self._enabled = True
-        return self._confirmed(image)
+        return self._confirmed(image) and self._braked(image, order)
+
+    def _braked(self, image: Image, order: Order) -> bool:
+        """Whether a drive that was found moving has come to rest: its halt brakes it on its own ramp, whatever moved it."""
+        if not self._found_enabled or image.standstill or image.position is None:
+            return True
+        order.halt = True
+        if self._stand_deadline is None:
+            self._stand_deadline = image.now + self._parameters.stop_times.halt
+        if image.now > self._stand_deadline:
+            raise DriveError(
+                f"{self._parameters.name}: was found moving, and does not halt",
+                axis=self._parameters.name,
+                observed=f"no standstill {self._parameters.stop_times.halt:g} s after the halt bit was set",
+                remedy="look for another master that commands it; the axis was stopped by the harder rungs of its ladder",
+            )
+        return False
 
     def _refuse(self, image: Image) -> None:
         if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
@@ -170,6 +196,7 @@ class Enable(Activity):
         if not self._others:
             raise self._mode_refused(image)
         self._mode, self._mode_deadline = self._others.pop(0), None
+        self._tried.append(self._mode)
         return False
 
     @property
@@ -227,15 +254,19 @@ class Enable(Activity):
         return False
 
     def _mode_refused(self, image: Image) -> ModeError:
-        assert self._mode is not None
+        name = self._parameters.name
+        tried = ", ".join(f"{int(mode)} ({modes.short(mode)})" for mode in self._tried)
         shown = (
-            "unknown" if image.mode is None else f"{image.mode} ({modes.short(ModeOfOperation(image.mode))})"
+            "is unknown"
+            if image.mode is None
+            else f"stays at {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
         )
         return ModeError(
-            f"{self._parameters.name}: cannot be enabled in a mode that stands still",
-            axis=self._parameters.name,
-            observed=f"6060h was set to {int(self._mode)} ({modes.short(self._mode)}), 6061h shows {shown}",
-            remedy="check in the drive's manual when it takes the mode; name others with modes = [...] in [axes.NAME]",
+            f"{name}: cannot be enabled in a mode that stands still: the drive takes none",
+            axis=name,
+            observed=f"6060h was set to {tried}; 6061h {shown}",
+            remedy="check in the drive's manual when it takes a mode (a commissioning tool may hold it); "
+            f"modes = [...] in [axes.{name}] names the modes to try",
         )
 
 
@@ -261,8 +292,10 @@ class Reset(Activity):
 
     clears_error = True
 
-    def __init__(self, parameters: AxisParameters) -> None:
+    def __init__(self, parameters: AxisParameters, fault: str = "") -> None:
+        """``fault``: what is known of the fault, to be told again where it does not go away."""
         self._parameters = parameters
+        self._fault = fault
         self._low_since: float | None = None
         self._edge_sent = False
         self._deadline: float | None = None
@@ -308,8 +341,9 @@ class Reset(Activity):
         return TransitionError(
             f"{name}: the fault does not go away",
             axis=name,
-            observed=f"{_word(image)} after a rising edge of controlword bit 7",
-            remedy="its cause is still there: see the fault's own text; some faults need the supply switched off and on",
+            observed=f"{_word(image)} after a rising edge of controlword bit 7"
+            + (f"; the fault: {self._fault}" if self._fault else ""),
+            remedy="its cause is still there: remove it, then reset again; some faults need the supply switched off and on",
         )
 
 

@@ -6,7 +6,8 @@ One cycle (``once``) is: wait for the grid, take the commands, then for each axi
 
 - **One writer.** Only the scan touches cores and ports. Other threads put commands into a queue (``submit``) and read snapshots.
 - **Absolute grid.** Cycle k belongs to t0 + k * period. A late cycle is done late, the missed ones are skipped and counted, never
-  caught up in a burst. Motion advances one period per executed cycle, so a late axis is late and does not jump.
+  caught up in a burst: between two cycles there is always half a period or more. Motion advances one period per executed cycle,
+  so a late axis is late and does not jump.
 - **It dies loudly.** Whatever ends the loop ends every handle with a reason, after a quick stop of all drives.
 
 In virtual time the same ``once`` is pumped by whoever waits (``PumpWaiter``); in real time ``run`` does it in a thread.
@@ -19,7 +20,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
-from axisbus.errors import AxisbusError, ScanError
+from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.motion.accept import accept
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.core import AxisCore
@@ -86,6 +87,7 @@ class Scan:
         self._stops_begun = 0
         self._stopping: list[Handle] = []
         self._quitting = False
+        self._refusing = False
         self._lock = threading.Lock()
 
     # -- for other threads -------------------------------------------------------------------------------------------
@@ -93,10 +95,10 @@ class Scan:
     def submit(self, name: str, command: Command | GroupCommand, handle: Handle) -> None:
         """Queue a command for the axis or group ``name``; it is taken in the next cycle. Does not block."""
         with self._lock:
-            if not self.ended:
+            if not self.ended and not self._refusing:
                 self._queue.append((name, command, handle))
                 return
-        handle.finish(Status.ERROR, self._end_error(handle.name))
+        handle.finish(Status.ERROR, self._refusal(handle.name))
 
     def add_group(self, name: str, members: Sequence[str]) -> None:
         """Make a group of axes that cell.toml does not name; the fault policy does not know it."""
@@ -107,6 +109,14 @@ class Scan:
         """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
+
+    def refuse_commands(self) -> None:
+        """Take no more commands, also none that wait: from here on there is only the way out. Does not block."""
+        with self._lock:
+            self._refusing = True
+            queued, self._queue = list(self._queue), deque()
+        for _, _, handle in queued:
+            handle.finish(Status.ERROR, self._refusal(handle.name))
 
     @property
     def has_stopped(self) -> bool:
@@ -124,7 +134,7 @@ class Scan:
     def run(self) -> None:
         """Cycle until ``quit``; for a thread of its own. Whatever goes wrong ends in ``self.failure``."""
         try:
-            while not self._quitting:
+            while not self._quitting and not self.ended:
                 self.once()
         except BaseException as error:  # noqa: BLE001  # a dead scan must stop the drives, whatever killed it
             self.failure = error
@@ -142,6 +152,8 @@ class Scan:
             port.write(core.step(port.read(now)))
             self.snapshots[name] = core.snapshot()
         cycle.commit()
+        if self.ended:  # the supervisor has taken over while a frame was stuck: nothing may follow it
+            return
         cycle.sync()
         cycle.heartbeat()
         self._apply_policy()
@@ -150,7 +162,7 @@ class Scan:
             observer(now, self.snapshots)
 
     def end(self) -> None:
-        """End every handle; quick-stop all drives first if the scan failed."""
+        """End every handle; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
         if self.failure is not None:
             self.cycle.quick_stop_all()
         with self._lock:
@@ -169,9 +181,14 @@ class Scan:
         """Return why axes could not be stopped as asked; empty when all went well."""
         return [error for handle in self._stopping if (error := handle.exception()) is not None]
 
+    def _refusal(self, what: str) -> AxisbusError:
+        if self.ended:
+            return self._end_error(what)
+        return StateError(f"{what}: the machine is being closed", remedy="open it again")
+
     def _end_error(self, what: str) -> AxisbusError:
         if self.failure is None:
-            return ScanError(f"{what} was ended: the machine was closed")
+            return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
         return ScanError(
             f"{what} was ended: the scan of the bus has failed",
             observed=f"{type(self.failure).__name__}: {self.failure}",
@@ -179,18 +196,19 @@ class Scan:
         )
 
     def _wait(self, cycle: Cycle) -> float:
-        """Wait for the next point of the grid; skip and count the ones that have passed."""
+        """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
+
+        Two cycles close together would be a burst: two SYNCs within a fraction of the time that the drives interpolate over.
+        """
         if self._next is None:
             self._next = cycle.now()
         cycle.wait_until(self._next)
         now = cycle.now()
         late = now - self._next
         self.lateness.note(late)
-        if late >= self.period:
-            missed = int(late / self.period)
-            self.lateness.skipped += missed
-            self._next += missed * self.period
-        self._next += self.period
+        missed = int(late / self.period + 0.5)
+        self.lateness.skipped += missed
+        self._next += (1 + missed) * self.period
         return now
 
     def _take_commands(self) -> None:

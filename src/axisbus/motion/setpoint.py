@@ -39,12 +39,13 @@ class Phase(Enum):
 class SetPoint:
     """One set-point on its way into the drive; holds the phase and the deadline of the wait for bit 12."""
 
-    __slots__ = ("_deadline", "_name", "_released", "_timeout", "phase", "target")
+    __slots__ = ("_deadline", "_name", "_released", "_timeout", "phase", "since", "target")
 
     def __init__(self, target: int, name: str, timeout: float) -> None:
         """``target`` in unwrapped increments; ``timeout`` in seconds for each wait for bit 12."""
         self.target = target
         self.phase = Phase.CLEAR
+        self.since = 0.0  # when the phase began
         self._name = name
         self._timeout = timeout
         self._released = 0.0
@@ -87,16 +88,20 @@ class SetPoint:
 
     def _enter(self, phase: Phase, image: Image) -> None:
         self.phase = phase
+        self.since = image.now
         self._deadline = image.now + self._timeout
 
     def _stuck(self, image: Image) -> SetPointError:
         bit = int(self.phase is Phase.OFFER)
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return SetPointError(
-            f"{self._name}: the drive does not take the set-point",
+            f"{self._name}: the drive does not {'take the set-point' if bit else 'end the set-point handshake'}",
             axis=self._name,
             observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
             f"acknowledge) stayed {1 - bit}; {word}",
             remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
-            "(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time",
+            "(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time"
+            if bit
+            else "see in the drive's manual when it takes bit 12 back (its buffer of set-points may be full); a slow drive needs a "
+            "longer acknowledge_time",
         )

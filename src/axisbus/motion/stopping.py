@@ -8,7 +8,6 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError
 from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status
-from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.parameters import AxisParameters
 
@@ -25,6 +24,12 @@ class StopKind(IntEnum):
     QUICK_STOP = 4
     ERROR = 5
     SHUTDOWN = 6
+
+
+# What to do about a command that a stop has ended; nothing where the stop was asked for on this axis.
+REMEDIES = {
+    StopKind.POLICY: "mend the axis that failed first (its error says how); this one stands enabled and takes commands again",
+}
 
 
 class Stopping:
@@ -84,12 +89,11 @@ class Stopping:
         return handles
 
 
-def stop_error(ladder: StopLadder, image: Image, name: str) -> AxisbusError | None:
+def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
     """Return what is to be told of a ladder that has come to its end, None when the axis stopped as it was asked to."""
     if ladder.confirmed and not ladder.descended:
         return None
-    path = "stop ladder: " + " > ".join(rung.text for rung in ladder.path)
-    seen = f"{path}; state {image.state.value!r}"
+    seen = _seen(ladder)
     if not ladder.confirmed:
         return DriveError(
             f"{name}: could not be confirmed as stopped",
@@ -97,17 +101,28 @@ def stop_error(ladder: StopLadder, image: Image, name: str) -> AxisbusError | No
             observed=f"{seen}, standstill not seen",
             remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive",
         )
-    if ladder.takes_power and image.state in _MAYBE_ENERGISED:
+    if ladder.takes_power and ladder.seen in _MAYBE_ENERGISED:
         return DriveError(
             f"{name}: stands, but could not be switched off",
             axis=name,
             observed=seen,
             remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then look why the drive does not obey",
         )
+    if not ladder.late:
+        return None  # only the statusword was missing, and what had to happen has happened
     return DriveError(
         f"{name}: stopped only by a harder stop than was asked for",
         axis=name,
-        observed=path,
-        remedy=f"raise the time of the rung that was too short in [axes.{name}.stop], or look why the drive does not brake in "
-        "time",
+        observed=seen,
+        remedy=f"look why the drive does not do it in time, or raise {' and '.join(ladder.late)} in [axes.{name}.stop]",
     )
+
+
+def _seen(ladder: StopLadder) -> str:
+    texts = ["stop ladder: " + " > ".join(rung.text for rung in ladder.path)]
+    if ladder.late:
+        texts.append(f"passed: {', '.join(ladder.late)}")
+    if ladder.spared:
+        texts.append("its power was left on because it holds a load")
+    texts.append(f"state {ladder.seen.value!r}")
+    return "; ".join(texts)

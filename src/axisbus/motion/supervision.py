@@ -16,6 +16,9 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
 
 _POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
+_SILENT = frozenset(
+    {NmtState.OPERATIONAL, NmtState.UNKNOWN}
+)  # what was heard last of a node that is lost without a word
 _LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
 # After one of these a node may have lost its position: it has restarted, or somebody is about to configure it.
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
@@ -39,16 +42,23 @@ class Supervision:
         self._longest_gap = max(
             oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
         )
+        self._excused_until = -math.inf
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
         """Return that the node is lost, once, until ``lost`` is set back."""
+        if image.gap > self._longest_gap:
+            self._excused_until = image.now + 2 * self._longest_gap
         if image.operational:
             self._met_operational = True
-        elif self._met_operational and not self.lost:
+        elif self._met_operational and not self.lost and not self._excused(image):
             self.lost = True
             return Finding(self._lost_error(image), Rung.QUICK_STOP)
         return None
+
+    def _excused(self, image: Image) -> bool:
+        """Whether a missing heartbeat may be our own fault: this program did not run, and has only just begun to listen again."""
+        return image.nmt in _SILENT and image.now < self._excused_until
 
     @staticmethod
     def has_restarted(image: Image) -> bool:
@@ -87,7 +97,7 @@ class Supervision:
     def _unknown(self, image: Image) -> Finding | None:
         if image.state is not State.UNKNOWN:
             return None
-        return Finding(stale_statusword(self._parameters.name, image), Rung.QUICK_STOP)
+        return Finding(silence(self._parameters, image), Rung.QUICK_STOP)
 
     def _dropped(self, image: Image, state: AxisState) -> Finding | None:
         held = image.state is State.QUICK_STOP_ACTIVE and state is AxisState.STOPPING
@@ -111,28 +121,45 @@ class Supervision:
 
     def _lost_error(self, image: Image) -> NodeError:
         name, node = self._parameters.name, self._parameters.node
-        silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
-        seen = (
-            "its heartbeat stopped"
-            if silent
-            else f"its NMT state is {NmtState(image.nmt).text}, not operational"
-        )
+        state = NmtState(image.nmt).text
+        if image.nmt in _SILENT:
+            return NodeError(
+                f"{name}: node {node} is lost: its heartbeat stopped",
+                node=node,
+                observed=f"its last NMT state was {state}",
+                remedy=_remedy_for_silence(node),
+            )
         return NodeError(
-            f"{name}: node {node} is lost",
+            f"{name}: node {node} is lost: its NMT state is {state}, not operational",
             node=node,
-            observed=seen + (" (0: it has restarted)" if image.nmt == 0 else ""),
-            remedy="check its supply and cable; a drive that restarted has lost its configuration and position: close the machine "
-            "and open it again (another master or tool may also have stopped it)",
+            observed="it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself",
+            remedy="look for another master or tool that commands it, and at its supply: one that restarted has lost its "
+            "configuration and position; close the machine and open it again",
         )
 
 
-def stale_statusword(name: str, image: Image) -> StaleError:
+def silence(parameters: AxisParameters, image: Image) -> AxisbusError:
     """Return the error of an axis whose statusword is no longer received."""
+    name, node = parameters.name, parameters.node
     age = image.now - image.statusword_stamp
     seen = "it was never received" if age > 1e6 else f"the last one is {age:.3g} s old"
+    if image.position is None and image.velocity is None:
+        return NodeError(
+            f"{name}: node {node} is lost: it sends no process data any more",
+            node=node,
+            observed=f"no value of the axis is fresh; statusword (6041h): {seen}",
+            remedy=_remedy_for_silence(node),
+        )
     return StaleError(
-        f"{name}: the statusword (6041h) is unknown",
+        f"{name}: the statusword (6041h) of node {node} is unknown",
         axis=name,
         observed=seen,
         remedy="check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped",
+    )
+
+
+def _remedy_for_silence(node: int) -> str:
+    return (
+        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); close "
+        "the machine and open it again"
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.cia402 import objects
 from axisbus.cia402.objects import names
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Severity
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.drive import Drive

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.mapping import axis_objects
 from axisbus.bus.plan import Change, Policy, make_plan
 from axisbus.cia301.pdo import Pdo
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import LimitError
 from axisbus.machine.cell import BusConfig, NodeConfig

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.bus.dictionary import PROFILE_AREA, Dictionary, Entry
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects
+from axisbus.eds.dictionary import PROFILE_AREA, Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 from axisbus.machine.cell import ObjectSetting

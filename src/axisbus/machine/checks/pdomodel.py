@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.bus.mapping import DevicePdos
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Number
 from axisbus.errors import ArgumentError
 from axisbus.machine.cell import NodeConfig, PdoConfig

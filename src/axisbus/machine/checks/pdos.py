@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.bus.dictionary import Dictionary
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, is_synchronous
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 from axisbus.machine.cell import NodeConfig, PdoConfig

@@ -93,7 +93,7 @@ class Dictionary:
         known = list(_standard_names())
         if self.eds is not None:
             known += [sub.name.lower() for entry in self.eds for sub in entry.subs.values()]
-        near = difflib.get_close_matches(key.strip().lower(), known, n=3)
+        near = difflib.get_close_matches(key.strip().lower(), dict.fromkeys(known), n=3)
         where = (
             f"in {self.eds.source} or in CiA 301 and 402" if self.eds is not None else "in CiA 301 and 402"
         )

@@ -1,0 +1,162 @@
+"""An EDS from the device itself: the one that it stores (1021h), else a skeleton of what it answers to."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Callable, Iterator
+
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as c301
+from axisbus.cia301.datatypes import DataType, Value, decode
+from axisbus.cia402 import objects as c402
+from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
+from axisbus.errors import EdsError, SdoAbort
+
+STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
+_PLAIN, _ZIPPED = 0, 1
+_GONE = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
+_PDO_RANGES = ((0x1400, 16), (0x1600, 16), (0x1800, 16), (0x1A00, 16))
+_KINDS = {"VAR": ObjectType.VAR, "ARRAY": ObjectType.ARRAY, "RECORD": ObjectType.RECORD}
+_KNOWN_ACCESS = ("const", "ro", "wo", "rw")
+_BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED32, 8: DataType.UNSIGNED64}
+_LARGEST_RECORD = 64
+
+
+def stored_eds(sdo: SdoClient) -> bytes | None:
+    """Return the EDS that the device keeps in 1021h, None where it has none; blocks for a long transfer.
+
+    Raises:
+        EdsError: it is stored in a format that is not known (1022h).
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    try:
+        data = sdo.upload(STORED_EDS)
+    except SdoAbort:
+        return None
+    kind = _format(sdo)
+    if kind == _PLAIN:
+        return data
+    if kind == _ZIPPED:
+        return zlib.decompress(data)
+    raise EdsError(
+        f"node {sdo.node_id} stores its EDS in a format of its own",
+        observed=f"1022h (store format) is {kind}; 0 is plain text",
+        remedy="take the EDS from the maker, or make a skeleton with --skeleton",
+    )
+
+
+def _format(sdo: SdoClient) -> int:
+    try:
+        return int.from_bytes(sdo.upload(STORE_FORMAT), "little")
+    except SdoAbort:
+        return _PLAIN
+
+
+def skeleton(sdo: SdoClient, progress: Callable[[int, int], None] | None = None) -> Eds:
+    """Ask the device for every object of CiA 301 and CiA 402 and describe those that it has; blocks, writes nothing.
+
+    Names and types are the standard's; where the device sends another size, the type is an unsigned one of that size. Access is the
+    standard's too, because reading cannot show it. The maker's own objects are not found. ``progress(done, all)``.
+
+    Raises:
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    heads = _candidates()
+    objects: dict[int, Object] = {}
+    for number, (index, row) in enumerate(heads.items(), start=1):
+        found = _object(sdo, index, row)
+        if found is not None:
+            objects[index] = found
+        if progress is not None:
+            progress(number, len(heads))
+    info = {
+        "fileinfo": {
+            "description": f"skeleton read from node {sdo.node_id}, types and access by the standard"
+        }
+    }
+    return Eds(f"node {sdo.node_id}", objects, info)
+
+
+def _candidates() -> dict[int, dict[str, str]]:
+    """Return the standard's row of every index worth asking for."""
+    heads: dict[int, dict[str, str]] = {}
+    for row in (*c301.table(), *c402.table()):
+        found = re.fullmatch(r"0x([0-9A-F]{4})(?:-([0-9A-F]{4}))?", row["index"], re.I)
+        if found is None:
+            continue
+        first = int(found[1], 16)
+        count = 1 if found[2] is None else next((n for start, n in _PDO_RANGES if start == first), 0)
+        for index in range(first, first + count):
+            heads.setdefault(index, row)
+    return heads
+
+
+def _object(sdo: SdoClient, index: int, row: dict[str, str]) -> Object | None:
+    first = _upload(sdo, index, 0)
+    if first is None:
+        return None
+    kind = _KINDS.get(row["object_type"].split()[0], ObjectType.VAR)
+    if kind is ObjectType.VAR:
+        return Object(index, row["name"], kind, {0: _variable(sdo, index, 0, row["name"], first)})
+    subs = {
+        0: Variable(
+            index, 0, "Highest sub-index supported", DataType.UNSIGNED8, "const", Number(_count(first))
+        )
+    }
+    subs.update(_subs(sdo, index, row["name"], _count(first)))
+    return Object(index, row["name"], kind, subs)
+
+
+def _subs(sdo: SdoClient, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
+    for subindex in range(1, count + 1):
+        data = _upload(sdo, index, subindex)
+        if data is not None:
+            yield subindex, _variable(sdo, index, subindex, f"{name} {subindex}", data)
+
+
+def _upload(sdo: SdoClient, index: int, subindex: int) -> bytes | None:
+    """Return an entry's bytes, empty where it is there but cannot be read, None where it is not there."""
+    try:
+        return sdo.upload(index, subindex)
+    except SdoAbort as refusal:
+        return None if refusal.code in _GONE else b""
+
+
+def _count(data: bytes) -> int:
+    return min(data[0] if data else 0, _LARGEST_RECORD)
+
+
+def _variable(sdo: SdoClient, index: int, subindex: int, name: str, data: bytes) -> Variable:
+    entry = sdo.dictionary.entry(index, subindex)
+    known = entry.data_type
+    bits = known.bits if known is not None else None
+    if known is None or (bits is not None and data and (bits + 7) // 8 != len(data)):
+        known = _BY_SIZE.get(len(data), DataType.OCTET_STRING)
+    access, mappable = _attributes(index, subindex)
+    fixed = access in ("const", "ro") and index < 0x2000
+    return Variable(
+        index, subindex, name, known, access, _default(data, known) if fixed else None, pdo_mapping=mappable
+    )
+
+
+def _default(data: bytes, data_type: DataType) -> Number | float | str | bytes | None:
+    value: Value = decode(data, data_type)
+    return Number(value) if isinstance(value, int) else value if data else None
+
+
+def _attributes(index: int, subindex: int) -> tuple[str, bool]:
+    """Return access and PDO mapping of the standard; the object's own row where it has none for the sub-index."""
+    wanted = {f"0x{subindex:02X}", f"{subindex:02X}"}
+    best = ("rw", False)
+    for row in (*c301.table(), *c402.table()):
+        low, _, high = row["index"].removeprefix("0x").partition("-")
+        if not int(low, 16) <= index <= int(high or low, 16):
+            continue
+        access = row["access"].split("/")[0]
+        if access in _KNOWN_ACCESS:
+            best = access, row["pdo_mappable"] not in ("no", "")
+        if row["subindex"] in wanted:
+            break
+    return best

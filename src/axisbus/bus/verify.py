@@ -1,0 +1,148 @@
+"""Holding an EDS against the live device: every object by reading it, nothing by writing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.bus.sdo import SdoClient
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
+from axisbus.eds.model import Eds, Severity, Variable
+from axisbus.errors import SdoAbort
+
+_REFUSES_SCAN = 2  # ObjFlags bit 1: not to be read on a scan (DS 306 4.6.3.2)
+_MISSING = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
+_PDO_AREAS = (range(0x1400, 0x1C00),)
+_IDENTITY = (
+    (o.DEVICE_TYPE, 0),
+    (o.IDENTITY, o.VENDOR_ID),
+    (o.IDENTITY, o.PRODUCT_CODE),
+    (o.IDENTITY, o.REVISION_NUMBER),
+)
+_NO_FIXED_VALUE = frozenset({o.ERROR_REGISTER, o.PREDEFINED_ERROR_FIELD})
+
+
+class Kind(Enum):
+    """What was compared."""
+
+    IDENTITY = "identity"
+    EXISTENCE = "existence"
+    ACCESS = "access"
+    TYPE = "type"
+    PDO = "PDO"
+    DEFAULT = "default"
+    UNREAD = "not read"
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One entry of the EDS that the device does not bear out; a default that differs is only a note."""
+
+    kind: Kind
+    severity: Severity
+    index: int
+    subindex: int
+    name: str
+    line: int
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What holding an EDS against a device gave: how many entries were read and left out, and what differs."""
+
+    read: int
+    left_out: int
+    differences: tuple[Difference, ...]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether nothing is worse than a note."""
+        return all(each.severity is Severity.NOTE for each in self.differences)
+
+
+def verify(sdo: SdoClient, eds: Eds, progress: Callable[[int, int], None] | None = None) -> Verification:
+    """Read every entry of ``eds`` from the device and compare; blocks for one transfer per entry, writes nothing.
+
+    ``progress(done, all)`` is called after each. Entries whose ObjFlags refuse reading, and DOMAINs, are left out.
+
+    Raises:
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    entries = [variable for entry in eds for variable in entry.subs.values()]
+    wanted = [variable for variable in entries if _may_read(variable)]
+    found: list[Difference] = []
+    for number, variable in enumerate(wanted, start=1):
+        found += _compare(sdo, variable)
+        if progress is not None:
+            progress(number, len(wanted))
+    return Verification(len(wanted), len(entries) - len(wanted), tuple(found))
+
+
+def _may_read(variable: Variable) -> bool:
+    return not variable.object_flags & _REFUSES_SCAN and variable.data_type is not DataType.DOMAIN
+
+
+def _compare(sdo: SdoClient, variable: Variable) -> Iterator[Difference]:
+    try:
+        data = sdo.upload(variable.index, variable.subindex)
+    except SdoAbort as refusal:
+        yield from _refused(variable, refusal.code)
+        return
+    if not variable.readable:
+        yield _difference(Kind.ACCESS, Severity.WARNING, variable, "is wo in the EDS, and can be read")
+    size = size_in_bytes(variable.data_type)
+    if size is not None and len(data) != size:
+        text = f"is {variable.data_type.name} ({size} bytes) in the EDS, the device sends {len(data)} bytes"
+        yield _difference(Kind.TYPE, Severity.ERROR, variable, text)
+        return
+    yield from _value(sdo, variable, decode(data, variable.data_type))
+
+
+def _refused(variable: Variable, code: int) -> Iterator[Difference]:
+    if code in _MISSING:
+        yield _difference(Kind.EXISTENCE, Severity.ERROR, variable, "is not in the device")
+    elif code == abort.WRITE_ONLY:
+        if variable.readable:
+            text = f"is {variable.access} in the EDS, and cannot be read"
+            yield _difference(Kind.ACCESS, Severity.ERROR, variable, text)
+    else:
+        yield _difference(Kind.UNREAD, Severity.NOTE, variable, f"could not be read: {abort.describe(code)}")
+
+
+def _value(sdo: SdoClient, variable: Variable, value: Value) -> Iterator[Difference]:
+    expected = variable.initial(sdo.node_id)
+    if expected is None or expected == value or variable.index in _NO_FIXED_VALUE:
+        return
+    kind, severity = _weight(variable, expected)
+    yield _difference(kind, severity, variable, f"is {_shown(value)}, the EDS says {_shown(expected)}")
+
+
+def _weight(variable: Variable, expected: Value) -> tuple[Kind, Severity]:
+    """How bad another value is: identity and fixed PDO maps must agree, what may be written may differ."""
+    if (variable.index, variable.subindex) in _IDENTITY:
+        return Kind.IDENTITY, Severity.ERROR if expected else Severity.NOTE
+    if any(variable.index in area for area in _PDO_AREAS):
+        return Kind.PDO, Severity.NOTE if variable.writable else Severity.ERROR
+    if variable.access == "const":
+        return Kind.DEFAULT, Severity.WARNING
+    return Kind.DEFAULT, Severity.NOTE
+
+
+def _shown(value: Value) -> str:
+    return (
+        f"0x{value:X}"
+        if isinstance(value, int) and value >= 0x100
+        else repr(value)
+        if isinstance(value, str)
+        else str(value)
+    )
+
+
+def _difference(kind: Kind, severity: Severity, variable: Variable, message: str) -> Difference:
+    return Difference(
+        kind, severity, variable.index, variable.subindex, variable.name, variable.line, message
+    )

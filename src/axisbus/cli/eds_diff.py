@@ -1,0 +1,46 @@
+"""``axisbus eds diff``: two files compared by what they mean."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.common import MISUSE, OK, WRONG, say_error, say_json
+from axisbus.cli.eds_files import node_option, open_eds, say_lines
+from axisbus.eds import compare, compare_text
+from axisbus.eds.model import Eds
+from axisbus.errors import EdsError
+
+
+@click.command("diff")
+@click.argument("a")
+@click.argument("b")
+@node_option
+@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
+def command(a: str, b: str, node: int | None, as_json: bool) -> int:
+    """Compare two EDS or DCF files by what they mean: 0x0A equals 10, the order does not matter, $NODEID+x equals $NODEID+x.
+
+    Two firmware versions of one drive are the use: what matters for a master stands first. With --node (or when one is a DCF)
+    values are compared as they are for that node. [FileInfo] is not compared.
+
+    Exit codes: 0 the same, 1 different, 2 a file cannot be read.
+    """
+    try:
+        first, second = open_eds(a), open_eds(b)
+    except EdsError as error:
+        say_error(str(error))
+        return MISUSE  # 1 says that they differ
+    node_id = _common_node(first, second, node)
+    differences = compare.diff(first, second, node_id)
+    if as_json:
+        say_json(compare_text.plain(first, second, differences, node_id))
+    else:
+        say_lines(compare_text.lines(first, second, differences, node_id))
+    return WRONG if differences else OK
+
+
+def _common_node(a: Eds, b: Eds, node: int | None) -> int | None:
+    """Return the node ID to compare for: the one asked for, or the only one that the files are made for."""
+    own = {eds.node_id for eds in (a, b) if eds.node_id is not None}
+    if node is not None or len(own) != 1:
+        return node
+    return own.pop()

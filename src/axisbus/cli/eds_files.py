@@ -1,0 +1,87 @@
+"""What the subcommands about EDS files share: reading FILE, the node ID, the screen, writing an output file."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from axisbus.cli.common import say
+from axisbus.eds import Eds, builtin, load
+from axisbus.errors import ConfigError
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+file_argument = click.argument("file")
+
+
+def node_option(function: _F) -> _F:
+    """Add ``--node``."""
+    option = click.option(
+        "--node",
+        type=click.IntRange(1, 127),
+        help="Node ID for values with $NODEID [default: that of a DCF].",
+    )
+    return option(function)
+
+
+def open_eds(file: str) -> Eds:
+    """Read FILE: a path, or ``builtin:NAME``.
+
+    Raises:
+        EdsError: it cannot be read, or is no EDS.
+    """
+    return load(builtin.resolve(file, Path()))
+
+
+def node_of(eds: Eds, node: int | None) -> int | None:
+    """Return the node ID asked for, else that of a DCF."""
+    return eds.node_id if node is None else node
+
+
+def terminal_width() -> int | None:
+    """Return the columns of the terminal or of ``COLUMNS``; None for a pipe, which takes lines of any length."""
+    if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit():
+        return max(40, shutil.get_terminal_size().columns)
+    return None
+
+
+def can_print(text: str) -> bool:
+    """Whether standard output has these characters."""
+    try:
+        text.encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
+
+
+def say_lines(lines: Iterable[str]) -> None:
+    """Print lines in one go; characters that standard output does not have become question marks."""
+    text = "\n".join(lines)
+    if not can_print(text):
+        encoding = sys.stdout.encoding or "ascii"
+        text = text.encode(encoding, errors="replace").decode(encoding)
+    say(text)
+
+
+def write(path: Path, text: str, newline: str = "\n") -> None:
+    """Write a text as UTF-8.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline=newline)
+    except OSError as error:
+        raise ConfigError(
+            "the file cannot be written",
+            file=str(path),
+            observed=str(error),
+            remedy="give another path with -o",
+        ) from error

@@ -1,0 +1,61 @@
+"""``axisbus eds from-device``: an EDS from the drive itself."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from axisbus.cli.buses import open_bus
+from axisbus.cli.common import OK, progress_bar, say, say_next, write_whole
+from axisbus.cli.options import bus_options
+
+
+@click.command("from-device")
+@click.argument("node", type=click.IntRange(1, 127))
+@bus_options
+@click.option("--cell", type=click.Path(path_type=Path), help="Take the bus from this cell file instead.")
+@click.option("-O", "--output", type=click.Path(path_type=Path), help="Where to write; node-N.eds without.")
+@click.option(
+    "--skeleton", "only_skeleton", is_flag=True, help="Do not ask for the EDS that the drive stores."
+)
+def command(
+    node: int,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    cell: Path | None,
+    output: Path | None,
+    only_skeleton: bool,
+) -> int:
+    """Take the EDS that the drive NODE stores (1021h), or make a skeleton of the standard objects that it answers to.
+
+    Writes nothing to the drive. A skeleton has the standard's names, types and access; the maker's objects are not in it.
+    """
+    from axisbus.bus.from_device import skeleton, stored_eds
+    from axisbus.bus.node import Node
+    from axisbus.eds import canopen_text
+
+    target = output or Path(f"node-{node}.eds")
+    with ExitStack() as stack:
+        bus = open_bus(stack, cell, interface, channel, bitrate, option)
+        device = stack.enter_context(Node(bus, node))
+        data = None if only_skeleton else stored_eds(device.sdo)
+        if data is not None:
+            what = "the EDS that the drive stores"
+        else:
+            tell = stack.enter_context(progress_bar("asking for objects"))
+            found = skeleton(device.sdo, tell)
+            data = _HEADER.encode() + canopen_text(found).encode()
+            what = f"a skeleton of {len(found.objects)} objects"
+    write_whole(target, data)
+    say(f"{target}: {what}")
+    say_next(f"axisbus eds check {target}")
+    return OK
+
+
+_HEADER = """; A skeleton read from a drive: which standard objects it has. Names and access are the standard's, not the maker's.
+; The maker's own objects (2000h to 5FFFh) are missing. Replace it by the maker's EDS when you have it.
+"""

@@ -1,0 +1,171 @@
+"""What two EDS files say differently, compared by meaning: numbers by value, formulas as formulas, in any order.
+
+Theory of operation. Each group has one function that walks both models side by side and yields differences; none looks at texts.
+The PDOs are compared as layouts first (what travels where), because a changed mapping shows as many changed defaults; what
+the layouts account for is left out of the defaults. [FileInfo] describes the file, not the device, and is not compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.eds import compare_object, layout, matters, overview, pdo_text, values, wording
+from axisbus.eds.difference import Difference, Group
+from axisbus.eds.layout import Layout
+from axisbus.eds.model import Eds, Object, Variable
+
+_DEVICE = (
+    ("vendorname", "VendorName"),
+    ("productname", "ProductName"),
+    ("ordercode", "OrderCode"),
+)
+_DEVICE_NUMBERS = (
+    ("vendornumber", "VendorNumber"),
+    ("productnumber", "ProductNumber"),
+    ("revisionnumber", "RevisionNumber"),
+    *((f"baudrate_{rate}", f"BaudRate_{rate}") for rate in overview.BIT_RATES),
+    ("simplebootupmaster", "SimpleBootUpMaster"),
+    ("simplebootupslave", "SimpleBootUpSlave"),
+    ("granularity", "Granularity"),
+    ("dynamicchannelssupported", "DynamicChannelsSupported"),
+    ("groupmessaging", "GroupMessaging"),
+    ("nrofrxpdo", "NrOfRXPDO"),
+    ("nroftxpdo", "NrOfTXPDO"),
+    ("lss_supported", "LSS_Supported"),
+    ("compactpdo", "CompactPDO"),
+)
+
+
+def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
+    """Return what ``b`` says differently from ``a``, by group and object; empty where they mean the same.
+
+    With ``node_id`` (1 to 127) values are compared as they are for that node, so that ``$NODEID+0x180`` equals 0x185 for node 5.
+    """
+    shared = [(a.objects[index], b.objects[index]) for index in a.objects if index in b.objects]
+    mapped = frozenset(_mapping_entries(a, b, node_id))
+    found = [
+        *_identity(a, b, node_id),
+        *_pdos(a, b, node_id),
+        *_presence(a, b, Group.REMOVED),
+        *_presence(b, a, Group.ADDED),
+    ]
+    for one, other in shared:
+        found += compare_object.object_differences(one, other, node_id, mapped)
+    order = list(Group)
+    return tuple(
+        sorted(found, key=lambda each: (order.index(each.group), each.index or 0, each.subindex or 0))
+    )
+
+
+def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
+    ours, theirs = a.info.get("deviceinfo", {}), b.info.get("deviceinfo", {})
+    for key, title in _DEVICE:
+        texts = (overview.text(ours.get(key)), overview.text(theirs.get(key)))
+        if texts[0] != texts[1]:
+            yield Difference(Group.IDENTITY, title, *texts, matters=matters.DEVICE.get(title, ""))
+    for key, title in _DEVICE_NUMBERS:
+        given = ours.get(key, "").strip(), theirs.get(key, "").strip()
+        if _device_number(given[0]) != _device_number(given[1]):
+            yield Difference(Group.IDENTITY, title, *given, matters=matters.DEVICE.get(title, ""))
+    yield from _modes(a, b, node_id)
+
+
+def _device_number(text: str) -> int | str | None:
+    """Return a number by its value; an absent switch is off (DS 306 4.5)."""
+    number = values.plain(text)
+    return (text or 0) if number is None else number
+
+
+def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
+    """Return the modes that one file claims and the other does not."""
+    ours, theirs = (
+        {(claim.axis, claim.short) for claim in overview.overview(eds, node_id).claims if claim.claimed}
+        for eds in (a, b)
+    )
+    if not ours or not theirs:
+        return  # 6502h without a value is a difference of defaults
+    for gone, change in ((ours - theirs, "no longer claimed"), (theirs - ours, "newly claimed")):
+        if gone:
+            words = " ".join(short if axis == 1 else f"{short} (axis {axis})" for axis, short in sorted(gone))
+            texts = (words, "") if change.startswith("no") else ("", words)
+            yield Difference(Group.IDENTITY, f"modes {change} (6502h)", *texts, matters=matters.modes(change))
+
+
+def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
+    ours, theirs = ({each.name: each for each in layout.layouts(eds, node_id)} for eds in (a, b))
+    for name in [*ours, *(name for name in theirs if name not in ours)]:
+        one, other = ours.get(name), theirs.get(name)
+        if one is not None and other is not None:
+            yield from _mapping(one, other)
+            continue
+        texts = [pdo_text.heading(each) if each is not None else "" for each in (one, other)]
+        yield Difference(Group.PDO, name, texts[0], texts[1], matters=matters.pdo(one))
+
+
+def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
+    before, after = (tuple(slot.mapped for slot in each.slots) for each in (one, other))
+    if before != after:
+        texts = [
+            ", ".join(f"{slot.mapped} {slot.name}".strip() for slot in each.slots) for each in (one, other)
+        ]
+        yield Difference(
+            Group.PDO,
+            f"{one.name} mapping",
+            texts[0] or "nothing",
+            texts[1] or "nothing",
+            one.mapping,
+            matters=matters.mapping(one, other),
+        )
+
+
+def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int, int]]:
+    """Return the entries whose values are compared as mappings: the counts, and what they count in both files."""
+    counted: dict[int, list[int]] = {}
+    for eds in (a, b):
+        for each in layout.layouts(eds, node_id):
+            counted.setdefault(each.mapping, []).append(len(each.slots))
+    for index, counts in counted.items():
+        yield index, 0
+        yield from ((index, subindex) for subindex in range(1, max(counts) + 1))
+
+
+def _presence(a: Eds, b: Eds, group: Group) -> Iterator[Difference]:
+    """Return what ``a`` has and ``b`` has not."""
+    for entry in a:
+        other = b.objects.get(entry.index)
+        if other is None:
+            yield _one_sided(
+                entry, None, group, matters.presence(a, entry.index, None, group is Group.REMOVED)
+            )
+            continue
+        for sub in entry.subs.values():
+            if sub.subindex not in other.subs and entry.is_record == other.is_record:
+                text = matters.presence(a, entry.index, sub.subindex, group is Group.REMOVED)
+                yield _one_sided(entry, sub, group, text)
+
+
+def _one_sided(entry: Object, sub: Variable | None, group: Group, meaning: str) -> Difference:
+    words = _object_words(entry) if sub is None else _entry_words(sub)
+    removed = group is Group.REMOVED
+    line = entry.line if sub is None else sub.line
+    return Difference(
+        group,
+        entry.name if sub is None else wording.full_name(entry, sub),
+        words if removed else "",
+        "" if removed else words,
+        entry.index,
+        None if sub is None else sub.subindex,
+        meaning,
+        line if removed else 0,
+        0 if removed else line,
+    )
+
+
+def _object_words(entry: Object) -> str:
+    if entry.is_record or 0 not in entry.subs:
+        return f"{entry.object_type.name} with {len(entry.subs)} sub-indices"
+    return _entry_words(entry.subs[0])
+
+
+def _entry_words(sub: Variable) -> str:
+    return f"{wording.type_name(sub)} {sub.access}"

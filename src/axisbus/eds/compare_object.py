@@ -1,0 +1,169 @@
+"""The differences of one object that two EDS files both have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from axisbus.cia301 import objects as cia301
+from axisbus.cia402 import objects as cia402
+from axisbus.eds import layout, matters, wording
+from axisbus.eds.difference import Difference, Group
+from axisbus.eds.model import Number, Object, Variable
+
+Default = Number | float | str | bytes | None
+
+# Objects whose values say what the device is.
+_IDENTITY = frozenset(
+    (
+        *(cia301.DEVICE_TYPE, cia301.DEVICE_NAME, cia301.HARDWARE_VERSION, cia301.SOFTWARE_VERSION),
+        *(cia301.IDENTITY, cia402.SUPPORTED_DRIVE_MODES),
+    )
+)
+
+
+class _Fact(NamedTuple):
+    """One fact of an entry: what makes it equal, how it is written, and what a change of it means for a master."""
+
+    group: Group
+    title: str
+    key: Callable[[Variable, int | None], object]
+    text: Callable[[Variable, int | None], str]
+    meaning: Callable[[Variable, Variable, int | None], str]
+
+
+def _silent(a: Variable, b: Variable, node_id: int | None) -> str:  # noqa: ARG001  the shape of every ``meaning``
+    return ""
+
+
+_FACTS = (
+    _Fact(
+        Group.TYPES,
+        "DataType",
+        lambda entry, _: entry.data_type,
+        lambda entry, _: wording.type_name(entry),
+        matters.data_type,
+    ),
+    _Fact(
+        Group.TYPES,
+        "AccessType",
+        lambda entry, _: entry.access,
+        lambda entry, _: entry.access,
+        matters.access,
+    ),
+    _Fact(
+        Group.TYPES,
+        "PDOMapping",
+        lambda entry, _: entry.pdo_mapping,
+        lambda entry, _: "mappable" if entry.pdo_mapping else "not mappable",
+        matters.mappable,
+    ),
+    _Fact(
+        Group.TYPES,
+        "ObjFlags",
+        lambda entry, _: entry.object_flags,
+        lambda entry, _: str(entry.object_flags),
+        _silent,
+    ),
+    _Fact(
+        Group.LIMITS,
+        "LowLimit",
+        lambda entry, node_id: _resolved(entry.low, node_id),
+        lambda entry, node_id: wording.value(entry.low, entry, node_id),
+        matters.low_limit,
+    ),
+    _Fact(
+        Group.LIMITS,
+        "HighLimit",
+        lambda entry, node_id: _resolved(entry.high, node_id),
+        lambda entry, node_id: wording.value(entry.high, entry, node_id),
+        matters.high_limit,
+    ),
+    _Fact(
+        Group.NAMES,
+        "ParameterName",
+        lambda entry, _: entry.name,
+        lambda entry, _: entry.name,
+        _silent,
+    ),
+    _Fact(
+        Group.NAMES,
+        "Denotation",
+        lambda entry, _: entry.denotation,
+        lambda entry, _: entry.denotation,
+        _silent,
+    ),
+)
+_VALUES = (
+    _Fact(
+        Group.DEFAULTS,
+        "DefaultValue",
+        lambda entry, node_id: _resolved(entry.default, node_id),
+        lambda entry, node_id: wording.value(entry.default, entry, node_id),
+        matters.default,
+    ),
+    _Fact(
+        Group.DEFAULTS,
+        "ParameterValue",
+        lambda entry, node_id: _resolved(entry.parameter_value, node_id),
+        lambda entry, node_id: wording.value(entry.parameter_value, entry, node_id),
+        matters.default,
+    ),
+)
+
+
+def object_differences(
+    one: Object, other: Object, node_id: int | None, mapped: frozenset[tuple[int, int]]
+) -> Iterator[Difference]:
+    """Return what differs in an object of both files; values of the entries in ``mapped`` are compared elsewhere."""
+    lines = (one.line, other.line)
+    if one.object_type != other.object_type:
+        types = (one.object_type.name, other.object_type.name)
+        meaning = "" if one.is_record == other.is_record else "its values are under other sub-indices"
+        yield Difference(Group.TYPES, f"{one.name}: ObjectType", *types, one.index, None, meaning, *lines)
+    if one.is_record and other.is_record and one.name != other.name:
+        yield Difference(Group.NAMES, "ParameterName", one.name, other.name, one.index, None, "", *lines)
+    for subindex, sub in one.subs.items():
+        beside = other.subs.get(subindex)
+        if beside is not None:
+            facts = _FACTS if (one.index, subindex) in mapped else (*_FACTS, *_VALUES)
+            yield from _entry(one, sub, beside, node_id, facts)
+
+
+def _entry(
+    owner: Object, a: Variable, b: Variable, node_id: int | None, facts: tuple[_Fact, ...]
+) -> Iterator[Difference]:
+    for fact in facts:
+        if fact.key(a, node_id) == fact.key(b, node_id):
+            continue
+        group = _group(fact.group, a)
+        title = fact.title if group is Group.NAMES else f"{wording.full_name(owner, a)}: {fact.title}"
+        yield Difference(
+            group,
+            title,
+            fact.text(a, node_id),
+            fact.text(b, node_id),
+            a.index,
+            a.subindex if owner.is_record else None,
+            fact.meaning(a, b, node_id),
+            a.line,
+            b.line,
+        )
+
+
+def _group(group: Group, entry: Variable) -> Group:
+    """Return where a difference is shown: values of identity objects and PDO parameters stand with their kind."""
+    if group is not Group.DEFAULTS:
+        return group
+    if wording.first_axis(entry.index) in _IDENTITY:
+        return Group.IDENTITY
+    return Group.PDO if layout.is_pdo_parameter(entry.index) else group
+
+
+def _resolved(given: Default, node_id: int | None) -> object:
+    """Return what makes a value equal to another: its number, or formula and number as long as no node ID resolves it."""
+    if not isinstance(given, Number):
+        return given
+    if given.plus_node_id and node_id is None:
+        return given
+    return given.resolve(node_id)

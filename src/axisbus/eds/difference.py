@@ -1,0 +1,38 @@
+"""One difference between two EDS files, as a value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Group(Enum):
+    """What a difference is about, the weightier first."""
+
+    IDENTITY = "identity"
+    PDO = "PDOs"
+    REMOVED = "removed"
+    TYPES = "types and access"
+    LIMITS = "limits"
+    DEFAULTS = "defaults"
+    NAMES = "names"
+    ADDED = "added"
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One difference between file A and file B.
+
+    ``what`` names it, ``a`` and ``b`` are the two sides as texts (empty: absent), ``matters`` says what it means for a master
+    (empty: probably nothing). ``line_a`` and ``line_b`` count from 1, 0 where there is none.
+    """
+
+    group: Group
+    what: str
+    a: str
+    b: str
+    index: int | None = None
+    subindex: int | None = None
+    matters: str = ""
+    line_a: int = 0
+    line_b: int = 0

@@ -1,0 +1,233 @@
+"""Changes to the text of an EDS: each to its own lines, in the style of the file, and nothing else.
+
+A change is a value: which lines it replaces by which. ``apply`` makes a new document of the old one and any number of changes
+that do not touch the same lines. Line ends, encoding, spacing and the case of keys are those of the lines around.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from axisbus.eds import text
+from axisbus.eds.text import Document, Section
+from axisbus.errors import ArgumentError
+
+_BREAK = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029]")
+
+
+class Change(NamedTuple):
+    """Replace ``count`` lines from ``line`` on (from 1) by ``lines``, which have no line ends; with ``count`` 0 only insert."""
+
+    line: int
+    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody wants here
+    lines: tuple[str, ...] = ()
+
+
+class _Style(NamedTuple):
+    """How a file writes ``key=value``."""
+
+    indent: str = ""
+    before: str = ""
+    after: str = ""
+    lower: bool = False
+
+    def entry(self, key: str, value: str) -> str:
+        shown = key.lower() if self.lower else key
+        return f"{self.indent}{shown}{self.before}={self.after if value else ''}{value}"
+
+
+def apply(document: Document, changes: Iterable[Change]) -> Document:
+    """Return the document with all changes made; insertions at one place keep their order.
+
+    Raises:
+        ArgumentError: two changes touch the same line, or the file's encoding has no place for a letter of a new line.
+    """
+    lines, ended = _ended_lines(document)
+    made: list[str] = []
+    done = 0  # lines that have been dealt with
+    for change in sorted(changes, key=lambda change: (change.line, change.count > 0)):
+        if change.line <= done:
+            raise ArgumentError(f"two changes touch line {done}", remedy="make one after the other")
+        made += lines[done : change.line - 1]
+        for raw in change.lines:
+            _check_encoding(raw, document.encoding)
+            made.append(raw + _carriage(lines, change.line if change.count else change.line - 1))
+        done = change.line - 1 + change.count
+    made += lines[done:]
+    if ended:
+        made.append("")
+    elif made:
+        made[-1] = made[-1].removesuffix("\r")
+    newline = "\n" if len(document.lines) == 1 else document.newline
+    return text.document(made, newline, document.encoding, document.bom)
+
+
+def _ended_lines(document: Document) -> tuple[list[str], bool]:
+    """Return the lines, each with what it has before its newline, also the last, and whether the last one does end."""
+    *lines, last = document.lines
+    if last == "":
+        return lines, True
+    return [*lines, last + _carriage(lines, len(lines))], False
+
+
+def _carriage(lines: list[str], number: int) -> str:
+    """Return the CR that a line beside line ``number`` (from 1) needs, if any."""
+    if not lines:
+        return ""
+    return "\r" if lines[max(0, min(number, len(lines)) - 1)].endswith("\r") else ""
+
+
+def _check_encoding(raw: str, encoding: str) -> None:
+    try:
+        raw.encode(encoding)
+    except UnicodeEncodeError as error:
+        letter = raw[error.start]
+        raise ArgumentError(
+            f"{raw[:60]!r} cannot be written: the file is {encoding.upper()}, which has no {letter!r}",
+            remedy="write it without this letter; DS 306 4.2 allows ASCII only",
+        ) from None
+
+
+def set_value(document: Document, section: Section, key: str, value: str) -> Change:
+    """Return the change that gives ``key`` this value; a key that is not there is added behind the section's last.
+
+    Of two equal keys the first, which counts, is changed. The line's spacing and the key's spelling stay.
+
+    Raises:
+        ArgumentError: the key or value cannot stand in an EDS: line breaks, control characters, spaces at the ends.
+    """
+    number = section.places.get(key.lower())
+    if number is None:
+        return insert_key(document, section, key, value)
+    _check_text("the value of " + key, value)
+    head, _, rest = document.lines[number - 1].removesuffix("\r").partition("=")
+    before = rest[: len(rest) - len(rest.lstrip())]
+    after = rest[len(rest.rstrip()) :] if rest.strip() else ""
+    return Change(number, 1, (f"{head}={before}{value}{after}",))
+
+
+def insert_key(document: Document, section: Section, key: str, value: str) -> Change:
+    """Return the change that adds ``key=value`` behind the last entry of a section, in the style of that entry.
+
+    Raises:
+        ArgumentError: the key or value cannot stand in an EDS.
+    """
+    check_key(key, value)
+    last = _last_entry(document, section)
+    return Change(last + 1, 0, (_style(document, section).entry(key, value),))
+
+
+def remove_keys(document: Document, section: Section, keys: Iterable[str]) -> Iterator[Change]:
+    """Yield the changes that remove every line of these keys from a section."""
+    unwanted = {key.lower() for key in keys}
+    for number, key in entries(document, section):
+        if key in unwanted:
+            yield Change(number, 1)
+
+
+def add_section(
+    document: Document, name: str, values: Mapping[str, str], before: Section | None = None
+) -> Change:
+    """Return the change that adds a section with these entries before another one, else at the end.
+
+    Raises:
+        ArgumentError: the name, a key or a value cannot stand in an EDS.
+    """
+    return add_sections(document, {name: values}, before)
+
+
+def add_sections(
+    document: Document, sections: Mapping[str, Mapping[str, str]], before: Section | None = None
+) -> Change:
+    """Return the change that adds several sections, like ``add_section``."""
+    style = _style(document, before)
+    lines: list[str] = []
+    for name, values in sections.items():
+        check_name(name)
+        for key, value in values.items():
+            check_key(key, value)
+        lines += ["", f"[{name}]", *(style.entry(key, value) for key, value in values.items())]
+    start = before.line if before is not None else len(document.lines) + (document.lines[-1] != "")
+    while before is not None and start > 1 and document.lines[start - 2].lstrip()[:1] == ";":
+        start -= 1  # a comment above a section belongs to it
+    if start == 1 or not document.lines[start - 2].strip():
+        del lines[:1]
+    return Change(start, 0, (*lines, "") if before is not None else tuple(lines))
+
+
+def remove_section(document: Document, section: Section) -> Change:
+    """Return the change that removes a section with the blank lines behind it; a comment behind its last entry stays."""
+    end = _last_entry(document, section) + 1
+    while end < section.end and not document.lines[end - 1].strip() and end < len(document.lines):
+        end += 1
+    return Change(section.line, end - section.line)
+
+
+def rename_section(document: Document, section: Section, name: str) -> Change:
+    """Return the change that gives a section another name, and a closing bracket in column 1 where it has none.
+
+    Raises:
+        ArgumentError: the name cannot stand in an EDS.
+    """
+    check_name(name)
+    _, bracket, rest = document.lines[section.line - 1].removesuffix("\r").partition("]")
+    return Change(section.line, 1, (f"[{name}]{rest if bracket else ''}",))
+
+
+def entries(document: Document, section: Section) -> Iterator[tuple[int, str]]:
+    """Yield line number (from 1) and lower-case key of every entry of a section, also of repeated keys."""
+    for number in range(section.line + 1, section.end):
+        key, _ = text.entry_of(document.lines[number - 1])
+        if key:
+            yield number, key
+
+
+def _last_entry(document: Document, section: Section) -> int:
+    """Return the line of the last entry of a section, that of its header where it has none."""
+    return max((number for number, _ in entries(document, section)), default=section.line)
+
+
+def _style(document: Document, section: Section | None) -> _Style:
+    """Return how a section writes its entries, else how the file's first ones are written."""
+    for model in (section, *document.sections.values()):
+        places = model.places if model is not None else {}
+        if places:
+            return _style_of([document.lines[number - 1] for number in places.values()])
+    return _Style()
+
+
+def _style_of(lines: list[str]) -> _Style:
+    head, _, rest = lines[-1].removesuffix("\r").partition("=")
+    indent = head[: len(head) - len(head.lstrip())]
+    keys = "".join(line.partition("=")[0] for line in lines)
+    return _Style(
+        indent,
+        " " if head.strip() != head.lstrip() else "",
+        " " if rest != rest.lstrip() else "",
+        keys.islower(),
+    )
+
+
+def check_key(key: str, value: str) -> None:
+    """Raise ArgumentError unless ``key=value`` can stand in an EDS (DS 306 4.2)."""
+    if not key or "=" in key or key[0] in ";[":
+        raise ArgumentError(f"{key!r} is no key of an EDS", remedy="give a name without '='")
+    _check_text("the key", key)
+    _check_text("the value of " + key, value)
+
+
+def check_name(name: str) -> None:
+    """Raise ArgumentError unless this can be the name of a section."""
+    if not name or "]" in name or "[" in name:
+        raise ArgumentError(f"{name!r} is no name of a section", remedy="give a name without brackets")
+    _check_text("the name", name)
+
+
+def _check_text(what: str, written: str) -> None:
+    if _BREAK.search(written) or written != written.strip():
+        raise ArgumentError(
+            f"{what} cannot be {written[:60]!r} in an EDS",
+            remedy="write it in one line, without control characters and without spaces at its ends (DS 306 4.2)",
+        )

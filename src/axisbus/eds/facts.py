@@ -1,0 +1,200 @@
+"""Every entry of an EDS as plain values, for programs: what JSON and CSV are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypedDict
+
+from axisbus.eds import layout, overview, wording
+from axisbus.eds.layout import Layout
+from axisbus.eds.model import Eds, Number, Object, Variable
+
+Plain = int | float | str | None
+
+
+class Entry(TypedDict):
+    """One entry; values are numbers or texts, bytes are hexadecimal digits, None is absent.
+
+    A value that depends on the node ID is a text such as ``$NODEID+0x180`` until a node ID resolves it. ``line`` counts from 1
+    (0: implied by the file, not written in it). ``pdo`` is ``TPDO``, ``RPDO``, ``TPDO/RPDO`` or empty.
+    """
+
+    index: int
+    subindex: int
+    name: str
+    object_name: str
+    object_type: str
+    data_type: str
+    access: str
+    pdo: str
+    default: Plain
+    parameter_value: Plain
+    low: Plain
+    high: Plain
+    object_flags: int
+    denotation: str
+    line: int
+
+
+class Slot(TypedDict):
+    """One mapped object of a PDO; ``first_bit`` counts from 0."""
+
+    index: int
+    subindex: int
+    name: str
+    first_bit: int
+    bits: int
+    data_type: str | None
+    signed: bool
+
+
+class Pdo(TypedDict):
+    """One PDO; ``cob_id`` is the CAN identifier without flags, None where it is not known."""
+
+    name: str
+    number: int
+    receive: bool
+    cob_id: int | None
+    cob_id_text: str
+    extended: bool
+    valid: bool
+    transmission_type: int | None
+    inhibit_time: int | None
+    event_timer: int | None
+    mapping: list[Slot]
+    notes: list[str]
+
+
+class Mode(TypedDict):
+    """What the file says of one mode of operation on one axis; ``claimed`` is None where 6502h has no value."""
+
+    axis: int
+    mode: str
+    claimed: bool | None
+    missing: list[int]
+
+
+class Device(TypedDict):
+    """What kind of device it is."""
+
+    vendor: str
+    product: str
+    order_code: str
+    vendor_id: int | None
+    product_code: int | None
+    revision: int | None
+    device_type: int | None
+    kind: str
+    axes: int
+    modes: list[Mode]
+    bit_rates: list[int]
+
+
+class Whole(TypedDict):
+    """A whole file."""
+
+    file: str
+    node_id: int | None
+    device: Device
+    pdos: list[Pdo]
+    entries: list[Entry]
+
+
+def whole(eds: Eds, node_id: int | None) -> Whole:
+    """Return everything that the file says, values as for ``node_id`` (1 to 127; None leaves formulas)."""
+    return {
+        "file": eds.source,
+        "node_id": node_id,
+        "device": device(eds, node_id),
+        "pdos": [pdo(each) for each in layout.layouts(eds, node_id)],
+        "entries": list(entries(eds, node_id)),
+    }
+
+
+def entries(eds: Eds, node_id: int | None) -> Iterator[Entry]:
+    """Return all entries in the order of index and sub-index."""
+    for owner in eds:
+        for sub in owner.subs.values():
+            yield entry(owner, sub, node_id)
+
+
+def entry(owner: Object, sub: Variable, node_id: int | None) -> Entry:
+    """Return one entry."""
+    return {
+        "index": sub.index,
+        "subindex": sub.subindex,
+        "name": sub.name,
+        "object_name": owner.name,
+        "object_type": owner.object_type.name,
+        "data_type": wording.type_name(sub),
+        "access": sub.access,
+        "pdo": wording.pdo_direction(sub),
+        "default": _plain(sub.default, node_id),
+        "parameter_value": _plain(sub.parameter_value, node_id),
+        "low": _plain(sub.low, node_id),
+        "high": _plain(sub.high, node_id),
+        "object_flags": sub.object_flags,
+        "denotation": sub.denotation,
+        "line": sub.line,
+    }
+
+
+def device(eds: Eds, node_id: int | None) -> Device:
+    """Return what kind of device the file describes."""
+    seen = overview.overview(eds, node_id)
+    return {
+        "vendor": seen.vendor,
+        "product": seen.product,
+        "order_code": seen.order_code,
+        "vendor_id": seen.identity.vendor_id,
+        "product_code": seen.identity.product_code,
+        "revision": seen.identity.revision,
+        "device_type": seen.device_type,
+        "kind": seen.kind,
+        "axes": seen.axes,
+        "modes": [
+            {"axis": each.axis, "mode": each.short, "claimed": each.claimed, "missing": list(each.missing)}
+            for each in seen.claims
+        ],
+        "bit_rates": list(seen.bit_rates),
+    }
+
+
+def pdo(given: Layout) -> Pdo:
+    """Return one PDO."""
+    formula = given.formula
+    text = "" if formula is None else str(_plain(formula, None))
+    return {
+        "name": given.name,
+        "number": given.number,
+        "receive": given.receive,
+        "cob_id": given.identifier,
+        "cob_id_text": text,
+        "extended": given.extended,
+        "valid": given.valid,
+        "transmission_type": given.transmission_type,
+        "inhibit_time": given.inhibit_time,
+        "event_timer": given.event_timer,
+        "mapping": [_slot(slot) for slot in given.slots],
+        "notes": list(given.notes),
+    }
+
+
+def _slot(slot: layout.Slot) -> Slot:
+    return {
+        "index": slot.mapped.index,
+        "subindex": slot.mapped.subindex,
+        "name": slot.name,
+        "first_bit": slot.first_bit,
+        "bits": slot.bits,
+        "data_type": slot.data_type.name if slot.data_type else None,
+        "signed": slot.signed,
+    }
+
+
+def _plain(given: Number | float | str | bytes | None, node_id: int | None) -> Plain:
+    if isinstance(given, Number):
+        if given.plus_node_id and node_id is None:
+            return f"$NODEID+0x{given.value:X}" if given.value else "$NODEID"
+        return given.resolve(node_id)
+    return given.hex().upper() if isinstance(given, bytes) else given

@@ -1,0 +1,98 @@
+"""The objects of one file, each made when it is first looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from axisbus.eds import compact, modules, sections, text, values
+from axisbus.eds.build import Builder
+from axisbus.eds.findings import Findings
+from axisbus.eds.model import Finding, Object
+from axisbus.eds.sections import Sorted
+from axisbus.eds.text import Document
+
+
+class FileObjects(Mapping[int, Object]):
+    """The objects that a document describes, by index, ascending.
+
+    Its only state are the objects and findings made so far. Threads may look at the same time: at worst each makes its own, all
+    equal, and one of them is kept.
+    """
+
+    def __init__(self, document: Document, parts: Sorted) -> None:
+        self.document = document
+        self.parts = parts
+        described = parts.heads.keys() | parts.subs.keys()
+        self._implied = _implied(parts.info, described)
+        self._indices = dict.fromkeys(sorted(described | self._implied.keys()))
+        self._builder = Builder(document, parts)
+        self._made: dict[int, Object] = {}
+        self._findings: tuple[Finding, ...] | None = None
+
+    def __getitem__(self, index: int) -> Object:
+        found = self._made.get(index)
+        if found is None:
+            if index not in self._indices:
+                raise KeyError(index)
+            found = self._made.setdefault(index, self._make(index, self._builder))
+        return found
+
+    def __contains__(self, index: object) -> bool:
+        return index in self._indices
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._indices)
+
+    def __len__(self) -> int:
+        return len(self._indices)
+
+    def _make(self, index: int, builder: Builder) -> Object:
+        implied = self._implied.get(index)
+        return builder.object(index) if implied is None else compact.pdo(index, implied)
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return what is odd about the file, in the order of the lines; goes through all of it when first called."""
+        if self._findings is None:
+            self._findings = self._gone_through()
+        return self._findings
+
+    def _gone_through(self) -> tuple[Finding, ...]:
+        document, found = self.document, Findings()
+        text.report(document, found)
+        sections.report(document.sections, self.parts, found)
+        builder = Builder(document, self.parts, found)
+        for index in self._indices:
+            self._made.setdefault(index, self._make(index, builder))
+        modules.modules(document, found)
+        node_id(document, found)
+        return found.all()
+
+
+def node_id(document: Document, findings: Findings | None = None) -> int | None:
+    """Return the node ID of a DCF, under either spelling of the section's name."""
+    section = document.sections.get("devicecomissioning")
+    if section is None:
+        section = document.sections.get("devicecommissioning")
+        if section is None:
+            return None
+        if findings is not None:
+            findings.add("K001", f"section [{section.name}]", line=section.line)
+    given = section.entries.get("nodeid", "")
+    number = values.plain(given)
+    if number is not None and 1 <= number <= 127:
+        return number
+    if findings is not None:
+        line, column = document.place(section, "nodeid")
+        findings.add("K003", f"NodeID={given[:40]} is no node ID", line=line, column=column)
+    return None
+
+
+def _implied(info: Mapping[str, Mapping[str, str]], described: set[int]) -> dict[int, compact.Implied]:
+    """Return the PDO parameters that CompactPDO implies."""
+    device = info.get("deviceinfo", {})
+    parts = values.plain(device.get("compactpdo", "")) or 0
+    if parts <= 0:
+        return {}
+    rpdos = values.plain(device.get("nrofrxpdo", "")) or 0
+    tpdos = values.plain(device.get("nroftxpdo", "")) or 0
+    return compact.pdos(rpdos, tpdos, parts, described)

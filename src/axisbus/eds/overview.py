@@ -1,0 +1,193 @@
+"""What kind of device an EDS describes: identity, profile, axes, claimed modes of operation, bit rates, areas of the dictionary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from axisbus.cia301 import objects as cia301
+from axisbus.cia402 import modes
+from axisbus.cia402 import objects as cia402
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.eds import values, wording
+from axisbus.eds.model import Eds, Identity, Object
+
+BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInfo] (DS 306 4.5)
+
+_PROFILES = {
+    0: "no standard profile",
+    401: "I/O module",
+    402: "drive",
+    404: "measuring device",
+    405: "programmable controller",
+    406: "encoder",
+    408: "hydraulic drive",
+    410: "inclinometer",
+    418: "battery",
+    419: "charger",
+}
+# Bits 16 to 18 of 1000h of a drive (CiA 402-1); a drive may set several.
+_DRIVES = {0: "frequency converter", 1: "servo drive", 2: "stepper drive"}
+_MULTIPLE = 0xFFFF  # high word of 1000h: several logical devices (CiA 301 7.5.2.1)
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What a file says of one mode of operation on one axis (counted from 1).
+
+    ``claimed`` by 6502h is None where the file gives it no value; ``missing`` are the mandatory objects that are not there.
+    """
+
+    axis: int
+    mode: ModeOfOperation
+    claimed: bool | None
+    missing: tuple[int, ...]
+
+    @property
+    def short(self) -> str:
+        """The mode's short name, such as ``csp``."""
+        return modes.short(self.mode)
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """One area of the dictionary (CiA 301 table 40), and the objects in it."""
+
+    title: str
+    indices: range
+    objects: tuple[Object, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """What stands at the head of every report about a file; texts are empty, and numbers None, where the file does not say."""
+
+    vendor: str
+    product: str
+    order_code: str
+    identity: Identity
+    device_type: int | None
+    kind: str
+    axes: int
+    claims: tuple[Claim, ...]
+    bit_rates: tuple[int, ...]
+    entries: int
+
+    @property
+    def title(self) -> str:
+        """Product and maker in one line."""
+        product = self.product or "CANopen device"
+        return f"{product} by {self.vendor}" if self.vendor else product
+
+    @property
+    def modes_known(self) -> bool:
+        """Whether 6502h says which modes are supported."""
+        return any(claim.claimed is not None for claim in self.claims)
+
+
+def overview(eds: Eds, node_id: int | None = None) -> Overview:
+    """Return the overview of a file; takes about a millisecond, reads only the model."""
+    device = eds.info.get("deviceinfo", {})
+    device_type = _device_type(eds)
+    axes = axis_count(eds)
+    return Overview(
+        text(device.get("vendorname")),
+        text(device.get("productname")),
+        text(device.get("ordercode")),
+        eds.identity,
+        device_type,
+        device_kind(device_type),
+        axes,
+        tuple(claim for axis in range(1, axes + 1) for claim in claims(eds, axis, node_id)),
+        tuple(rate for rate in BIT_RATES if values.plain(device.get(f"baudrate_{rate}", ""))),
+        sum(len(entry.subs) for entry in eds),
+    )
+
+
+def device_kind(device_type: int | None) -> str:
+    """Return the device type 1000h in words, such as ``servo drive (CiA 402)``; empty where it is not known."""
+    if device_type is None:
+        return ""
+    profile = device_type & 0xFFFF
+    if profile == 0:
+        return _PROFILES[0]
+    kind = _PROFILES.get(profile, "device")
+    high = device_type >> 16
+    if profile == cia402.PROFILE_NUMBER and high == _MULTIPLE:
+        kind = "drive with several axes"
+    elif profile == cia402.PROFILE_NUMBER:
+        kind = " and ".join(text for bit, text in _DRIVES.items() if high >> bit & 1) or kind
+    return f"{kind} (CiA {profile})"
+
+
+def axis_count(eds: Eds) -> int:
+    """Return how many axes of CiA 402 the file describes: each has a controlword and statusword at its own +800h."""
+    return sum(
+        cia402.CONTROLWORD + offset in eds and cia402.STATUSWORD + offset in eds
+        for offset in range(0, len(wording.PROFILE_AREA), cia402.AXIS_OFFSET)
+    )
+
+
+def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[Claim, ...]:
+    """Return what the file says of each mode of CiA 402 on ``axis`` (from 1)."""
+    offset = (axis - 1) * cia402.AXIS_OFFSET
+    supported = eds.get(cia402.SUPPORTED_DRIVE_MODES + offset)
+    word = supported.initial(node_id) if supported is not None else None
+    claimed = set(modes.supported(word)) if isinstance(word, int) else None
+    return tuple(
+        Claim(
+            axis,
+            mode,
+            None if claimed is None else mode in claimed,
+            tuple(index + offset for index in facts.required if index + offset not in eds),
+        )
+        for mode, facts in modes.FACTS.items()
+    )
+
+
+def areas(eds: Eds) -> tuple[Area, ...]:
+    """Return the areas that hold objects, in the order of their indices; each axis or logical device is an area of its own."""
+    found = []
+    for title, indices in _areas(eds):
+        objects = tuple(entry for entry in eds if entry.index in indices)
+        if objects:
+            found.append(Area(title, indices, objects))
+    return tuple(found)
+
+
+def _areas(eds: Eds) -> list[tuple[str, range]]:
+    parts = [
+        ("Data types", range(0x0001, 0x1000)),
+        ("Communication", range(0x1000, 0x2000)),
+        ("Maker's own objects", range(0x2000, 0x6000)),
+    ]
+    word, profile = _profile(eds)
+    several = any(
+        index + cia402.AXIS_OFFSET in wording.PROFILE_AREA and index >= 0x6800 for index in eds.objects
+    )
+    for number, first in enumerate(range(0x6000, 0xA000, cia402.AXIS_OFFSET), 1):
+        title = f"{profile}, {word} {number}" if several else profile
+        parts.append((title, range(first, first + cia402.AXIS_OFFSET)))
+    return [
+        *parts,
+        ("Network and system variables", range(0xA000, 0xC000)),
+        ("Reserved", range(0xC000, 0x10000)),
+    ]
+
+
+def _profile(eds: Eds) -> tuple[str, str]:
+    """Return what +800h is called in the file's profile, and the title of the profile's area."""
+    number = (eds.device_type or 0) & 0xFFFF
+    if number == cia402.PROFILE_NUMBER or (not number and axis_count(eds)):
+        return "axis", "Device profile CiA 402"
+    return "logical device", f"Device profile CiA {number}" if number else "Device profile"
+
+
+def _device_type(eds: Eds) -> int | None:
+    entry = eds.get(cia301.DEVICE_TYPE)
+    found = entry.initial(None) if entry is not None else None
+    return found if isinstance(found, int) else None
+
+
+def text(given: str | None) -> str:
+    """Return a text of [DeviceInfo] without the quotation marks that some files have."""
+    return (given or "").strip().strip('"').strip()

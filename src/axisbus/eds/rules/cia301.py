@@ -1,0 +1,240 @@
+"""Rules over the communication objects (CiA 301 7.5.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.pdo import is_synchronous
+from axisbus.eds.model import ObjectType, Severity
+from axisbus.eds.rules import pdo, standard
+from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, number_of, start_key, start_value
+
+_AREA = range(0x1000, 0x1030)
+_SYNC_PRODUCER = 1 << 30
+_OVERFLOW = 0x1019
+_STORE_EDS, _STORE_FORMAT = 0x1021, 0x1022
+_SDO_SERVER = 0x1200
+_SDO_IDS = {1: cob.SDO_RX, 2: cob.SDO_TX}
+_RECORDS = (
+    range(0x1280, 0x1300),
+    range(0x1400, 0x1600),
+    range(0x1600, 0x1800),
+    range(0x1800, 0x1A00),
+    range(0x1A00, 0x1C00),
+)
+
+
+def no_mandatory(sheet: Sheet) -> Iterator[Hit]:
+    """C001."""
+    for index in (o.DEVICE_TYPE, o.ERROR_REGISTER):
+        if index not in sheet.eds:
+            yield sheet.at(sheet.where_missing(index), "", f"object {_named(index)} is missing", index)
+
+
+def no_identity(sheet: Sheet) -> Iterator[Hit]:
+    """C008."""
+    if o.IDENTITY not in sheet.eds:
+        yield sheet.at(
+            sheet.where_missing(o.IDENTITY), "", f"object {_named(o.IDENTITY)} is missing", o.IDENTITY
+        )
+    elif sheet.eds.get(o.IDENTITY, 1) is None and sheet.eds.objects[o.IDENTITY].subs:
+        yield sheet.at(
+            sheet.heads.get(o.IDENTITY), "", "[1018] has no sub-index 1, the vendor-ID", o.IDENTITY, 1
+        )
+
+
+def object_types(sheet: Sheet) -> Iterator[Hit]:
+    """C002."""
+    wholes = standard.communication_objects()
+    for index in sheet.heads:
+        whole = wholes.get(index) if index in _AREA or index == _SDO_SERVER else None
+        if whole is not None:
+            yield from wrong_object_type(sheet, index, whole.object_type, "CiA 301")
+
+
+def wrong_object_type(
+    sheet: Sheet, index: int, wanted: ObjectType, standard_name: str, severity: Severity | None = None
+) -> Iterator[Hit]:
+    """Yield a hit where an object has another object type than the standard's."""
+    entry, head = sheet.eds.objects[index], sheet.heads[index]
+    if entry.object_type is not wanted and not (
+        wanted is ObjectType.VAR and entry.object_type is ObjectType.DOMAIN
+    ):
+        text = f"[{head.name}] is {_an(entry.object_type)}, {standard_name} has {_an(wanted)}"
+        yield sheet.at(head, "objecttype", text, index, severity=severity)
+
+
+def pdo_object_types(sheet: Sheet) -> Iterator[Hit]:
+    """C020."""
+    for index in sheet.heads:
+        if any(index in area for area in _RECORDS):
+            yield from wrong_object_type(sheet, index, ObjectType.RECORD, "CiA 301")
+
+
+def data_types(sheet: Sheet) -> Iterator[Hit]:
+    """C003."""
+    for entry, row in _rows(sheet):
+        kind = entry.variable.data_type
+        if row.data_types and kind and kind not in row.data_types:
+            wanted = " or ".join(each.name for each in row.data_types)
+            yield sheet.on(entry, "datatype", f"is {kind.name}, CiA 301 has {wanted} ({row.name})")
+
+
+def access(sheet: Sheet) -> Iterator[Hit]:
+    """C004."""
+    for entry, row in _rows(sheet):
+        if row.access and row.access <= standard.READ_ONLY and entry.variable.writable:
+            wanted = " or ".join(sorted(row.access))
+            yield sheet.on(
+                entry, "accesstype", f"is {entry.variable.access}, CiA 301 has {wanted} ({row.name})"
+            )
+
+
+def fixed(sheet: Sheet) -> Iterator[Hit]:
+    """C021."""
+    for entry, row in _rows(sheet):
+        if row.access == {"rw"} and not entry.variable.writable:
+            yield sheet.on(entry, "accesstype", f"is {entry.variable.access}, CiA 301 has rw ({row.name})")
+
+
+def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
+    rows = standard.communication_rows()
+    for entry in sheet.described:
+        variable = entry.variable
+        if variable.index > _SDO_SERVER:
+            break
+        row = rows.get((variable.index, variable.subindex))
+        if row is not None and variable.index in _AREA:
+            yield entry, row
+
+
+def no_device_type(sheet: Sheet) -> Iterator[Hit]:
+    """C005."""
+    head = sheet.heads.get(o.DEVICE_TYPE)
+    if head is not None and not head.entries.get("defaultvalue") and sheet.number(o.DEVICE_TYPE) is None:
+        yield sheet.at(head, "defaultvalue", f"[{head.name}] has no DefaultValue", o.DEVICE_TYPE)
+
+
+def no_error_control(sheet: Sheet) -> Iterator[Hit]:
+    """C006."""
+    guarding = o.GUARD_TIME in sheet.eds and o.LIFE_TIME_FACTOR in sheet.eds
+    if o.PRODUCER_HEARTBEAT not in sheet.eds and not guarding:
+        text = "neither the heartbeat (1017) nor node guarding (100C and 100D) is described"
+        yield sheet.at(sheet.where_missing(o.PRODUCER_HEARTBEAT), "", text, o.PRODUCER_HEARTBEAT)
+
+
+def no_emergency_id(sheet: Sheet) -> Iterator[Hit]:
+    """C007."""
+    if o.PREDEFINED_ERROR_FIELD in sheet.eds and o.COB_ID_EMCY not in sheet.eds:
+        head = sheet.heads.get(o.PREDEFINED_ERROR_FIELD)
+        yield sheet.at(
+            head, "", "errors are kept (1003), but 1014, the COB-ID of EMCY, is missing", o.COB_ID_EMCY
+        )
+
+
+def no_sync_id(sheet: Sheet) -> Iterator[Hit]:
+    """C009."""
+    if o.COB_ID_SYNC in sheet.eds:
+        return
+    for _, entry in pdo.communications(sheet):
+        sub = entry.subs.get(2)
+        kind = number_of(sub) if sub is not None else None
+        if sub is not None and kind is not None and is_synchronous(kind) and _exists(sheet, entry.index):
+            text = f"[{entry.index:04X}sub2] is synchronous (type {kind}), but 1005, the COB-ID of SYNC, is missing"
+            yield sheet.at(sheet.section_of(entry.index, 2), start_key(sub), text, o.COB_ID_SYNC)
+            return
+
+
+def _exists(sheet: Sheet, index: int) -> bool:
+    identifier = sheet.number(index, 1)
+    return identifier is not None and not identifier & cob.INVALID
+
+
+def no_cycle_period(sheet: Sheet) -> Iterator[Hit]:
+    """C010."""
+    sync = sheet.number(o.COB_ID_SYNC)
+    if sync is not None and sync & _SYNC_PRODUCER and o.CYCLE_PERIOD not in sheet.eds:
+        text = "the device produces SYNC (bit 30 of 1005), but 1006, the cycle period, is missing"
+        yield sheet.at(sheet.heads.get(o.COB_ID_SYNC), "defaultvalue", text, o.CYCLE_PERIOD)
+
+
+def half_a_guard(sheet: Sheet) -> Iterator[Hit]:
+    """C011."""
+    for here, there in ((o.GUARD_TIME, o.LIFE_TIME_FACTOR), (o.LIFE_TIME_FACTOR, o.GUARD_TIME)):
+        if here in sheet.eds and there not in sheet.eds:
+            text = f"{_named(here)} is there without {_named(there)}"
+            yield sheet.at(sheet.heads.get(here), "", text, there)
+
+
+def sdo_ids(sheet: Sheet) -> Iterator[Hit]:
+    """C012."""
+    for subindex, base in _SDO_IDS.items():
+        entry, section = sheet.eds.get(_SDO_SERVER, subindex), sheet.section_of(_SDO_SERVER, subindex)
+        value = start_value(entry) if entry is not None else None
+        if entry is None or value is None:
+            continue
+        given = value.value
+        right = given == base if value.plus_node_id else base < given <= base + 127
+        if not right and value.value:
+            text = f"[1200sub{subindex}] is not $NODEID+0x{base:X}, the identifier of the default SDO"
+            yield sheet.at(section, start_key(entry), text, _SDO_SERVER, subindex)
+
+
+def emergency_id(sheet: Sheet) -> Iterator[Hit]:
+    """C013."""
+    entry, section = sheet.eds.get(o.COB_ID_EMCY), sheet.section_of(o.COB_ID_EMCY)
+    value = start_value(entry) if entry is not None else None
+    if entry is None or value is None or value.value & cob.INVALID:
+        return
+    base = value.value & cob.ID_MASK_29
+    if value.plus_node_id and base != cob.EMCY:
+        text = f"[1014] is $NODEID+0x{base:X}, $NODEID+0x80 is the identifier of EMCY"
+        yield sheet.at(section, start_key(entry), text, o.COB_ID_EMCY)
+
+
+def sync_overflow(sheet: Sheet) -> Iterator[Hit]:
+    """C014."""
+    entry = sheet.eds.get(_OVERFLOW)
+    value = number_of(entry) if entry is not None else None
+    if entry is not None and value is not None and value != 0 and not 2 <= value <= 240:
+        text = f"[1019] is {value}, allowed are 0 and 2 to 240"
+        yield sheet.at(sheet.section_of(_OVERFLOW), start_key(entry), text, _OVERFLOW)
+
+
+def no_store_format(sheet: Sheet) -> Iterator[Hit]:
+    """C015."""
+    if _STORE_EDS in sheet.eds and _STORE_FORMAT not in sheet.eds:
+        text = "1021, the stored EDS, is there without 1022, its format"
+        yield sheet.at(sheet.heads.get(_STORE_EDS), "", text, _STORE_FORMAT)
+
+
+def _named(index: int) -> str:
+    whole = standard.communication_objects().get(index)
+    return f"{index:04X} ({whole.name})" if whole is not None else f"{index:04X}"
+
+
+def _an(kind: ObjectType) -> str:
+    return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"
+
+
+LOOKS: Looks = {
+    "C001": no_mandatory,
+    "C002": object_types,
+    "C003": data_types,
+    "C004": access,
+    "C005": no_device_type,
+    "C006": no_error_control,
+    "C007": no_emergency_id,
+    "C008": no_identity,
+    "C009": no_sync_id,
+    "C010": no_cycle_period,
+    "C011": half_a_guard,
+    "C012": sdo_ids,
+    "C013": emergency_id,
+    "C014": sync_overflow,
+    "C015": no_store_format,
+    "C020": pdo_object_types,
+    "C021": fixed,
+}

@@ -1,0 +1,173 @@
+"""Rules over the objects of a drive: types, access, what can be mapped (CiA 402-2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.cia301.objects import DEVICE_TYPE
+from axisbus.cia402 import objects as o
+from axisbus.eds.model import Severity
+from axisbus.eds.rules import standard
+from axisbus.eds.rules.cia301 import wrong_object_type
+from axisbus.eds.rules.drive import axes
+from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, start_key
+
+# What a master moves in PDOs on every cycle; the PDO attributes of the other objects are not public.
+_CYCLIC = frozenset(
+    (
+        *(o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION, o.MODES_OF_OPERATION_DISPLAY),
+        *(o.POSITION_ACTUAL, o.VELOCITY_ACTUAL, o.TORQUE_ACTUAL),
+        *(o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE),
+    )
+)
+# Reactions that are defined (CiA 402-2 8.4); negative ones are the maker's.
+_REACTIONS = {
+    o.ABORT_CONNECTION_OPTION: range(4),
+    o.QUICK_STOP_OPTION: range(9),
+    o.SHUTDOWN_OPTION: range(2),
+    o.DISABLE_OPERATION_OPTION: range(2),
+    o.HALT_OPTION: range(5),
+    o.FAULT_REACTION_OPTION: range(5),
+}
+_COASTING = {  # the value with which the motor is left to itself
+    o.QUICK_STOP_OPTION: "a quick stop",
+    o.HALT_OPTION: "a halt",
+    o.DISABLE_OPERATION_OPTION: "disabling operation",
+    o.FAULT_REACTION_OPTION: "a fault",
+}
+_TARGETS_BOTH_WAYS = (o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE)
+
+
+def data_types(sheet: Sheet) -> Iterator[Hit]:
+    """M002."""
+    for entry, row in _rows(sheet):
+        kind = entry.variable.data_type
+        if row.data_types and kind and kind not in row.data_types:
+            wanted = " or ".join(each.name for each in row.data_types)
+            yield sheet.on(
+                entry, "datatype", f"is {kind.name}, CiA 402 has {wanted} ({row.name})", _mild(row.sure)
+            )
+
+
+def object_types(sheet: Sheet) -> Iterator[Hit]:
+    """M003."""
+    wholes = standard.drive_objects()
+    for axis in axes(sheet):
+        for index in sheet.heads:
+            whole = wholes.get(index - axis.offset) if axis.owns(index) else None
+            if whole is not None:
+                yield from wrong_object_type(sheet, index, whole.object_type, "CiA 402", _mild(whole.sure))
+
+
+def access(sheet: Sheet) -> Iterator[Hit]:
+    """M004."""
+    for entry, row in _rows(sheet):
+        variable = entry.variable
+        if variable.subindex == 0 and sheet.eds.objects[variable.index].is_record:
+            continue
+        if not standard.access_fits(variable.access, row.access):
+            wanted = " or ".join(sorted(row.access))
+            text = f"is {variable.access}, CiA 402 has {wanted} ({row.name})"
+            yield sheet.on(entry, "accesstype", text, _mild(row.sure))
+
+
+def mappable(sheet: Sheet) -> Iterator[Hit]:
+    """M005."""
+    for entry, row in _rows(sheet):
+        if row.index in _CYCLIC and row.subindex == 0 and not entry.variable.pdo_mapping:
+            yield sheet.on(entry, "pdomapping", f"cannot be mapped into a PDO ({row.name})")
+
+
+def no_sub_index(sheet: Sheet) -> Iterator[Hit]:
+    """M014."""
+    for axis in axes(sheet):
+        for (index, subindex), row in standard.drive_rows().items():
+            entry = sheet.eds.objects.get(axis.offset + index)
+            if (
+                entry is None
+                or subindex == 0
+                or not row.mandatory
+                or not entry.is_record
+                or subindex in entry.subs
+            ):
+                continue
+            if len(entry.subs) > 1:  # without any sub-index O008 speaks
+                head = sheet.heads.get(entry.index)
+                text = f"[{entry.index:04X}] has no sub-index {subindex} ({row.name})"
+                yield sheet.at(head, "", text, entry.index, subindex, _mild(row.sure))
+
+
+def profile_number(sheet: Sheet) -> Iterator[Hit]:
+    """M007."""
+    device_type = sheet.number(DEVICE_TYPE)
+    if device_type is None or device_type & 0xFFFF == o.PROFILE_NUMBER or not axes(sheet):
+        return
+    entry = sheet.eds.get(DEVICE_TYPE)
+    text = f"[1000] is 0x{device_type:08X}, but the objects are those of a drive (0x0192 in the low word)"
+    key = start_key(entry) if entry is not None else ""
+    yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, DEVICE_TYPE)
+
+
+def reactions(sheet: Sheet) -> Iterator[Hit]:
+    """M015."""
+    for axis in axes(sheet):
+        for index, known in _REACTIONS.items():
+            value = sheet.number(axis.offset + index)
+            if value is not None and value >= 0 and value not in known:
+                yield _value(sheet, axis.offset + index, f"is {value}, which CiA 402 does not define")
+
+
+def coasting(sheet: Sheet) -> Iterator[Hit]:
+    """M016."""
+    for axis in axes(sheet):
+        for index, what in _COASTING.items():
+            if sheet.number(axis.offset + index) == 0:
+                yield _value(sheet, axis.offset + index, f"is 0: {what} leaves the motor to coast")
+
+
+def one_way(sheet: Sheet) -> Iterator[Hit]:
+    """M017."""
+    for axis in axes(sheet):
+        for index in _TARGETS_BOTH_WAYS:
+            entry = sheet.eds.get(axis.offset + index)
+            section = sheet.section_of(axis.offset + index)
+            if entry is None or section is None or entry.low is None or not entry.data_type.signed:
+                continue
+            low = entry.low if isinstance(entry.low, float) else entry.low.value
+            if low >= 0:
+                text = f"has a LowLimit of {low}: the axis could move in one direction only ({entry.name})"
+                yield sheet.on(Described(entry, section), "lowlimit", text)
+
+
+def _value(sheet: Sheet, index: int, message: str) -> Hit:
+    entry, section = sheet.eds.get(index), sheet.section_of(index)
+    key = start_key(entry) if entry is not None else ""
+    return sheet.at(section, key, f"[{index:04X}] {message}", index)
+
+
+def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
+    """Yield the entries of all axes with what CiA 402 says of each."""
+    rows = standard.drive_rows()
+    for axis in axes(sheet):
+        for entry in sheet.described:
+            if axis.owns(entry.variable.index):
+                row = rows.get((entry.variable.index - axis.offset, entry.variable.subindex))
+                if row is not None:
+                    yield entry, row
+
+
+def _mild(sure: bool) -> Severity | None:
+    return None if sure else Severity.NOTE
+
+
+LOOKS: Looks = {
+    "M002": data_types,
+    "M003": object_types,
+    "M004": access,
+    "M005": mappable,
+    "M007": profile_number,
+    "M014": no_sub_index,
+    "M015": reactions,
+    "M016": coasting,
+    "M017": one_way,
+}

@@ -1,0 +1,105 @@
+"""Rules over concise DCFs in 1F22h: whole, and in an order that a device accepts (CiA 302-3 4.3)."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from axisbus.eds.rules.objects import is_mapping
+from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet
+
+CONCISE_DCF, VERIFY = 0x1F22, 0x1020
+_COUNT = struct.Struct("<I")
+_HEAD = struct.Struct("<HBI")  # index, sub-index, size
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One write of a concise DCF."""
+
+    index: int
+    subindex: int
+    data: bytes
+
+
+class Taken(NamedTuple):
+    """A concise DCF taken apart: the number that it gives, the writes that are whole, and the octets left over."""
+
+    said: int
+    writes: tuple[Write, ...]
+    rest: int
+
+
+def take_apart(data: bytes) -> Taken:
+    """Return the writes of a concise DCF as far as they are whole."""
+    if len(data) < _COUNT.size:
+        return Taken(0, (), len(data))
+    (count,) = _COUNT.unpack_from(data)
+    writes, at = [], _COUNT.size
+    while at + _HEAD.size <= len(data):
+        index, subindex, size = _HEAD.unpack_from(data, at)
+        end = at + _HEAD.size + size
+        if end > len(data):
+            break
+        writes.append(Write(index, subindex, data[at + _HEAD.size : end]))
+        at = end
+    return Taken(count, tuple(writes), len(data) - at)
+
+
+def wrong_count(sheet: Sheet) -> Iterator[Hit]:
+    """K010."""
+    for entry, key, data in _streams(sheet):
+        taken = take_apart(data)
+        if taken.rest or taken.said != len(taken.writes):
+            rest = f" and {taken.rest} octets that are no whole entry" if taken.rest else ""
+            yield sheet.on(entry, key, f"says {taken.said} entries, but holds {len(taken.writes)}{rest}")
+
+
+def order_of_mapping(sheet: Sheet) -> Iterator[Hit]:
+    """K011."""
+    for entry, key, data in _streams(sheet):
+        cleared: set[int] = set()
+        for write in take_apart(data).writes:
+            if not is_mapping(write.index):
+                continue
+            if write.subindex == 0:
+                if any(write.data):
+                    cleared.discard(write.index)
+                else:
+                    cleared.add(write.index)
+            elif write.index not in cleared:
+                text = (
+                    f"writes {write.index:04X}:{write.subindex:02X} before {write.index:04X}:00 is set to 0"
+                )
+                yield sheet.on(entry, key, text)
+                break
+
+
+def verification_last(sheet: Sheet) -> Iterator[Hit]:
+    """K012."""
+    for entry, key, data in _streams(sheet):
+        indices = [write.index for write in take_apart(data).writes]
+        if VERIFY in indices and any(index != VERIFY for index in indices[indices.index(VERIFY) :]):
+            yield sheet.on(entry, key, "writes other objects after 1020 (Verify configuration)")
+
+
+def _streams(sheet: Sheet) -> Iterator[tuple[Described, str, bytes]]:
+    """Yield every concise DCF that the file holds, with its entry and key."""
+    for entry in sheet.described:
+        variable = entry.variable
+        if variable.index == CONCISE_DCF and variable.subindex:
+            for key, value in (
+                ("defaultvalue", variable.default),
+                ("parametervalue", variable.parameter_value),
+            ):
+                if isinstance(value, bytes) and value:
+                    yield entry, key, value
+
+
+LOOKS: Looks = {
+    "K010": wrong_count,
+    "K011": order_of_mapping,
+    "K012": verification_last,
+}

@@ -1,0 +1,126 @@
+"""Rules over a DCF: the node's settings and parameter values (DS 306 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds import values
+from axisbus.eds.model import ObjectType
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
+from axisbus.eds.rules.text import BAUD_RATES
+
+_LENGTHS = {"nodename": ("NodeName", 246), "networkname": ("NetworkName", 243)}
+_U32 = {"netnumber": "NetNumber", "lss_serialnumber": "LSS_SerialNumber"}
+_MAX_U32 = 0xFFFF_FFFF
+_FILES = {"uploadfile": "UploadFile", "downloadfile": "DownloadFile"}
+MAX_NAME = 241
+
+
+def no_commissioning(sheet: Sheet) -> Iterator[Hit]:
+    """K002."""
+    if sheet.named_dcf and sheet.commissioning is None:
+        yield Hit(0, 0, "the file is called a DCF, but there is no section [DeviceComissioning]")
+
+
+def baud_rate(sheet: Sheet) -> Iterator[Hit]:
+    """K004."""
+    section = sheet.commissioning
+    if section is not None and number(section, "baudrate") not in BAUD_RATES:
+        given = section.entries.get("baudrate")
+        what = "has no Baudrate" if not given else f"Baudrate={short(given)} is no bit rate of CiA 301"
+        yield sheet.at(section, "baudrate", f"[{section.name}] {what}")
+
+
+def unsupported_baud_rate(sheet: Sheet) -> Iterator[Hit]:
+    """K014."""
+    rate = number(sheet.commissioning, "baudrate")
+    if rate in BAUD_RATES and number(sheet.device, f"baudrate_{rate}") == 0:
+        yield sheet.at(
+            sheet.commissioning, "baudrate", f"Baudrate={rate}, but BaudRate_{rate} is 0: not supported"
+        )
+
+
+def read_only_values(sheet: Sheet) -> Iterator[Hit]:
+    """K005."""
+    for entry in sheet.described:
+        variable = entry.variable
+        if variable.writable or not entry.text("parametervalue") or variable.parameter_value is None:
+            continue
+        if variable.parameter_value != variable.default:
+            text = f"is {variable.access}, but has a ParameterValue other than its default"
+            yield sheet.on(entry, "parametervalue", text)
+
+
+def files_of_others(sheet: Sheet) -> Iterator[Hit]:
+    """K006."""
+    for entry in sheet.described:
+        variable = entry.variable
+        if variable.object_type is ObjectType.DOMAIN or variable.data_type is DataType.DOMAIN:
+            continue
+        for key, name in _FILES.items():
+            if key in entry.section.entries:
+                yield sheet.on(entry, key, f"{name} belongs to a DOMAIN, this is {variable.data_type.name}")
+
+
+def values_in_an_eds(sheet: Sheet) -> Iterator[Hit]:
+    """K007."""
+    if sheet.is_dcf:
+        return
+    found = [entry for entry in sheet.described if "parametervalue" in entry.section.entries]
+    if found:
+        others = f", as have {len(found) - 1} others" if len(found) > 1 else ""
+        yield sheet.on(found[0], "parametervalue", f"has a ParameterValue{others}, but this is no DCF")
+
+
+def lengths(sheet: Sheet) -> Iterator[Hit]:
+    """K008."""
+    section = sheet.commissioning
+    for key, (name, most) in _LENGTHS.items() if section is not None else ():
+        length = len(section.entries.get(key, "")) if section is not None else 0
+        if length > most:
+            yield sheet.at(section, key, f"{name} has {length} characters, at most {most} are allowed")
+
+
+def network_numbers(sheet: Sheet) -> Iterator[Hit]:
+    """K009."""
+    section = sheet.commissioning
+    for key, name in _U32.items() if section is not None else ():
+        given = section.entries.get(key, "") if section is not None else ""
+        value = values.plain(given)
+        if given and (value is None or not 0 <= value <= _MAX_U32):
+            yield sheet.at(section, key, f"{name}={short(given)} is no UNSIGNED32")
+
+
+def manager_flag(sheet: Sheet) -> Iterator[Hit]:
+    """K015."""
+    section = sheet.commissioning
+    given = section.entries.get("canopenmanager", "") if section is not None else ""
+    if given and values.plain(given) not in (0, 1):
+        yield sheet.at(section, "canopenmanager", f"CANopenManager={short(given)} is neither 0 nor 1")
+
+
+def long_denotations(sheet: Sheet) -> Iterator[Hit]:
+    """K013."""
+    for entry in sheet.described:
+        length = len(entry.text("denotation"))
+        if length > MAX_NAME:
+            yield sheet.on(
+                entry,
+                "denotation",
+                f"has a Denotation of {length} characters, at most {MAX_NAME} are allowed",
+            )
+
+
+LOOKS: Looks = {
+    "K002": no_commissioning,
+    "K004": baud_rate,
+    "K005": read_only_values,
+    "K006": files_of_others,
+    "K007": values_in_an_eds,
+    "K008": lengths,
+    "K009": network_numbers,
+    "K013": long_denotations,
+    "K014": unsupported_baud_rate,
+    "K015": manager_flag,
+}

@@ -1,0 +1,95 @@
+"""The axes of a drive as a file describes them, and the modes of operation that it claims for each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from axisbus.cia301.objects import DEVICE_TYPE
+from axisbus.cia402 import modes
+from axisbus.cia402 import objects as o
+from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.eds.rules.sheet import Sheet
+from axisbus.eds.rules.standard import PROFILE_AREA
+
+_M = ModeOfOperation
+
+# Objects that serve one mode of operation alone, or one and its cyclic sibling: a file that has none of them does not mean it.
+OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
+    _M.PROFILE_POSITION: (o.TARGET_POSITION, o.PROFILE_VELOCITY),
+    _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
+    _M.PROFILE_VELOCITY: (o.TARGET_VELOCITY,),
+    _M.PROFILE_TORQUE: (o.TARGET_TORQUE, o.TORQUE_SLOPE),
+    _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS, o.HOMING_ACCELERATION),
+    _M.INTERPOLATED_POSITION: (0x60C0, 0x60C1, 0x60C4),
+    _M.CYCLIC_SYNC_POSITION: (o.TARGET_POSITION,),
+    _M.CYCLIC_SYNC_VELOCITY: (o.TARGET_VELOCITY,),
+    _M.CYCLIC_SYNC_TORQUE: (o.TARGET_TORQUE,),
+    _M.CYCLIC_SYNC_TORQUE_ANGLE: (0x60EA,),
+}
+# Objects that show a mode by being there; the cyclic modes have none of their own.
+SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {
+    mode: facts.required
+    for mode, facts in FACTS.items()
+    if not facts.cyclic or mode is _M.INTERPOLATED_POSITION
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One axis: its number from 1, and what is added to the indices of the first."""
+
+    number: int
+
+    @property
+    def offset(self) -> int:
+        """800h for each axis before it."""
+        return (self.number - 1) * o.AXIS_OFFSET
+
+    def owns(self, index: int) -> bool:
+        """Whether an object belongs to this axis."""
+        return 0x6000 + self.offset <= index < 0x6000 + self.offset + o.AXIS_OFFSET
+
+
+def axes(sheet: Sheet) -> tuple[Axis, ...]:
+    """Return the axes that the file describes; none where the device is no drive."""
+    count = len(PROFILE_AREA) // o.AXIS_OFFSET
+    found = tuple(axis for axis in map(Axis, range(1, count + 1)) if _is_axis(sheet, axis))
+    return found or ((Axis(1),) if says_drive(sheet) else ())
+
+
+def says_drive(sheet: Sheet) -> bool:
+    """Whether the device type is that of a drive."""
+    device_type = sheet.number(DEVICE_TYPE)
+    return device_type is not None and device_type & 0xFFFF == o.PROFILE_NUMBER
+
+
+def _is_axis(sheet: Sheet, axis: Axis) -> bool:
+    """Whether the words that every drive has are there; other profiles use one or the other of these indices."""
+    there = [
+        axis.offset + index in sheet.eds for index in (o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION)
+    ]
+    return all(there) or (says_drive(sheet) and any(there))
+
+
+def claimed(sheet: Sheet, axis: Axis) -> tuple[ModeOfOperation, ...] | None:
+    """Return the modes that 6502h claims, None where the file does not say."""
+    word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES)
+    return None if word is None else tuple(modes.supported(word))
+
+
+def shown(sheet: Sheet, axis: Axis) -> tuple[ModeOfOperation, ...]:
+    """Return the modes (without the cyclic ones) of which all mandatory objects are described."""
+    return tuple(
+        mode for mode, needed in SHOWING.items() if all(axis.offset + index in sheet.eds for index in needed)
+    )
+
+
+def missing(sheet: Sheet, axis: Axis, mode: ModeOfOperation) -> tuple[int, ...]:
+    """Return the mandatory objects of a mode (indices on the first axis) that the file does not describe."""
+    return tuple(index for index in FACTS[mode].required if axis.offset + index not in sheet.eds)
+
+
+def meant(sheet: Sheet, axis: Axis, mode: ModeOfOperation) -> bool:
+    """Whether at least one object of the mode's own is described."""
+    return any(axis.offset + index in sheet.eds for index in OWN[mode])

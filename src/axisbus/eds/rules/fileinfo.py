@@ -1,0 +1,148 @@
+"""Rules over [FileInfo] (DS 306 4.4)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from datetime import date
+from pathlib import PurePath, PureWindowsPath
+
+from axisbus.eds import values
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+
+_TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")
+_DATE = re.compile(r"([0-9]{2})-([0-9]{2})-([0-9]{4})")
+_VERSION = re.compile(r"[34]\.[0-9]")
+_ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]")
+
+_NEEDED = {
+    "filename": "FileName",
+    "fileversion": "FileVersion",
+    "filerevision": "FileRevision",
+    "description": "Description",
+    "creationtime": "CreationTime",
+    "creationdate": "CreationDate",
+    "createdby": "CreatedBy",
+}
+_LENGTHS = {
+    "description": ("Description", 243),
+    "createdby": ("CreatedBy", 245),
+    "modifiedby": ("ModifiedBy", 244),
+}
+_TIMES = {"creationtime": "CreationTime", "modificationtime": "ModificationTime"}
+_DATES = {"creationdate": "CreationDate", "modificationdate": "ModificationDate"}
+
+
+def missing_entries(sheet: Sheet) -> Iterator[Hit]:
+    """F001."""
+    section = sheet.file_info
+    if section is None:
+        yield Hit(0, 0, "there is no section [FileInfo]")
+        return
+    absent = [name for key, name in _NEEDED.items() if key not in section.entries]
+    if absent:
+        yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+
+
+def other_name(sheet: Sheet) -> Iterator[Hit]:
+    """F002."""
+    given = _entry(sheet, "filename")
+    actual = PurePath(sheet.eds.source).name
+    named = PureWindowsPath(given).name  # takes both kinds of slashes
+    if named and actual and named.lower() != actual.lower():
+        yield _at(sheet, "filename", f"FileName={short(given)}, but the file is {actual}")
+
+
+def absolute_name(sheet: Sheet) -> Iterator[Hit]:
+    """F010."""
+    given = _entry(sheet, "filename")
+    if _ABSOLUTE.match(given):
+        yield _at(sheet, "filename", f"FileName={short(given)} is a path of the computer it was written on")
+
+
+def version_numbers(sheet: Sheet) -> Iterator[Hit]:
+    """F003."""
+    for key, name in (("fileversion", "FileVersion"), ("filerevision", "FileRevision")):
+        given = _entry(sheet, key)
+        number = values.plain(given)
+        if given and (number is None or not 0 <= number <= 255):
+            yield _at(sheet, key, f"{name}={short(given)} is no UNSIGNED8")
+
+
+def dates(sheet: Sheet) -> Iterator[Hit]:
+    """F004."""
+    for key, name in _DATES.items():
+        given = _entry(sheet, key)
+        if given and _date(given) is None:
+            yield _at(sheet, key, f"{name}={short(given)} is no date of the form mm-dd-yyyy")
+
+
+def times(sheet: Sheet) -> Iterator[Hit]:
+    """F005."""
+    for key, name in _TIMES.items():
+        given = _entry(sheet, key)
+        if given and not _TIME.fullmatch(given):
+            yield _at(sheet, key, f"{name}={short(given)} is no time of the form hh:mm(AM|PM)")
+
+
+def lengths(sheet: Sheet) -> Iterator[Hit]:
+    """F006."""
+    for key, (name, most) in _LENGTHS.items():
+        length = len(_entry(sheet, key))
+        if length > most:
+            yield _at(sheet, key, f"{name} has {length} characters, at most {most} are allowed")
+
+
+def order_of_dates(sheet: Sheet) -> Iterator[Hit]:
+    """F007."""
+    created, modified = (_date(_entry(sheet, key)) for key in _DATES)
+    if created is not None and modified is not None and modified < created:
+        yield _at(
+            sheet, "modificationdate", f"the modification of {modified} is before the creation of {created}"
+        )
+
+
+def origin(sheet: Sheet) -> Iterator[Hit]:
+    """F008."""
+    section = sheet.file_info
+    if sheet.is_dcf and section is not None and not section.entries.get("lasteds"):
+        yield sheet.at(
+            section, "lasteds", f"[{section.name}] does not name the EDS of which the DCF was made"
+        )
+
+
+def eds_version(sheet: Sheet) -> Iterator[Hit]:
+    """F009."""
+    given = _entry(sheet, "edsversion")
+    if given and not _VERSION.fullmatch(given):
+        yield _at(sheet, "edsversion", f"EDSVersion={short(given)} is no version of the format")
+
+
+def _entry(sheet: Sheet, key: str) -> str:
+    return "" if sheet.file_info is None else sheet.file_info.entries.get(key, "")
+
+
+def _at(sheet: Sheet, key: str, message: str) -> Hit:
+    return sheet.at(sheet.file_info, key, message)
+
+
+def _date(text: str) -> date | None:
+    found = _DATE.fullmatch(text)
+    try:
+        return date(int(found[3]), int(found[1]), int(found[2])) if found else None
+    except ValueError:
+        return None
+
+
+LOOKS: Looks = {
+    "F001": missing_entries,
+    "F002": other_name,
+    "F003": version_numbers,
+    "F004": dates,
+    "F005": times,
+    "F006": lengths,
+    "F007": order_of_dates,
+    "F008": origin,
+    "F009": eds_version,
+    "F010": absolute_name,
+}

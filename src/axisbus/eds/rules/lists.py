@@ -1,0 +1,150 @@
+"""Rules over [MandatoryObjects], [OptionalObjects] and [ManufacturerObjects] (DS 306 4.6.3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from axisbus.eds import values
+from axisbus.eds.rules.sheet import LISTS, Hit, Looks, Sheet, short
+from axisbus.eds.text import Section
+
+MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
+_FIRST_OBJECT = 0x1000  # below lie data types, which no list names
+
+
+class Listed(NamedTuple):
+    """One line of a list: its key and text as written, and the index it names (None: none)."""
+
+    section: Section
+    key: str
+    text: str
+    target: int | None
+
+
+def missing_lists(sheet: Sheet) -> Iterator[Hit]:
+    """L001."""
+    for name, spelled in LISTS.items():
+        section = sheet.section(name)
+        if section is None:
+            example = next((index for index in sheet.heads if _proper(index) == name), None)
+            if example is not None:
+                yield sheet.at(
+                    sheet.heads[example],
+                    "",
+                    f"there is no section [{spelled}], though [{example:04X}] belongs there",
+                )
+        elif "supportedobjects" not in section.entries:
+            yield sheet.at(section, "", f"[{section.name}] has no SupportedObjects")
+
+
+def counts(sheet: Sheet) -> Iterator[Hit]:
+    """L003."""
+    for section in _lists(sheet):
+        given = section.entries.get("supportedobjects")
+        there = sum(1 for _ in _entries(section))
+        if given is not None and values.plain(given) != there:
+            text = f"[{section.name}] says SupportedObjects={short(given)}, but names {there} objects"
+            yield sheet.at(section, "supportedobjects", text)
+
+
+def numbering(sheet: Sheet) -> Iterator[Hit]:
+    """L004."""
+    for section in _lists(sheet):
+        for expected, listed in enumerate(_entries(section), 1):
+            if listed.key != str(expected):
+                text = f"[{section.name}] goes on with {short(listed.key)!r}, where {expected} is due"
+                yield _at_key(sheet, listed, text)
+                break
+
+
+def no_objects(sheet: Sheet) -> Iterator[Hit]:
+    """L009."""
+    for listed in _all(sheet):
+        if listed.target is None:
+            text = f"[{listed.section.name}] {listed.key}={short(listed.text)} is no index of an object"
+            yield sheet.at(listed.section, listed.key, text)
+
+
+def not_described(sheet: Sheet) -> Iterator[Hit]:
+    """L005."""
+    for listed in _all(sheet):
+        if listed.target is not None and listed.target not in sheet.eds:
+            text = f"[{listed.section.name}] names {listed.target:04X}, but there is no section [{listed.target:04X}]"
+            yield sheet.at(listed.section, listed.key, text, listed.target)
+
+
+def not_listed(sheet: Sheet) -> Iterator[Hit]:
+    """L006."""
+    listed = {each.target for each in _all(sheet)}
+    for index, section in sheet.heads.items():
+        if index >= _FIRST_OBJECT and index not in listed and sheet.section(_proper(index)) is not None:
+            yield sheet.at(section, "", f"[{section.name}] is described, but in no list of objects", index)
+
+
+def listed_twice(sheet: Sheet) -> Iterator[Hit]:
+    """L007."""
+    first: dict[int, Listed] = {}
+    for listed in _all(sheet):
+        if listed.target is None:
+            continue
+        before = first.setdefault(listed.target, listed)
+        if before is not listed:
+            line, _ = sheet.document.place(before.section, before.key)
+            text = f"{listed.target:04X} is in a list already, in line {line}"
+            yield sheet.at(listed.section, listed.key, text, listed.target)
+
+
+def wrong_list(sheet: Sheet) -> Iterator[Hit]:
+    """L008."""
+    for listed in _all(sheet):
+        name = listed.section.name.lower()
+        if listed.target is None or name == "mandatoryobjects":
+            continue  # a profile or a maker may call more objects mandatory
+        proper = _proper(listed.target)
+        if proper != name:
+            text = f"{listed.target:04X} stands in [{listed.section.name}], it belongs to [{LISTS[proper]}]"
+            yield sheet.at(listed.section, listed.key, text, listed.target)
+
+
+def _proper(index: int) -> str:
+    """Return the list in which an object belongs."""
+    if index in MANDATORY:
+        return "mandatoryobjects"
+    return "manufacturerobjects" if 0x2000 <= index < 0x6000 else "optionalobjects"
+
+
+def _lists(sheet: Sheet) -> Iterator[Section]:
+    for name in LISTS:
+        section = sheet.section(name)
+        if section is not None:
+            yield section
+
+
+def _entries(section: Section) -> Iterator[Listed]:
+    for key, text in section.entries.items():
+        if key[:1].isdigit():
+            index = values.plain(text)
+            yield Listed(section, key, text, index if index is not None and 0 < index <= 0xFFFF else None)
+
+
+def _all(sheet: Sheet) -> Iterator[Listed]:
+    for section in _lists(sheet):
+        yield from _entries(section)
+
+
+def _at_key(sheet: Sheet, listed: Listed, message: str) -> Hit:
+    line, _ = sheet.document.place(listed.section, listed.key)
+    return Hit(line, 1, message, listed.target)
+
+
+LOOKS: Looks = {
+    "L001": missing_lists,
+    "L003": counts,
+    "L004": numbering,
+    "L005": not_described,
+    "L006": not_listed,
+    "L007": listed_twice,
+    "L008": wrong_list,
+    "L009": no_objects,
+}

@@ -1,0 +1,179 @@
+"""Rules over modes of operation: what each that the file claims needs (CiA 402-2, objects 6060h, 6061h, 6502h)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from axisbus.cia301.objects import DEVICE_TYPE
+from axisbus.cia402 import objects as o
+from axisbus.cia402.modes import FACTS, ModeOfOperation, short
+from axisbus.eds.rules import standard
+from axisbus.eds.rules.drive import Axis, axes, claimed, meant, missing, says_drive, shown
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
+
+_M = ModeOfOperation
+_DEFINED_BITS = sum(1 << facts.supported_bit for facts in FACTS.values())
+_RESERVED_BITS = 0xFFFF & ~_DEFINED_BITS  # the high word is the maker's
+_MAKER_OR_NONE = 0  # values of 6060h up to here are the maker's, or no mode
+# Mandatory in DSP 402 V2 and left out by many since, or not certain from what is public.
+_USUAL: Mapping[ModeOfOperation, tuple[int, ...]] = {
+    _M.PROFILE_POSITION: (o.MOTION_PROFILE_TYPE,),
+    _M.PROFILE_VELOCITY: (0x6069, o.VELOCITY_DEMAND),
+    _M.PROFILE_TORQUE: (0x6088,),
+    _M.INTERPOLATED_POSITION: (o.INTERPOLATION_TIME_PERIOD,),
+    _M.CYCLIC_SYNC_POSITION: (o.INTERPOLATION_TIME_PERIOD,),
+    _M.CYCLIC_SYNC_VELOCITY: (o.INTERPOLATION_TIME_PERIOD,),
+    _M.CYCLIC_SYNC_TORQUE: (o.INTERPOLATION_TIME_PERIOD,),
+}
+_ONE_OF_SEVERAL = (o.MODES_OF_OPERATION, o.MODES_OF_OPERATION_DISPLAY)
+_SINGLE_DEVICE_TYPE = 0x67FF
+
+
+def no_words(sheet: Sheet) -> Iterator[Hit]:
+    """M001."""
+    for axis in axes(sheet) if says_drive(sheet) else ():
+        for index in (o.CONTROLWORD, o.STATUSWORD):
+            if axis.offset + index not in sheet.eds:
+                entry = sheet.eds.get(DEVICE_TYPE)
+                text = f"the device type is that of a drive, but {_named(axis, index)} is missing"
+                key = start_key(entry) if entry is not None else ""
+                yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, axis.offset + index)
+
+
+def missing_objects(sheet: Sheet) -> Iterator[Hit]:
+    """M001c."""
+    for axis in axes(sheet):
+        modes = claimed(sheet, axis) or ()
+        absent: dict[int, list[ModeOfOperation]] = {}
+        for mode in modes:
+            for index in missing(sheet, axis, mode) if meant(sheet, axis, mode) else ():
+                absent.setdefault(index, []).append(mode)
+        for index, needing in absent.items():
+            yield _at_claim(
+                sheet, axis, f"{_claims(sheet, axis, needing)}, but {_named(axis, index)} is missing", index
+            )
+        for index in _ONE_OF_SEVERAL if len(modes) > 1 else ():
+            if axis.offset + index not in sheet.eds:
+                text = f"6502 claims {len(modes)} modes, but {_named(axis, index)} is missing"
+                yield _at_claim(sheet, axis, text, index)
+
+
+def empty_claims(sheet: Sheet) -> Iterator[Hit]:
+    """M008."""
+    for axis in axes(sheet):
+        for mode in claimed(sheet, axis) or ():
+            if not meant(sheet, axis, mode):
+                absent = ", ".join(_named(axis, index) for index in missing(sheet, axis, mode))
+                text = (
+                    f"{_claims(sheet, axis, [mode])}, of which nothing is described; {absent} would be needed"
+                )
+                yield _at_claim(sheet, axis, text)
+
+
+def unclaimed(sheet: Sheet) -> Iterator[Hit]:
+    """M009."""
+    for axis in axes(sheet):
+        modes = claimed(sheet, axis)
+        others = [mode for mode in shown(sheet, axis) if modes is not None and mode not in modes]
+        if others:
+            names = ", ".join(short(mode) for mode in others)
+            text = f"{_word(sheet, axis)} does not claim {names}, though all mandatory objects are described"
+            yield _at_claim(sheet, axis, text)
+
+
+def no_supported_modes(sheet: Sheet) -> Iterator[Hit]:
+    """M006."""
+    for axis in axes(sheet):
+        index = axis.offset + o.SUPPORTED_DRIVE_MODES
+        if claimed(sheet, axis) is not None:
+            continue
+        there = index in sheet.eds
+        names = ", ".join(short(mode) for mode in shown(sheet, axis)) or "no mode"
+        what = "has no default" if there else "is missing"
+        text = f"6502 on axis {axis.number} {what}: which modes there are is open; the objects show {names}"
+        section = sheet.heads.get(index) if there else sheet.where_missing(index)
+        yield sheet.at(section, "", text, index)
+
+
+def reserved_bits(sheet: Sheet) -> Iterator[Hit]:
+    """M010."""
+    for axis in axes(sheet):
+        word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES) or 0
+        if word & _RESERVED_BITS:
+            yield _at_claim(
+                sheet, axis, f"{_word(sheet, axis)} has reserved bits: 0x{word & _RESERVED_BITS:04X}"
+            )
+
+
+def unsupported_default(sheet: Sheet) -> Iterator[Hit]:
+    """M011."""
+    for axis in axes(sheet):
+        modes = claimed(sheet, axis)
+        for index in _ONE_OF_SEVERAL:
+            value = sheet.number(axis.offset + index)
+            if modes is None or value is None or value <= _MAKER_OR_NONE or _M(value) in modes:
+                continue
+            entry = sheet.eds.get(axis.offset + index)
+            name = short(_M(value))
+            text = f"[{axis.offset + index:04X}] begins in {name}, which {_word(sheet, axis)} does not claim"
+            key = start_key(entry) if entry is not None else ""
+            yield sheet.at(sheet.section_of(axis.offset + index), key, text, axis.offset + index)
+
+
+def usual_objects(sheet: Sheet) -> Iterator[Hit]:
+    """M012."""
+    for axis in axes(sheet):
+        absent: dict[int, list[ModeOfOperation]] = {}
+        for mode in claimed(sheet, axis) or ():
+            for index in _USUAL.get(mode, ()):
+                if axis.offset + index not in sheet.eds and meant(sheet, axis, mode):
+                    absent.setdefault(index, []).append(mode)
+        for index, needing in absent.items():
+            text = f"{_claims(sheet, axis, needing)}; {_named(axis, index)}, which belongs to it, is missing"
+            yield _at_claim(sheet, axis, text, index)
+
+
+def no_axis_type(sheet: Sheet) -> Iterator[Hit]:
+    """M013."""
+    found = axes(sheet)
+    for axis in found if len(found) > 1 else ():
+        index = axis.offset + _SINGLE_DEVICE_TYPE
+        if index not in sheet.eds:
+            text = f"the device has {len(found)} axes, but {index:04X} (Single device type) is missing"
+            yield sheet.at(sheet.where_missing(index), "", text, index)
+
+
+def _claims(sheet: Sheet, axis: Axis, modes: Iterable[ModeOfOperation]) -> str:
+    return f"{_word(sheet, axis)} claims {', '.join(short(mode) for mode in modes)}"
+
+
+def _word(sheet: Sheet, axis: Axis) -> str:
+    index = axis.offset + o.SUPPORTED_DRIVE_MODES
+    word = sheet.number(index)
+    return f"{index:04X} (0x{word or 0:X})"
+
+
+def _named(axis: Axis, index: int) -> str:
+    whole = standard.drive_objects().get(index)
+    return f"{axis.offset + index:04X}" + (f" ({whole.name})" if whole is not None else "")
+
+
+def _at_claim(sheet: Sheet, axis: Axis, message: str, index: int | None = None) -> Hit:
+    """Return a hit at the value of 6502h; ``index`` (on the first axis) is what is missing."""
+    word = axis.offset + o.SUPPORTED_DRIVE_MODES
+    entry = sheet.eds.get(word)
+    key = start_key(entry) if entry is not None else ""
+    return sheet.at(sheet.section_of(word), key, message, word if index is None else axis.offset + index)
+
+
+LOOKS: Looks = {
+    "M001": no_words,
+    "M001c": missing_objects,
+    "M006": no_supported_modes,
+    "M008": empty_claims,
+    "M009": unclaimed,
+    "M010": reserved_bits,
+    "M011": unsupported_default,
+    "M012": usual_objects,
+    "M013": no_axis_type,
+}

@@ -1,0 +1,121 @@
+"""Rules over modular devices: what each module brings, and which are connected (DS 306 6)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from axisbus.eds import values
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
+from axisbus.eds.text import Section
+
+_OF_MODULE = re.compile(r"m([0-9]+)(moduleinfo|comments|fixedobjects|subextends|fixed.*|subext.*)")
+_INFO = ("productname", "productversion", "productrevision", "ordercode")
+_INFO_SPELLED = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode")
+_EXTENSION_COUNT = re.compile(r"(?:0[xX][0-9A-Fa-f]+|[0-9]+)(?:\s*;\s*(?:0[xX][0-9A-Fa-f]+|[0-9]+))?")
+
+
+def missing_modules(sheet: Sheet) -> Iterator[Hit]:
+    """X001."""
+    section = sheet.section("supportedmodules")
+    if section is None:
+        return
+    count = number(section, "nrofentries")
+    if count is None:
+        yield sheet.at(section, "nrofentries", "[SupportedModules] does not say NrOfEntries")
+        return
+    for module in range(1, min(count, 0xFFFF) + 1):
+        if sheet.section(f"m{module}moduleinfo") is None:
+            text = (
+                f"[SupportedModules] says NrOfEntries={count}, but there is no section [M{module}ModuleInfo]"
+            )
+            yield sheet.at(section, "nrofentries", text)
+            break
+
+
+def foreign_modules(sheet: Sheet) -> Iterator[Hit]:
+    """X002."""
+    count = number(sheet.section("supportedmodules"), "nrofentries") or 0
+    for name, section in sheet.document.sections.items():
+        found = _OF_MODULE.fullmatch(name)
+        if found and not 1 <= int(found[1]) <= count:
+            yield sheet.at(
+                section, "", f"[{section.name}] is of no module that [SupportedModules] counts ({count})"
+            )
+
+
+def module_info(sheet: Sheet) -> Iterator[Hit]:
+    """X003."""
+    for _, section in _of_kind(sheet, "moduleinfo"):
+        absent = [
+            name for key, name in zip(_INFO, _INFO_SPELLED, strict=True) if not section.entries.get(key)
+        ]
+        if absent:
+            yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+
+
+def counts(sheet: Sheet) -> Iterator[Hit]:
+    """X004."""
+    lists = [section for kind in ("fixedobjects", "subextends") for _, section in _of_kind(sheet, kind)]
+    connected = sheet.section("connectedmodules")
+    for section in (*lists, *([connected] if connected is not None else ())):
+        there = sum(key[:1].isdigit() for key in section.entries)
+        if number(section, "nrofentries") != there:
+            given = section.entries.get("nrofentries", "")
+            text = f"[{section.name}] says NrOfEntries={short(given)}, but has {there}"
+            yield sheet.at(section, "nrofentries", text)
+
+
+def missing_parts(sheet: Sheet) -> Iterator[Hit]:
+    """X005."""
+    for kind, part in (("fixedobjects", "Fixed"), ("subextends", "SubExt")):
+        for module, section in _of_kind(sheet, kind):
+            for key, text in section.entries.items():
+                index = values.plain(text) if key[:1].isdigit() else None
+                if index is not None and sheet.section(f"m{module}{part.lower()}{index:04x}") is None:
+                    message = f"[{section.name}] names {index:04X}, but there is no section [M{module}{part}{index:04X}]"
+                    yield sheet.at(section, key, message, index)
+
+
+def extension_counts(sheet: Sheet) -> Iterator[Hit]:
+    """X006."""
+    for name, section in sheet.document.sections.items():
+        found = _OF_MODULE.fullmatch(name)
+        if found is None or not found[2].startswith("subext") or found[2] == "subextends":
+            continue
+        given = section.entries.get("count", "")
+        if not _EXTENSION_COUNT.fullmatch(given):
+            text = f"[{section.name}] Count={short(given)} is neither a number nor 0;bits"
+            yield sheet.at(section, "count", text)
+
+
+def unknown_connected(sheet: Sheet) -> Iterator[Hit]:
+    """X007."""
+    connected = sheet.section("connectedmodules")
+    count = number(sheet.section("supportedmodules"), "nrofentries") or 0
+    for key, text in connected.entries.items() if connected is not None else ():
+        module = values.plain(text)
+        if key[:1].isdigit() and (module is None or not 1 <= module <= count):
+            yield sheet.at(
+                connected,
+                key,
+                f"[ConnectedModules] {key}={short(text)} is none of the {count} supported modules",
+            )
+
+
+def _of_kind(sheet: Sheet, kind: str) -> Iterator[tuple[int, Section]]:
+    for name, section in sheet.document.sections.items():
+        found = _OF_MODULE.fullmatch(name)
+        if found and found[2] == kind:
+            yield int(found[1]), section
+
+
+LOOKS: Looks = {
+    "X001": missing_modules,
+    "X002": foreign_modules,
+    "X003": module_info,
+    "X004": counts,
+    "X005": missing_parts,
+    "X006": extension_counts,
+    "X007": unknown_connected,
+}

@@ -1,0 +1,187 @@
+"""One file as the rules look at it: the reading, with each entry beside the section that describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
+from pathlib import PurePath
+from typing import NamedTuple
+
+from axisbus.eds import values
+from axisbus.eds.model import Eds, Number, Object, Severity, Variable
+from axisbus.eds.reader import Reading
+from axisbus.eds.text import Document, Section
+
+DEVICE_INFO, FILE_INFO = "deviceinfo", "fileinfo"
+LISTS = {
+    "mandatoryobjects": "MandatoryObjects",
+    "optionalobjects": "OptionalObjects",
+    "manufacturerobjects": "ManufacturerObjects",
+}
+COMMISSIONING = ("devicecomissioning", "devicecommissioning")  # as DS 306 spells it, and as most people do
+
+
+class Hit(NamedTuple):
+    """One breach of a rule: where, and what was seen.
+
+    ``severity`` is None where it is the rule's own; a hit may be milder than its rule (a less certain row of a table), never worse.
+    """
+
+    line: int
+    column: int
+    message: str
+    index: int | None = None  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    subindex: int | None = None
+    severity: Severity | None = None
+
+
+class Described(NamedTuple):
+    """An entry of the model with the section that describes it (that of the object itself, where it is implied by it)."""
+
+    variable: Variable
+    section: Section
+
+    def text(self, key: str) -> str:
+        """Return what the file writes for ``key`` (in lower case), empty where it says nothing."""
+        return self.section.entries.get(key, "")
+
+
+class Sheet:
+    """A reading made easy to look things up in; frozen, what it derives is worked out once on first use."""
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        self.eds: Eds = reading.eds
+        self.document: Document = reading.document
+        self.heads: Mapping[int, Section] = reading.parts.heads
+        self.subs: Mapping[int, Mapping[int, Section]] = reading.parts.subs
+
+    def section(self, name: str) -> Section | None:
+        """Return the section of this lower-case name."""
+        return self.document.sections.get(name)
+
+    @cached_property
+    def device(self) -> Section | None:
+        """``[DeviceInfo]``."""
+        return self.section(DEVICE_INFO)
+
+    @cached_property
+    def file_info(self) -> Section | None:
+        """``[FileInfo]``."""
+        return self.section(FILE_INFO)
+
+    @cached_property
+    def commissioning(self) -> Section | None:
+        """``[DeviceComissioning]``, under either spelling."""
+        return next((found for name in COMMISSIONING if (found := self.section(name)) is not None), None)
+
+    @cached_property
+    def is_dcf(self) -> bool:
+        """Whether it is the configuration of one node: by its sections, or by its name."""
+        return self.commissioning is not None or self.named_dcf
+
+    @cached_property
+    def named_dcf(self) -> bool:
+        """Whether the file's name ends in ``.dcf``."""
+        return PurePath(self.eds.source).suffix.lower() == ".dcf"
+
+    @cached_property
+    def modular(self) -> bool:
+        """Whether modules may add objects that the file does not describe by themselves (DS 306 6)."""
+        return self.section("supportedmodules") is not None
+
+    @cached_property
+    def described(self) -> tuple[Described, ...]:
+        """Every entry that has a section of its own, in the order of the indices."""
+        return tuple(self._described())
+
+    def _described(self) -> Iterator[Described]:
+        for entry in self.eds:
+            head = self.heads.get(entry.index)
+            if not entry.is_record:
+                if head is not None:
+                    yield Described(entry.subs[0], head)
+                continue
+            for subindex, section in self.subs.get(entry.index, {}).items():
+                variable = entry.subs.get(subindex)
+                if variable is not None:
+                    yield Described(variable, section)
+
+    @cached_property
+    def records(self) -> tuple[tuple[Object, Section], ...]:
+        """Every ARRAY, RECORD and DEFSTRUCT that has a section of its own."""
+        return tuple(
+            (entry, self.heads[entry.index])
+            for entry in self.eds
+            if entry.is_record and entry.index in self.heads
+        )
+
+    def section_of(self, index: int, subindex: int = 0) -> Section | None:
+        """Return the section that describes an entry: its own, else that of its object."""
+        section = self.subs.get(index, {}).get(subindex)
+        return section if section is not None else self.heads.get(index)
+
+    def at(
+        self,
+        section: Section | None,
+        key: str,
+        message: str,
+        index: int | None = None,
+        subindex: int | None = None,
+        severity: Severity | None = None,
+    ) -> Hit:
+        """Return a hit at the value of ``key``; at the section's line where it has no such key; line 0 where there is none."""
+        if section is None:
+            return Hit(0, 0, message, index, subindex, severity)
+        line, column = self.document.place(section, key) if key else (section.line, 1)
+        return Hit(line, column, message, index, subindex, severity)
+
+    def on(self, entry: Described, key: str, message: str, severity: Severity | None = None) -> Hit:
+        """Return a hit at the value of ``key`` of an entry, whose section's name begins the message."""
+        variable = entry.variable
+        text = f"[{entry.section.name}] {message}"
+        return self.at(entry.section, key, text, variable.index, variable.subindex, severity)
+
+    def where_missing(self, index: int) -> Section | None:
+        """Return the place to report that an object is missing: the list in which it would be."""
+        if index in (0x1000, 0x1001, 0x1018):
+            name = "mandatoryobjects"
+        else:
+            name = "manufacturerobjects" if 0x2000 <= index < 0x6000 else "optionalobjects"
+        return self.section(name)
+
+    def number(self, index: int, subindex: int = 0) -> int | None:
+        """Return the integer that an entry holds after power-up (without the node ID), None where the file does not say."""
+        entry = self.eds.get(index, subindex)
+        return None if entry is None else number_of(entry)
+
+
+Look = Callable[[Sheet], Iterable[Hit]]  # what a rule is in code
+Looks = Mapping[str, Look]  # by the rule's id
+
+
+def number_of(entry: Variable) -> int | None:
+    """Return the integer that an entry holds after power-up: the DCF's value, else the default; None where unknown."""
+    value = start_value(entry)
+    return value.value if value is not None else None
+
+
+def start_value(entry: Variable) -> Number | None:
+    """Return the number (or formula) that an entry holds after power-up, None where unknown."""
+    value = entry.parameter_value if entry.parameter_value is not None else entry.default
+    return value if isinstance(value, Number) else None
+
+
+def start_key(entry: Variable) -> str:
+    """Return the key that gives the value after power-up."""
+    return "parametervalue" if entry.parameter_value is not None else "defaultvalue"
+
+
+def number(section: Section | None, key: str) -> int | None:
+    """Return the number that a key of an information section holds, None where it is absent or no number."""
+    return None if section is None else values.plain(section.entries.get(key, ""))
+
+
+def short(text: str, length: int = 40) -> str:
+    """Return a text from a file, cut to a length that fits into a message."""
+    return text if len(text) <= length else text[: length - 3] + "..."

@@ -1,0 +1,190 @@
+"""Rules over the text itself: lines, spaces, comments and keys (DS 306 4.2)."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
+
+from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
+from axisbus.eds.text import Section
+
+MAX_LINE = 255
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+_SPACED_KEY = re.compile(r"[^;\[\s=][^=]*?(\s+)=")
+_INDENTED_COMMENT = re.compile(r"\s+;")
+
+# Keys of DS 306 4.6.3.2 and 5, with those of its later drafts and of CiA 304.
+OBJECT_KEYS = frozenset(
+    (
+        *("parametername", "objecttype", "datatype", "accesstype", "defaultvalue", "pdomapping"),
+        *("lowlimit", "highlimit", "objflags", "subnumber", "compactsubobj"),
+        *("parametervalue", "denotation", "uploadfile", "downloadfile"),
+        *("noderefd", "netrefd", "paramrefd", "srdomapping", "invertedsrad"),
+    )
+)
+FILE_KEYS = frozenset(
+    (
+        *("filename", "fileversion", "filerevision", "edsversion", "description", "lasteds"),
+        *("creationtime", "creationdate", "createdby"),
+        *("modificationtime", "modificationdate", "modifiedby"),
+    )
+)
+BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+# Of older versions: not to be used any more, and no mistake (DS 306 4.5). What begins with LMT_ belongs to them.
+RESERVED_DEVICE_KEYS = frozenset(
+    ("productversion", "productrevision", "extendedbootupmaster", "extendedbootupslave")
+)
+DEVICE_KEYS = frozenset(
+    (
+        *("vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "ordercode"),
+        *(f"baudrate_{rate}" for rate in BAUD_RATES),
+        *("simplebootupmaster", "simplebootupslave", "granularity", "dynamicchannelssupported"),
+        *("groupmessaging", "nrofrxpdo", "nroftxpdo", "lss_supported", "compactpdo"),
+    )
+)
+_KEYS: Mapping[str, frozenset[str]] = {
+    FILE_INFO: FILE_KEYS,
+    DEVICE_INFO: DEVICE_KEYS | RESERVED_DEVICE_KEYS,
+    **dict.fromkeys(LISTS, frozenset(("supportedobjects",))),
+}
+
+
+def long_lines(sheet: Sheet) -> Iterator[Hit]:
+    """S007."""
+    long = [
+        number for number, line in enumerate(sheet.document.lines, 1) if len(line.rstrip("\r")) > MAX_LINE
+    ]
+    if long:
+        length = len(sheet.document.lines[long[0] - 1].rstrip("\r"))
+        yield Hit(long[0], MAX_LINE + 1, f"the line has {length} characters{_and_more(long)}")
+
+
+def spaced_keys(sheet: Sheet) -> Iterator[Hit]:
+    """S008."""
+    found = _matches(sheet, _SPACED_KEY, " =", "\t=")
+    if found:
+        number, match = found[0]
+        yield Hit(number, match.start(1) + 1, f"a space stands before the equals sign{_and_more(found)}")
+
+
+def indented_comments(sheet: Sheet) -> Iterator[Hit]:
+    """S013."""
+    found = _matches(sheet, _INDENTED_COMMENT, " ;", "\t;")
+    if found:
+        number, match = found[0]
+        yield Hit(number, match.end(), f"the comment is indented{_and_more(found)}")
+
+
+def old_line_ends(sheet: Sheet) -> Iterator[Hit]:
+    """S014."""
+    if sheet.document.newline == "\r" and len(sheet.document.lines) > 1:
+        yield Hit(1, 1, "the lines end in CR alone")
+
+
+def mixed_line_ends(sheet: Sheet) -> Iterator[Hit]:
+    """S015."""
+    lines = sheet.document.lines[:-1]  # what follows the last line end has none
+    carriage = [number for number, line in enumerate(lines, 1) if line.endswith("\r")]
+    if not carriage or len(carriage) == len(lines):
+        return
+    bare = [number for number, line in enumerate(lines, 1) if not line.endswith("\r")]
+    fewer, kind = (carriage, "CR LF") if len(carriage) <= len(bare) else (bare, "LF")
+    yield Hit(fewer[0], 1, f"the line ends in {kind}, most others do not{_and_more(fewer)}")
+
+
+def control_characters(sheet: Sheet) -> Iterator[Hit]:
+    """S018."""
+    found = [
+        (number, match)
+        for number, line in enumerate(sheet.document.lines, 1)
+        if not line.isprintable() and (match := _CONTROL.search(line.rstrip("\r")))
+    ]
+    if found:
+        number, match = found[0]
+        yield Hit(number, match.start() + 1, f"the control character {ord(match[0]):02X}h{_and_more(found)}")
+
+
+def unknown_keys(sheet: Sheet) -> Iterator[Hit]:
+    """S016."""
+    seen: dict[str, list[Section]] = {}
+    for section, key in _foreign_keys(sheet):
+        if not _meant(key, _keys_of(section)):
+            seen.setdefault(key, []).append(section)
+    for key, sections in seen.items():
+        message = f"key {key[:40]!r} is not of DS 306{_and_more(sections)}"
+        line, _ = sheet.document.place(sections[0], key)
+        yield Hit(line, 1, message)
+
+
+def misspelt_keys(sheet: Sheet) -> Iterator[Hit]:
+    """S017."""
+    for section, key in _foreign_keys(sheet):
+        meant = _meant(key, _keys_of(section))
+        if meant and meant not in section.entries:
+            line, _ = sheet.document.place(section, key)
+            yield Hit(line, 1, f"key {key[:40]!r} is not known, {meant!r} may be meant")
+
+
+def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
+    """Yield what is no key of DS 306, where the standard knows all keys of the section."""
+    for name, known in _KEYS.items():
+        section = sheet.section(name)
+        if section is not None:
+            for key in section.entries.keys() - known:
+                if not _may_be_there(name, key):
+                    yield section, key
+    for section in (*sheet.heads.values(), *(each for subs in sheet.subs.values() for each in subs.values())):
+        if not section.entries.keys() <= OBJECT_KEYS:
+            for key in section.entries:
+                if key not in OBJECT_KEYS:
+                    yield section, key
+
+
+def _may_be_there(name: str, key: str) -> bool:
+    if name in LISTS:
+        return key[:1].isdigit()
+    return name == DEVICE_INFO and key.startswith(("baudrate", "lmt_"))  # D011 judges the rates
+
+
+def _keys_of(section: Section) -> frozenset[str]:
+    return _KEYS.get(section.name.lower(), OBJECT_KEYS)
+
+
+@lru_cache(maxsize=512)
+def _meant(key: str, known: frozenset[str]) -> str:
+    """Return the key of which this one is a misspelling, empty where it is like none."""
+    bare = key.replace(" ", "").replace("_", "").replace("-", "")
+    if bare in known:
+        return bare
+    near = difflib.get_close_matches(key[:40], sorted(known), n=1, cutoff=0.85)
+    return near[0] if near else ""
+
+
+def _matches(sheet: Sheet, pattern: re.Pattern[str], *parts: str) -> list[tuple[int, re.Match[str]]]:
+    """Return the lines that begin as ``pattern`` says; ``parts`` are texts of which one must be there, a quick test."""
+    return [
+        (number, match)
+        for number, line in enumerate(sheet.document.lines, 1)
+        if any(part in line for part in parts) and (match := pattern.match(line))
+    ]
+
+
+def _and_more(found: Iterable[object]) -> str:
+    """Return ``, and 3 more`` for a finding that stands for several."""
+    others = len(list(found)) - 1
+    return f", and {others} more like it" if others else ""
+
+
+LOOKS: Looks = {
+    "S007": long_lines,
+    "S008": spaced_keys,
+    "S013": indented_comments,
+    "S014": old_line_ends,
+    "S015": mixed_line_ends,
+    "S016": unknown_keys,
+    "S017": misspelt_keys,
+    "S018": control_characters,
+}

@@ -1,0 +1,224 @@
+"""The dictionary of an EDS as a tree for a person: areas, objects, sub-indices, with the PDOs drawn above."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from axisbus.eds import layout, overview, pdo_text, wording
+from axisbus.eds.model import Eds, Number, Object, Severity, Variable
+from axisbus.eds.pdo_text import BOXES, Style
+from axisbus.eds.search import Match
+
+PAGE = 100  # characters of a drawing where the width is not limited
+_NARROWEST_NAME = 16
+_WIDEST_NAME = 60
+_ROOM_FOR_VALUE = 24
+_ALIKE = 3  # so many sub-indices that differ only in their number are shown as one line
+_DIGITS = re.compile(r"\d+")
+
+
+class Row(NamedTuple):
+    """One line of the tree, its columns as texts."""
+
+    address: str
+    name: str
+    kind: str
+    access: str
+    pdo: str
+    value: str
+
+
+class Screen(NamedTuple):
+    """How to draw: ``width`` in characters (None: not limited), the characters of lines, whether like sub-indices are folded."""
+
+    width: int | None = None
+    style: Style = BOXES
+    fold: bool = True
+
+    @property
+    def drawing(self) -> int:
+        """Characters for a drawing."""
+        return self.width or PAGE
+
+
+def tree(eds: Eds, node_id: int | None = None, screen: Screen = Screen()) -> Iterator[str]:  # noqa: B008  frozen
+    """Return the whole dictionary as lines; defaults are those of ``node_id`` (1 to 127) where they depend on it."""
+    yield from head(eds, node_id)
+    pdos = layout.layouts(eds, node_id)
+    for each in pdos:
+        yield ""
+        yield from pdo_text.lines(each, screen.drawing, screen.style)
+    areas = overview.areas(eds)
+    rows = [[row for entry in area.objects for row in _object(eds, entry, node_id, screen)] for area in areas]
+    columns = _columns([row for group in rows for row in group], screen.width)
+    for area, group in zip(areas, rows, strict=True):
+        yield ""
+        yield f"{area.title}: {_count(len(area.objects), 'object')}"
+        yield from _lines(group, columns, screen)
+
+
+def matches(
+    eds: Eds,
+    found: Iterable[Match],
+    node_id: int | None = None,
+    screen: Screen = Screen(),  # noqa: B008  frozen
+) -> Iterator[str]:
+    """Return what a search found as lines of the same tree."""
+    rows = [row for match in found for row in _object(eds, match.entry, node_id, screen, match.subs)]
+    yield from _lines(rows, _columns(rows, screen.width), screen)
+
+
+def head(eds: Eds, node_id: int | None) -> Iterator[str]:
+    """Return what stands at the top: who makes it, what it is, what it can do, what was odd in the file."""
+    seen = overview.overview(eds, node_id)
+    yield f"{seen.title} ({eds.source})"
+    for title, text in (
+        ("identity", identity_words(seen)),
+        ("device", _device_words(seen)),
+        ("modes", modes_words(seen)),
+        ("bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else ""),
+        ("contents", f"{_count(len(eds.objects), 'object')}, {_count(seen.entries, 'entry', 'entries')}"),
+        ("node", _node_words(eds, node_id)),
+        ("reading", findings_words(eds)),
+    ):
+        if text:
+            yield f"  {title:<10}  {text}"
+
+
+def identity_words(seen: overview.Overview) -> str:
+    """Return the numbers of 1018h in one line."""
+    who = seen.identity
+    numbers = (("vendor", who.vendor_id), ("product", who.product_code), ("revision", who.revision))
+    return ", ".join(f"{title} 0x{number:08X}" for title, number in numbers if number is not None)
+
+
+def modes_words(seen: overview.Overview) -> str:
+    """Return the modes that the file claims for each axis; empty for what is no drive."""
+    texts = []
+    for axis in range(1, seen.axes + 1):
+        claims = [claim for claim in seen.claims if claim.axis == axis]
+        claimed = [claim.short for claim in claims if claim.claimed]
+        if all(claim.claimed is None for claim in claims):
+            able = " ".join(claim.short for claim in claims if not claim.missing)
+            text = f"not said (6502h has no value); objects are there for {able or 'none'}"
+        else:
+            text = " ".join(claimed) or "none"
+        texts.append(f"axis {axis}: {text}" if seen.axes > 1 else text)
+    return "; ".join(texts)
+
+
+def findings_words(eds: Eds) -> str:
+    """Return how many findings the reading of the file had."""
+    counts = Counter(finding.severity for finding in eds.findings)
+    parts = [_count(counts[severity], severity.value) for severity in Severity if counts[severity]]
+    return ", ".join(parts) or "nothing odd"
+
+
+def _device_words(seen: overview.Overview) -> str:
+    if seen.device_type is None:
+        return ""
+    return f"{seen.kind}, device type 0x{seen.device_type:08X}"
+
+
+def _node_words(eds: Eds, node_id: int | None) -> str:
+    if node_id is None:
+        return ""
+    return f"{node_id}" + (" (the DCF's own)" if node_id == eds.node_id else "")
+
+
+def _count(number: int, one: str, several: str = "") -> str:
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
+def _object(
+    eds: Eds, entry: Object, node_id: int | None, screen: Screen, only: tuple[int, ...] | None = None
+) -> Iterator[Row]:
+    """Return the rows of one object; with ``only``, of these sub-indices."""
+    address = f"{entry.index:04X}"
+    if not entry.is_record:
+        for sub in entry.subs.values():
+            yield _row(eds, sub, node_id, address, wording.full_name(entry, sub))
+        return
+    yield Row(address, entry.name, entry.object_type.name, "", "", "")
+    subs = [sub for sub in entry.subs.values() if only is None or sub.subindex in only]
+    runs = list(_runs(subs)) if screen.fold and only is None else [[sub] for sub in subs]
+    for number, run in enumerate(runs, 1):
+        mark = screen.style.last if number == len(runs) else screen.style.branch
+        yield _sub_row(eds, run, node_id, mark)
+
+
+def _sub_row(eds: Eds, run: list[Variable], node_id: int | None, mark: str) -> Row:
+    first, last = run[0], run[-1]
+    name = first.denotation or first.name
+    address = f"{mark}:{first.subindex:02X}"
+    if len(run) > 1:
+        address, name = f"{address}-{last.subindex:02X}", f"{name} ({len(run)} alike)"
+    return _row(eds, first, node_id, address, name)
+
+
+def _row(eds: Eds, sub: Variable, node_id: int | None, address: str, name: str) -> Row:
+    limits = wording.limits(sub, node_id)
+    text = value_words(eds, sub, node_id)
+    value = f"{text}  [{limits}]" if limits and text else f"[{limits}]" if limits else text
+    return Row(address, name, wording.type_name(sub), sub.access, wording.pdo_direction(sub), value)
+
+
+def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
+    """Return the value after power-up; that of a mapping entry as the object that it maps."""
+    given = sub.initial(node_id)
+    if isinstance(given, int) and layout.is_mapping_entry(sub.index, sub.subindex):
+        return layout.describe_mapped(eds, given) or "0"
+    return wording.initial(sub, node_id)
+
+
+def _runs(subs: list[Variable]) -> Iterator[list[Variable]]:
+    """Return neighbours that differ only in their number together, where there are enough of them."""
+    run: list[Variable] = []
+    for sub in subs:
+        if run and (_facts(sub) != _facts(run[0]) or sub.subindex != run[-1].subindex + 1):
+            yield from _folded(run)
+            run = []
+        run.append(sub)
+    yield from _folded(run)
+
+
+def _folded(run: list[Variable]) -> Iterator[list[Variable]]:
+    if len(run) >= _ALIKE:
+        yield run
+    else:
+        yield from ([sub] for sub in run)
+
+
+def _facts(sub: Variable) -> tuple[str | int | bool | float | bytes | Number | None, ...]:
+    name = _DIGITS.sub("#", sub.name)
+    return (
+        *(name, sub.denotation, sub.data_type, sub.access, sub.pdo_mapping, sub.object_flags),
+        *(sub.default, sub.parameter_value, sub.low, sub.high),
+    )
+
+
+def _columns(rows: list[Row], width: int | None) -> tuple[int, ...]:
+    """Return the widths of all columns but the last; the name gives way where the width is limited."""
+    widths = [max((len(row[at]) for row in rows), default=0) for at in range(5)]
+    widths[1] = min(widths[1], _WIDEST_NAME if width is None else _WIDEST_NAME // 2 + width // 8)
+    if width is not None:
+        values = min(_ROOM_FOR_VALUE, max((len(row.value) for row in rows), default=0))
+        rest = width - 2 - sum(widths) + widths[1] - 2 * len(widths) - values
+        widths[1] = max(_NARROWEST_NAME, min(widths[1], rest))
+    return tuple(widths)
+
+
+def _lines(rows: list[Row], columns: tuple[int, ...], screen: Screen) -> Iterator[str]:
+    for row in rows:
+        cells = [cut(text, room, screen).ljust(room) for text, room in zip(row[:-1], columns, strict=True)]
+        yield cut("  ".join(["", *cells, row.value]).rstrip(), screen.width, screen)
+
+
+def cut(text: str, room: int | None, screen: Screen) -> str:
+    """Return a text that fits into ``room`` characters; whole where nothing limits the width of the screen."""
+    if screen.width is None or room is None or len(text) <= room:
+        return text
+    return text[: room - 1] + screen.style.dots

@@ -1,0 +1,83 @@
+"""How each node is left when the machine closes: at rest, as it was found, or with its own watchdog as the last net."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from enum import Enum
+from typing import TypeVar
+
+from axisbus.errors import ScanError
+from axisbus.machine.boot import Booted
+from axisbus.motion.core import AxisCore
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """How a stop without the scan left an axis: ``ok`` when it stands or is off, ``text`` in words."""
+
+    axis: str
+    ok: bool
+    text: str
+
+
+class Parting(Enum):
+    """What is done to a node at the end."""
+
+    REST = "it no longer waits for our heartbeat, and goes to pre-operational"
+    AS_FOUND = "it no longer waits for our heartbeat, and keeps its NMT state: its drive was found enabled and is not ours"
+    ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
+
+
+def partings(
+    booted: Mapping[int, Booted], cores: Mapping[str, AxisCore], rescued: Iterable[Stopped]
+) -> dict[int, Parting]:
+    """Return how each node is to be left.
+
+    ``cores`` are the axes by name (none where the machine was only booted); ``rescued``: what a stop without the scan came to,
+    which then counts instead of what the cores saw last.
+    """
+    seen = {stopped.axis: stopped.ok for stopped in rescued}
+    return {node_id: _parting(node, cores, seen) for node_id, node in booted.items()}
+
+
+def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, bool]) -> Parting:
+    ours = [cores[name] for name in node.parameters if name in cores and cores[name].touched]
+    if not all(seen.get(core.parameters.name, core.rests) for core in ours):
+        return Parting.ARMED
+    return Parting.AS_FOUND if node.found_enabled and not ours else Parting.REST
+
+
+def scan_failure(failure: BaseException, rescued: Iterable[Stopped]) -> ScanError:
+    """Return what closing tells of a scan that had failed."""
+    texts = [
+        f"{type(failure).__name__}: {failure}",
+        *(f"then, without it: {each.axis}: {each.text}" for each in rescued),
+    ]
+    unsure = [each.axis for each in rescued if not each.ok]
+    return ScanError(
+        "the scan of the bus had failed",
+        observed="\n            ".join(texts),
+        remedy=f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop; then mend the cause"
+        if unsure
+        else "mend the cause, and open the machine again",
+    )
+
+
+def in_parallel(work: Callable[..., _T], *items: Iterable[object]) -> list[_T]:
+    """Call ``work`` with the items of each place, a thread for each; one after the other where there are no more threads.
+
+    There are none at the end of the interpreter, when ``atexit`` closes a machine that was left open.
+    """
+    places = list(zip(*items, strict=True))
+    pool = ThreadPoolExecutor(max_workers=max(1, len(places)), thread_name_prefix="axisbus nodes")
+    begun: list[Future[_T]] = []
+    try:
+        with pool:
+            begun += [pool.submit(work, *place) for place in places]
+    except RuntimeError:
+        pass  # the interpreter is ending
+    return [future.result() for future in begun] + [work(*place) for place in places[len(begun) :]]

@@ -1,0 +1,94 @@
+"""What a cyclic mode needs of a drive before the first target: the interpolation time 60C2h, and offsets that are 0."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import objects
+from axisbus.errors import DriveError, LimitError
+from axisbus.motion.activity import Transfers
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+
+OFFSETS = frozenset({objects.POSITION_OFFSET, objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET})
+# Powers of ten for 60C2h:02, first the one that every drive knows (its default in the standard).
+_EXPONENTS = (-3, -4, -5, -6, -2, -1, 0)
+
+
+def no_offsets(parameters: AxisParameters) -> Transfers:
+    """Return the writes that set 60B0h, 60B1h and 60B2h to 0: what another program left there would be a jump or a drift."""
+    present = [index for index in sorted(OFFSETS) if parameters.has(index)]
+    return Transfers([(index, 0, 0) for index in present], parameters, OFFSETS)
+
+
+class CyclicSetup:
+    """Sets the offsets to 0 and 60C2h to the scan period, and reads 60C2h back; what the drive does not have is left out."""
+
+    __slots__ = ("_offsets", "_parameters", "_read", "_wanted", "_write")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._wanted = interpolation_period(parameters.scan_period)
+        self._offsets = no_offsets(parameters)
+        index = objects.INTERPOLATION_TIME_PERIOD
+        present = parameters.has(index)
+        value, exponent = self._wanted
+        self._write = Transfers([(index, 1, value), (index, 2, exponent)] if present else [], parameters)
+        self._read = Transfers([(index, 1, None), (index, 2, None)] if present else [], parameters)
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive interpolates over our period.
+
+        Raises:
+            DriveError: it does not take the period, or does not answer.
+        """
+        if not self._offsets.step(image, order):
+            return False
+        try:
+            if not self._write.step(image, order) or not self._read.step(image, order):
+                return False
+        except DriveError as error:
+            seen = error.message.removeprefix(f"{self._parameters.name}: ")
+            raise self._unfit(f"{seen}; {error.observed}" if error.observed else seen) from error
+        got = tuple(self._read.values.values())
+        if got and not math.isclose(_seconds(*got), _seconds(*self._wanted)):
+            raise self._unfit(
+                f"60C2h was written as {self._wanted[0]} x 10^{self._wanted[1]} s and reads {got[0]} x 10^{got[1]} s"
+            )
+        return True
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        for transfers in (self._offsets, self._write, self._read):
+            transfers.cancel(order)
+
+    def _unfit(self, observed: str) -> DriveError:
+        name = self._parameters.name
+        return DriveError(
+            f"{name}: cannot follow a trajectory: the drive does not take the scan period as its interpolation time",
+            axis=name,
+            observed=observed,
+            remedy="choose a scan_period in cell.toml that the drive can interpolate over (its manual lists them)",
+        )
+
+
+def interpolation_period(period: float) -> tuple[int, int]:
+    """Return value and power of ten for 60C2h (value 1 to 255, seconds = value x 10^index); in milliseconds where that is possible.
+
+    Raises:
+        LimitError: the period cannot be said in that form.
+    """
+    for exponent in _EXPONENTS:
+        value = period * 10.0**-exponent
+        if value >= 1 and abs(value - round(value)) < 1e-9 * value and round(value) <= 255:
+            return round(value), exponent
+    raise LimitError(
+        f"a scan period of {period * 1000:g} ms cannot be written into 60C2h",
+        observed="60C2h holds 1 to 255 times a power of ten",
+        remedy='choose a period such as "2ms", "2.5ms" or "10ms"',
+    )
+
+
+def _seconds(value: int, exponent: int) -> float:
+    return float(value * 10.0**exponent)

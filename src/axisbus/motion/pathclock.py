@@ -1,0 +1,71 @@
+"""The time along a path: one period per executed cycle, and slowed down so that the path itself is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Way = Callable[
+    [float], float
+]  # the distance covered along the path at a time; in any unit, forwards or backwards
+
+
+class PathClock:
+    """The time along a trajectory. It advances by exactly one period per executed cycle, and can be braked to a stop.
+
+    Slowing time scales the velocity down and keeps the path: a group that is halted stays on its straight line. While braking, the
+    speed along the path falls by no more than the deceleration times the period in each cycle, whatever the trajectory itself does
+    meanwhile: where it slows down by itself as fast, time runs on; where it would speed up, time runs the slower.
+    """
+
+    __slots__ = ("_deceleration", "_last", "_period", "_speed", "_way", "rate", "t")
+
+    def __init__(self) -> None:
+        self.t = 0.0
+        self.rate = 1.0
+        self._last = 0.0  # the time one cycle before
+        self._period = 0.0
+        self._way: Way | None = None
+        self._deceleration = 0.0
+        self._speed = 0.0
+
+    def advance(self, period: float) -> None:
+        """Go on by one cycle of ``period`` seconds; raises what the way raises."""
+        self._period, self._last = period, self.t
+        if self._way is None:
+            self.t += period
+        elif self.rate:
+            self._slow_down(self._way, period)
+
+    def brake(self, way: Way, deceleration: float) -> None:
+        """Slow down to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call changes nothing."""
+        if self._way is not None:
+            return
+        self._way, self._deceleration = way, deceleration
+        if self._period:
+            self._speed = abs(way(self.t) - way(self._last)) / self._period
+        if not self._speed:
+            self.rate = 0.0
+
+    @property
+    def braking(self) -> bool:
+        """Whether it is slowing down or stopped."""
+        return self._way is not None
+
+    @property
+    def stopped(self) -> bool:
+        """Whether time stands still."""
+        return self.rate == 0.0
+
+    def _slow_down(self, way: Way, period: float) -> None:
+        self._speed = max(0.0, self._speed - self._deceleration * period)
+        here, ahead = way(self.t), self.rate * period
+        natural = abs(way(self.t + ahead) - here)
+        if not natural or not self._speed:
+            self.rate = self._speed = 0.0
+            return
+        allowed = self._speed * period
+        if natural > allowed:
+            ahead *= allowed / natural
+        self._speed = abs(way(self.t + ahead) - here) / period
+        self.rate = ahead / period
+        self.t += ahead

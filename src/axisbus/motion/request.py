@@ -1,0 +1,217 @@
+"""From what a call asks for, in units, to increments: checked against the axis's limits and what the objects hold."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia301.datatypes import DataType, check_range
+from axisbus.errors import ArgumentError, LimitError
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.profile import Profile
+from axisbus.units import Scale
+
+
+def shown(value: object) -> str:
+    """Return a number as a call would show it; what is no number, as Python does."""
+    return f"{value:g}" if isinstance(value, (int, float)) else repr(value)
+
+
+class Request:
+    """One call, such as ``x.move_absolute(90 deg)``, on its way from units to increments.
+
+    All methods raise ArgumentError for what is no number or missing, and LimitError for what is too much; the text names the call.
+    """
+
+    def __init__(self, parameters: AxisParameters, name: str) -> None:
+        self._parameters = parameters
+        self._unit = parameters.units.position.unit
+        self.text = f"{parameters.name}.{name}"
+
+    # -- single values -----------------------------------------------------------------------------------------------
+
+    def finite(self, what: str, value: float, unit: str | None = None) -> float:
+        """Return ``value``, which must be a finite number."""
+        if not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise ArgumentError(
+                f"{self.text}: {what} {value!r} is no finite number",
+                remedy=f"give {what} as a number in {self._unit if unit is None else unit}, and look where this value was computed",
+            )
+        return value
+
+    def positive(self, what: str, value: float, unit: str | None = None) -> float:
+        """Return ``value``, which must be above 0."""
+        if self.finite(what, value, unit) <= 0:
+            raise ArgumentError(
+                f"{self.text}: {what} {value:g} must be above 0",
+                remedy=f"give {what} as a magnitude in {self._unit if unit is None else unit}",
+            )
+        return value
+
+    def timeout(self, value: float | None) -> float | None:
+        """Return a time in seconds, which may be left out."""
+        return None if value is None else self.positive("timeout", value, "s")
+
+    def target(self, position: float) -> int:
+        """Return an absolute position, within the axis's limits, in increments."""
+        limits, scale = self._parameters.limits.position, self._parameters.units.position
+        if limits is not None and not limits[0] <= position <= limits[1]:
+            raise LimitError(
+                f"{self.text}: beyond the position limits",
+                observed=f"allowed are {limits[0]:g} to {limits[1]:g} {self._unit}",
+                remedy=f"give a position within them, or change position_limits in [axes.{self._parameters.name}] of cell.toml",
+            )
+        return self._fits(scale.to_increments(position), DataType.INTEGER32, "607Ah")
+
+    def distance(self, distance: float) -> int:
+        """Return a distance in increments."""
+        scale = self._parameters.units.position
+        return self._fits(scale.to_increments(self.finite("distance", distance)), DataType.INTEGER32, "607Ah")
+
+    def torque(self, torque: float) -> int:
+        """Return a torque (N·m, signed) in 0.1 % of rated torque."""
+        limit = self._parameters.limits.torque
+        if limit is not None and abs(self.finite("torque", torque, "N·m")) > limit:
+            raise self._beyond("torque", torque, "N·m", "max_torque", limit)
+        return self._fits(
+            round(self.finite("torque", torque, "N·m") / self._rated_torque * 1000),
+            DataType.INTEGER16,
+            "6071h",
+        )
+
+    def torque_slope(self, slope: float | None) -> int | None:
+        """Return a slope (N·m/s) in 0.1 % of rated torque per second, None where neither call nor defaults give one."""
+        slope = slope if slope is not None else self._parameters.defaults.torque_slope
+        if slope is None:
+            return None
+        raw = self.positive("slope", slope, "N·m/s") / abs(self._rated_torque) * 1000
+        return self._fits(round(raw), DataType.UNSIGNED32, "6087h")
+
+    @property
+    def _rated_torque(self) -> float:
+        rated = self._parameters.units.rated_torque
+        if rated is None:
+            raise self.missing("rated_torque", "the axis's rated torque in N·m", in_call=False)
+        return rated
+
+    def homing_method(self, method: int | None) -> int:
+        """Return a method of 6098h."""
+        method = self._parameters.homing.method if method is None else method
+        if method is None:
+            raise self.missing("method", "a homing method of 6098h", "homing")
+        return self._fits(method, DataType.INTEGER8, "6098h")
+
+    def homing_speed(self, key: str, value: float | None, needed: bool) -> int | None:
+        """Return a homing speed of ``[axes.NAME.homing]`` in the drive's increments."""
+        if value is None:
+            if needed:
+                raise self.missing(key, f"the homing speed in {self._unit}/s", "homing", in_call=False)
+            return None
+        return self._raw(self._parameters.units.velocity, value, "6099h")
+
+    def homing_acceleration(self, value: float | None) -> int | None:
+        """Return the homing acceleration of ``[axes.NAME.homing]`` in the drive's increments."""
+        return None if value is None else self._raw(self._parameters.units.acceleration, value, "609Ah")
+
+    # -- profiles ----------------------------------------------------------------------------------------------------
+
+    def profile(
+        self,
+        velocity: float | None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        timeout: float | None = None,
+    ) -> Profile:
+        """Return the profile of a move to a position; what is left out comes from the defaults."""
+        speed = self.positive("velocity", self._or_default("velocity", velocity), f"{self._unit}/s")
+        self._check_velocity(speed)
+        raw = self._raw(self._parameters.units.velocity, speed, "6081h")
+        return self._with_ramps(raw, speed, acceleration, deceleration, timeout)
+
+    def turning(
+        self,
+        velocity: float,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        timeout: float | None = None,
+    ) -> Profile:
+        """Return the profile of a signed velocity."""
+        self._check_velocity(self.finite("velocity", velocity, f"{self._unit}/s"))
+        scale = self._parameters.units.velocity
+        raw = self._fits(scale.to_increments(velocity), DataType.INTEGER32, "60FFh")
+        return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
+
+    def _check_velocity(self, velocity: float) -> None:
+        limit = self._parameters.limits.velocity
+        if limit is not None and abs(velocity) > limit:
+            raise self._beyond("velocity", velocity, f"{self._unit}/s", "max_velocity", limit)
+
+    def _with_ramps(
+        self,
+        raw: int,
+        speed: float,
+        acceleration: float | None,
+        deceleration: float | None,
+        timeout: float | None,
+    ) -> Profile:
+        raw_up, raw_down, ramp = self._ramps(acceleration, deceleration)
+        units = self._parameters.units
+        inc = abs(units.position.factor)
+        known = units.ratio_known
+        return Profile(
+            raw,
+            raw_up,
+            raw_down,
+            speed * inc if known else None,
+            ramp * inc if known else None,
+            self.timeout(timeout),
+        )
+
+    def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int, float]:
+        """Return acceleration and deceleration in the drive's increments, and the weaker one in units."""
+        defaults, limit = self._parameters.defaults, self._parameters.limits.acceleration
+        unit = f"{self._unit}/s²"
+        up = self.positive("acceleration", self._or_default("acceleration", acceleration), unit)
+        down = deceleration if deceleration is not None else defaults.deceleration
+        down = up if down is None else self.positive("deceleration", down, unit)
+        if limit is not None and max(up, down) > limit:
+            raise self._beyond("acceleration", max(up, down), unit, "max_acceleration", limit)
+        scale = self._parameters.units.acceleration
+        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h"), min(up, down)
+
+    def _or_default(self, what: str, value: float | None) -> float:
+        if value is not None:
+            return value
+        default: float | None = getattr(self._parameters.defaults, what)
+        if default is None:
+            raise self.missing(what, f"the default {what}", "defaults")
+        return default
+
+    # -- helpers -----------------------------------------------------------------------------------------------------
+
+    def _raw(self, scale: Scale, value: float, what: str) -> int:
+        """Return a magnitude in increments, at least 1, that fits UNSIGNED32."""
+        return self._fits(max(1, abs(scale.to_increments(value))), DataType.UNSIGNED32, what)
+
+    def _fits(self, value: int, data_type: DataType, what: str) -> int:
+        return check_range(value, data_type, f"{self.text}: {what}")
+
+    def missing(self, key: str, what: str, table: str = "", *, in_call: bool = True) -> ArgumentError:
+        """Return the error of a value that nobody gives; ``in_call``: whether the call could."""
+        name = self._parameters.name
+        where = f"[axes.{name}.{table}]" if table else f"[axes.{name}]"
+        return ArgumentError(
+            f"{self.text}: {key} is missing",
+            observed=f"the call does not give it, and {where} in cell.toml does not either"
+            if in_call
+            else f"{where} in cell.toml does not give it",
+            remedy=f"give {key} = ... in the call, or {what} in {where}; it is never guessed"
+            if in_call
+            else f"write {key} = ... ({what}) in {where}; it is never guessed",
+        )
+
+    def _beyond(self, what: str, value: float, unit: str, key: str, limit: float) -> LimitError:
+        return LimitError(
+            f"{self.text}: {what} {value:g} {unit} is beyond the limit",
+            observed=f"{key} is {limit:g} {unit}",
+            remedy=f"ask for less, or raise {key} in [axes.{self._parameters.name}] of cell.toml",
+        )

@@ -1,0 +1,150 @@
+"""An EDS held against a live device, and taken from one: stand-ins on the virtual bus."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from axisbus import eds
+from axisbus.bus.channel import Channel
+from axisbus.bus.from_device import skeleton, stored_eds
+from axisbus.bus.node import Node
+from axisbus.bus.verify import Kind, verify
+from axisbus.cia301.datatypes import DataType
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+
+ROOT = Path(__file__).parents[2]
+GENERIC = (ROOT / "eds" / "generic-cia402.eds").read_text()
+NUMBER = itertools.count(1)
+
+
+@pytest.fixture
+def live():
+    """A function that puts a stand-in of an EDS on a bus and returns an SDO client for it."""
+    opened = []
+
+    def put(text=GENERIC, dictionary=None):
+        name = f"verify-{next(NUMBER)}"
+        stand_ins = StandIns(name, [device_from_eds(eds.loads(text.encode(), "live.eds"), 5)])
+        stand_ins.start()
+        channel = Channel.open("virtual", name)
+        node = Node(channel, 5, dictionary)
+        opened.extend((node, channel, stand_ins))
+        return node.sdo
+
+    yield put
+    for thing in opened:
+        thing.close()
+
+
+def section(name, **keys):
+    return f"\n[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys.items())
+
+
+def changed(name, old, new, text=GENERIC):
+    begin = text.index(f"[{name}]")
+    end = text.find("\n[", begin)
+    part = text[begin:end]
+    assert old in part, part
+    return text[:begin] + part.replace(old, new) + text[end:]
+
+
+def found(result):
+    return {
+        (each.kind, each.index, each.subindex): each
+        for each in result.differences
+        if each.severity.value != "note"
+    }
+
+
+def test_a_file_agrees_with_the_device_made_from_it(live):
+    told = []
+    result = verify(
+        live(), eds.loads(GENERIC.encode(), "generic.eds"), lambda done, total: told.append((done, total))
+    )
+    assert result.agrees
+    assert result.read > 200
+    assert told[-1] == (result.read, result.read)
+
+
+def test_an_object_that_the_device_lacks_is_named_with_its_line(live):
+    text = GENERIC + section(
+        "2FFF", ParameterName="Not there", ObjectType="0x7", DataType="0x0005", AccessType="ro"
+    )
+    dictionary = eds.loads(text.encode(), "more.eds")
+    (difference,) = found(verify(live(), dictionary)).values()
+    assert (difference.kind, difference.index) == (Kind.EXISTENCE, 0x2FFF)
+    assert difference.line == text[: text.index("[2FFF]")].count("\n") + 1
+    assert "is not in the device" in difference.message
+
+
+def test_another_size_shows_in_the_bytes_that_come(live):
+    dictionary = eds.loads(changed("6081", "DataType=0x0007", "DataType=0x0006").encode(), "size.eds")
+    (difference,) = found(verify(live(), dictionary)).values()
+    assert (difference.kind, difference.index) == (Kind.TYPE, 0x6081)
+    assert "UNSIGNED16 (2 bytes) in the EDS, the device sends 4 bytes" in difference.message
+
+
+def test_another_identity_is_an_error_and_another_setting_a_note(live):
+    other = changed("1018sub2", "DefaultValue=", "DefaultValue=0x77;")
+    other = other.replace("DefaultValue=0x77;", "DefaultValue=0x77\n;")
+    device = changed("6081", "DefaultValue=", "DefaultValue=4321\n;")
+    sdo = live(changed("1018sub2", "DefaultValue=", "DefaultValue=0x78\n;", device))
+    result = verify(sdo, eds.loads(other.encode(), "other.eds"))
+    (difference,) = found(result).values()
+    assert (difference.kind, difference.index, difference.subindex) == (Kind.IDENTITY, 0x1018, 2)
+    notes = [each for each in result.differences if each.severity.value == "note"]
+    assert [(each.kind, each.index) for each in notes] == [(Kind.DEFAULT, 0x6081)]
+    assert "is 0x10E1" in notes[0].message
+
+
+def test_what_cannot_be_read_and_what_can_after_all(live):
+    device = changed("6081", "AccessType=rw", "AccessType=wo")
+    result = verify(live(device), eds.loads(GENERIC.encode(), "a.eds"))
+    (difference,) = found(result).values()
+    assert (difference.kind, difference.severity.value) == (Kind.ACCESS, "error")
+    result = verify(live(), eds.loads(device.encode(), "b.eds"))
+    (difference,) = found(result).values()
+    assert (difference.kind, difference.severity.value) == (Kind.ACCESS, "warning")
+
+
+def test_nothing_is_written(live, monkeypatch):
+    sdo = live()
+    monkeypatch.setattr(sdo, "download", lambda *_: pytest.fail("verify wrote to the device"))
+    monkeypatch.setattr(sdo, "write", lambda *_: pytest.fail("verify wrote to the device"))
+    assert verify(sdo, eds.loads(GENERIC.encode(), "generic.eds")).read > 200
+    assert skeleton(sdo).objects
+
+
+def test_a_skeleton_has_the_standard_objects_of_the_device_with_their_types(live):
+    sdo = live()
+    model = eds.loads(GENERIC.encode(), "generic.eds")
+    made = skeleton(sdo)
+    standard = {index for index in model.objects if index < 0x1400 or 0x6000 <= index < 0x6800}
+    assert standard - set(made.objects) == set()
+    for index, data_type in (
+        (0x6064, DataType.INTEGER32),
+        (0x6041, DataType.UNSIGNED16),
+        (0x6060, DataType.INTEGER8),
+    ):
+        assert made.get(index).data_type is data_type
+    assert made.get(0x607D, 2).data_type is DataType.INTEGER32
+    assert made.get(0x6041).access == "ro"
+    assert made.get(0x607A).pdo_mapping
+    assert made.get(0x1018, 1).default == model.get(0x1018, 1).default
+    again = eds.loads(eds.canopen_text(made).encode(), "skeleton.eds")
+    assert verify(sdo, again).agrees
+
+
+def test_the_stored_eds_is_taken_where_there_is_one(live):
+    assert stored_eds(live()) is None
+    text = GENERIC + section(
+        "1021",
+        ParameterName="Store EDS",
+        ObjectType="0x7",
+        DataType="0x000A",
+        AccessType="ro",
+        DefaultValue="3B20454453",
+    )
+    assert stored_eds(live(text)) == b"; EDS"

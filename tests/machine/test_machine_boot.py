@@ -1,0 +1,298 @@
+"""Boot-up and direct access on simulated cells: what is written, read back, reported, refused and restored."""
+
+import itertools
+import time
+from pathlib import Path
+
+import pytest
+
+from axisbus import Machine, Recorder, eds
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.errors import ArgumentError, BootError, LimitError, SdoAbort, StateError
+from axisbus.machine.proposal import compare
+from axisbus.machine.stopping import Watchdog, stop_ladder
+from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.sim.build import device_from_eds
+from axisbus.units import Scale
+
+ROOT = Path(__file__).parents[2]
+GENERIC = eds.load(ROOT / "eds" / "generic-cia402.eds")
+CELL = """
+[bus]
+interface = "sim"
+scan_period = "5ms"
+[nodes.3]
+eds = "builtin:generic-cia402"
+[nodes.3.objects]
+"6065" = 3000
+[axes.x]
+node = 3
+unit = "deg"
+scale = 100
+[axes.x.defaults]
+velocity = 50.0
+acceleration = 500.0
+[axes.x.stop]
+quick_stop = "ramp-hold"
+deceleration = 900.0
+"""
+
+
+def cell(folder, *changes):
+    text = CELL
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "cell.toml"
+    path.write_text(text)
+    return path
+
+
+def device(**objects):
+    made = device_from_eds(GENERIC, 3)
+    for key, value in objects.items():
+        made.write(int(key[1:], 16), 0, value)
+    return made
+
+
+def simulated(path, made=None):
+    return Machine.simulated(path, {3: made} if made is not None else None)
+
+
+def test_what_the_cell_file_says_is_in_the_drive(tmp_path):
+    made = device()
+    with simulated(cell(tmp_path), made):
+        assert made.read(0x6065) == 3000
+        assert made.read(0x605A) == 6
+        assert made.read(0x6085) == 90000
+        assert made.read(0x1016, 1) == 127 << 16 | 300
+        assert made.read(0x1017) == 100
+
+
+def test_what_was_armed_is_given_back(tmp_path):
+    made = device()
+    with simulated(cell(tmp_path), made):
+        pass
+    assert made.read(0x1016, 1) == 0
+
+
+def test_a_watchdog_left_behind_by_a_killed_program_is_taken_over_and_then_disarmed(tmp_path):
+    made = device()
+    made.write(0x1016, 1, 127 << 16 | 9999)
+    with simulated(cell(tmp_path), made):
+        assert made.read(0x1016, 1) == 127 << 16 | 300
+    assert made.read(0x1016, 1) == 0
+
+
+def test_another_consumer_keeps_its_entry(tmp_path):
+    made = device()
+    entries = made.read(0x1016, 0)
+    made.write(0x1016, 1, 5 << 16 | 500)
+    with simulated(cell(tmp_path), made) as machine:
+        kind = machine.reports[0].watchdog.kind
+        assert made.read(0x1016, 1) == 5 << 16 | 500
+        assert kind is (Watchdog.NONE if entries == 1 else Watchdog.ARMED)
+
+
+def test_without_1016_the_node_is_guarded(tmp_path):
+    """A drive with 100Ch and 100Dh only: the scan asks for its state, the drive notices when nobody asks."""
+    source = (ROOT / "eds" / "generic-cia402.eds").read_text()
+    for section in ("1016", "1016sub0", "1016sub1", "1017"):
+        begin = source.index(f"[{section}]")
+        end = source.index("\n[", begin)
+        source = source[:begin] + source[end + 1 :]
+    if "[100C]" not in source:
+        source += (
+            "\n[100C]\nParameterName=Guard time\nObjectType=7\nDataType=6\nAccessType=rw\nDefaultValue=0\n"
+            "\n[100D]\nParameterName=Life time factor\nObjectType=7\nDataType=5\nAccessType=rw\nDefaultValue=0\n"
+        )
+    (tmp_path / "guarded.eds").write_text(source)
+    path = cell(tmp_path, ("builtin:generic-cia402", "guarded.eds"))
+    with Machine.open(path) as machine:
+        assert "100Ch and 100Dh expect our guarding within 300 ms" in machine.reports[0].watchdog.text
+        machine["x"].enable().wait()
+        machine["x"].move_relative(30.0).wait()  # longer than the life time
+        assert machine.node(3).nmt is NmtState.OPERATIONAL
+        made = machine.stand_in(3).device
+        assert made.drive.error_code == 0
+    time.sleep(0.5)  # our silence afterwards faults nobody
+    assert made.drive.error_code == 0
+
+
+def test_a_value_that_reads_back_otherwise_names_line_expected_and_got(tmp_path, monkeypatch):
+    made = device()
+    read = made.read
+    monkeypatch.setattr(made, "read", lambda index, sub=0: 2999 if index == 0x6065 else read(index, sub))
+    path = cell(tmp_path)
+    with pytest.raises(BootError) as caught:
+        simulated(path, made)
+    error = caught.value
+    assert (error.step, error.index) == ("configuration", 0x6065)
+    assert (
+        f"6065h:00 cannot be set to 3000 (6065 in [nodes.3.objects], {path}:8): reads back another value"
+        in str(error)
+    )
+    assert error.observed == "expected 3000, got 2999"
+
+
+def test_a_value_that_the_drive_refuses_names_the_abort_code(tmp_path):
+    made = device()
+    made.dials.sdo_write_aborts[0x6065, 0] = 0x08000022
+    with pytest.raises(BootError, match=r"6065h:00 cannot be set to 3000.*the drive refuses it") as caught:
+        simulated(cell(tmp_path), made)
+    assert "0x08000022, Data cannot be transferred" in caught.value.observed
+    assert "pre-operational" in caught.value.remedy
+
+
+def test_a_drive_of_another_vendor_is_refused(tmp_path):
+    source = (ROOT / "eds" / "generic-cia402.eds").read_text()
+    begin = source.index("[1018sub1]")
+    end = source.index("\n[", begin)
+    other = source[:begin] + source[begin:end].replace("DefaultValue=", "DefaultValue=0x12;") + source[end:]
+    other = other.replace("DefaultValue=0x12;", "DefaultValue=0x12\n;")
+    (tmp_path / "other.eds").write_text(other)
+    made = device_from_eds(eds.load(tmp_path / "other.eds"), 3)
+    made.dictionary.set(0x1018 << 8 | 1, 0x99)
+    path = cell(tmp_path, ("builtin:generic-cia402", "other.eds"))
+    with pytest.raises(
+        BootError, match=r"another device than other.eds describes: its vendor ID differs"
+    ) as caught:
+        simulated(path, made)
+    assert "1018h:01 is 0x99, the EDS says 0x12" in caught.value.observed
+
+
+def test_a_silent_node_is_named(tmp_path):
+    made = device()
+    made.dials.sdo_silent = True
+    with pytest.raises(BootError, match="node 3, step find: node 3 does not answer"):
+        simulated(cell(tmp_path), made)
+
+
+def test_direct_access_reads_and_writes_by_number_and_name(tmp_path):
+    with simulated(cell(tmp_path)) as machine:
+        node = machine.node(3)
+        node.sdo["Profile velocity"] = 1234
+        assert node.sdo[0x6081] == 1234
+        node.sdo[0x607D, 1] = -500
+        assert node.sdo[0x607D, 1] == -500
+        with pytest.raises(ArgumentError, match=r"did you mean .profile velocity."):
+            node.sdo["Profile velocty"]
+        with pytest.raises(SdoAbort, match="6502"):
+            node.sdo[0x6502] = 1
+        with pytest.raises(StateError, match="simulated without a bus"):
+            _ = node.nmt
+        with pytest.raises(StateError, match="the cell has no node 4"):
+            machine.node(4)
+
+
+def test_direct_access_over_the_bus(tmp_path):
+    with Machine.open(cell(tmp_path)) as machine:
+        node = machine.node(3)
+        assert node.nmt is NmtState.OPERATIONAL
+        node.sdo[0x6081] = 777
+        assert node.canopen.sdo["Profile velocity"].raw == 777
+        with pytest.raises(LimitError):
+            node.sdo[0x6081] = -1
+        with pytest.raises(StateError, match="sent by PDO in every cycle"):
+            node.sdo[0x607A] = 5
+        machine.stand_in(3).fault(0x2310)
+        deadline = time.monotonic() + 5
+        while not node.emcy and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert node.emcy[-1].code == 0x2310
+        assert any("RPDO1" in line for line in node.pdos())
+
+
+def test_pdo_tables_are_set_in_the_drive(tmp_path):
+    table = """
+[nodes.3.pdo.tpdo4]
+map = ["60F4", "60FD"]
+transmission = 255
+event_timer = "50ms"
+[axes.x]
+"""
+    with Machine.open(cell(tmp_path, ("[axes.x]\n", table))) as machine:
+        read = machine.node(3).sdo
+        assert [read[0x1A03, sub] for sub in range(3)] == [2, 0x60F40020, 0x60FD0020]
+        assert (read[0x1803, 2], read[0x1803, 5]) == (255, 50)
+        assert not read[0x1803, 1] & 1 << 31
+
+
+def test_reports_of_the_stop_ladder_name_coasting():
+    codes = {0x605A: 0, 0x605C: 0, 0x605D: 1, 0x605E: 2, 0x6007: None}
+    report = stop_ladder("x", codes, StopTimes(1.0, 2.0, 3.0), HoldsLoad.BRAKE)
+    rows = {title: (what, text) for title, what, text in report.rows}
+    assert rows["2 quick stop"][0] == "605Ah = 0"
+    assert "coasts" in rows["2 quick stop"][1]
+    assert "at most 2 s" in rows["2 quick stop"][1]
+    assert rows["on a lost link"] == ("6007h missing", "not in this drive: what it does is in its manual")
+    assert "holds a load" in rows
+    assert len(report.warnings) == 2
+    assert all("coasts" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize(
+    ("scale", "agrees", "words"),
+    [
+        (364.0889, True, "at the gear's output"),
+        (45.5111, True, "at the motor"),
+        (100.0, False, "suggest 364.089 (at the gear's output), 45.5111 (at the motor)"),
+    ],
+)
+def test_scale_beside_what_the_objects_suggest(scale, agrees, words):
+    """16384 counts per motor turn, gear 8:1: 131072 counts per output turn, by hand."""
+    values = {(0x608F, 1): 16384, (0x608F, 2): 1, (0x6091, 1): 8, (0x6091, 2): 1}
+    report = compare(Scale.of(scale, "deg"), values)
+    assert report.agrees is agrees
+    assert words in report.proposed
+
+
+def test_no_scale_is_suggested_for_other_units():
+    report = compare(Scale.of(100, "mm"), {(0x608F, 1): 4096, (0x608F, 2): 1})
+    assert report.agrees is None
+    assert "4096 increments per motor turn" in report.proposed
+
+
+def test_a_recording_holds_every_cycle(tmp_path):
+    with simulated(cell(tmp_path)) as machine:
+        with Recorder(machine.scan) as recorder:
+            machine["x"].enable().wait()
+            machine["x"].move_absolute(5.0).wait()
+        rows = list(recorder.rows())
+        assert len(rows) == len(recorder)
+        assert recorder.header()[:2] == ["time_s", "x.position"]
+        times = [row[0] for row in rows]
+        assert all(abs(b - a - 0.005) < 1e-6 for a, b in itertools.pairwise(times))
+        assert rows[-1][1] == pytest.approx(5.0, abs=1.0)  # the drive's own window is 1 degree here
+        assert rows[-1][4] == pytest.approx(5.0)
+        before = len(recorder)
+        machine.sleep(0.1)
+        assert len(recorder) == before
+        path = recorder.write_csv(tmp_path / "deep" / "r.csv")
+        assert path.read_text().startswith("time_s,x.position,x.velocity,x.torque,x.target,x.state\n")
+
+
+def test_a_node_that_leaves_operational_is_lost_for_its_axis(tmp_path):
+    with Machine.open(cell(tmp_path)) as machine:
+        machine["x"].enable().wait()
+        machine.node(3).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        deadline = time.monotonic() + 5
+        while machine["x"].error is None and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert "node 3 is lost" in machine["x"].error.message
+
+
+def test_axes_groups_and_names(tmp_path):
+    with simulated(ROOT / "examples" / "cell.toml") as machine:
+        assert [axis.name for axis in machine] == ["x", "y", "z"]
+        assert len(machine) == 3
+        assert "x" in machine
+        assert machine.group("xyz") is machine.group("xyz")
+        assert [axis.name for axis in machine.group("z", "x")] == ["z", "x"]
+        for wrong in ("w", "xy"):
+            with pytest.raises(StateError, match="no axis"):
+                machine.group(wrong)
+        with pytest.raises(StateError, match="needs a name"):
+            machine.group()
+        assert machine.is_simulated
+    machine.close()  # once more does nothing

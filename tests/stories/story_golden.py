@@ -1,0 +1,40 @@
+"""Golden messages: the full text of an error, compared exactly with a reviewed file. AXISBUS_UPDATE_GOLDEN=1 writes them anew."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "golden"
+UPDATE = "AXISBUS_UPDATE_GOLDEN"
+
+# What differs from run to run: the private channel's name, and in real time measured seconds and increments under way.
+_CHANNEL = re.compile(r"axisbus-(sim|stories)-\d+-\d+"), r"axisbus-\1-#"
+_MEASURED = re.compile(r"\d+\.\d+"), "#"
+
+
+class Golden:
+    """Compares errors with their files; ``folder`` is where the story's cell stands, which messages name."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def __call__(self, name: str, *errors: BaseException, volatile: bool = False) -> None:
+        """Compare; ``volatile``: measured numbers are left out."""
+        text = "\n".join(map(full_text, errors)) + "\n"
+        text = text.replace(str(self._folder), "<folder>")
+        for pattern, instead in (_CHANNEL, _MEASURED) if volatile else (_CHANNEL,):
+            text = pattern.sub(instead, text)
+        path = FOLDER / f"{name}.txt"
+        if os.environ.get(UPDATE) == "1":
+            path.write_text(text, encoding="utf-8")
+        assert path.exists(), f"no golden message {name}: review this one, then run with {UPDATE}=1\n{text}"
+        assert text == path.read_text(encoding="utf-8")
+
+
+def full_text(error: BaseException) -> str:
+    """Return what a user reads of an error: its text and notes; of a group, that of each."""
+    if isinstance(error, BaseExceptionGroup):
+        return "\n".join([error.message, *map(full_text, error.exceptions)])
+    return "\n".join([str(error), *getattr(error, "__notes__", [])])

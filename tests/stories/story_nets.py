@@ -1,0 +1,51 @@
+"""The safety nets that a story relies on, and how to cut them: a story that still passes then proves nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from unittest.mock import patch
+
+from axisbus.bus.cycle import CanCycle
+from axisbus.machine.configure import Watch
+from axisbus.machine.node_stop import NodeStop
+from axisbus.machine.stopping import NO_WATCHDOG
+from axisbus.machine.supervisor import Supervisor
+from axisbus.motion.ladder import StopLadder
+from axisbus.sim.direct import DirectCycle
+
+
+class PlantMoves(AssertionError):
+    """The plant did not come to rest as the story promises; raised by nothing but the look at the plant itself."""
+
+
+def _says_it_stands(ladder: StopLadder, _image: object, _order: object) -> bool:
+    ladder.confirmed = True
+    return True
+
+
+def _nothing(*_: object) -> None:
+    pass
+
+
+# Net: what is replaced (owner, attribute, replacement).
+NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
+    "the stop ladder": ((StopLadder, "step", _says_it_stands),),
+    "the quick stop of a dead scan": (
+        (DirectCycle, "quick_stop_all", _nothing),
+        (CanCycle, "quick_stop_all", _nothing),
+    ),
+    "the supervisor": ((Supervisor, "_take_over", _nothing),),
+    "the drive's watchdog": ((Watch, "arm", lambda *_: NO_WATCHDOG),),
+    "the stop beside": ((NodeStop, "_quick_stop", _nothing),),
+}
+
+
+@contextmanager
+def cut(names: tuple[str, ...]) -> Iterator[None]:
+    """Work without these nets."""
+    with ExitStack() as stack:
+        for name in names:
+            for owner, attribute, replacement in NETS[name]:
+                stack.enter_context(patch.object(owner, attribute, replacement))
+        yield

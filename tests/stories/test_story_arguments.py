@@ -1,0 +1,188 @@
+"""What cannot be asked for is refused at the call, by name and with the limit, and nothing is sent to the drive."""
+
+from __future__ import annotations
+
+import math
+from unittest.mock import patch
+
+import pytest
+from story_rig import SCALE
+
+from axisbus.errors import ArgumentError, AxisbusError, LimitError
+from axisbus.motion.trajectory import Trapezoid
+
+LIMITED = "position_limits = [-90.0, 90.0]\nmax_torque = 2.0\nrated_torque = 5.0\nmax_acceleration = 3000.0"
+
+NAN, INF = math.nan, math.inf
+HUGE = 2**31 / SCALE  # degrees: one increment more than INTEGER32 holds
+
+# Name of the golden message: the call that must be refused.
+REFUSED = {
+    "position_beyond_limits": lambda x: x.move_absolute(90.1),
+    "position_nan": lambda x: x.move_absolute(NAN),
+    "position_infinite": lambda x: x.move_absolute(-INF),
+    "position_no_number": lambda x: x.move_absolute("90"),
+    "position_missing": lambda x: x.move_absolute(None),
+    "distance_nan": lambda x: x.move_relative(NAN),
+    "distance_overflow": lambda x: x.move_relative(HUGE),
+    "additive_infinite": lambda x: x.move_additive(INF),
+    "velocity_above_max": lambda x: x.move_absolute(1.0, velocity=400.1),
+    "velocity_zero": lambda x: x.move_absolute(1.0, velocity=0.0),
+    "velocity_negative": lambda x: x.move_absolute(1.0, velocity=-5.0),
+    "velocity_nan": lambda x: x.move_velocity(NAN),
+    "turning_above_max": lambda x: x.move_velocity(-400.1),
+    "jog_above_max": lambda x: x.jog(1000.0),
+    "acceleration_above_max": lambda x: x.move_absolute(1.0, acceleration=3001.0),
+    "deceleration_infinite": lambda x: x.move_absolute(1.0, deceleration=INF),
+    "timeout_nan": lambda x: x.move_absolute(1.0, timeout=NAN),
+    "timeout_zero": lambda x: x.move_velocity(1.0, timeout=0.0),
+    "torque_above_max": lambda x: x.torque_control(2.1),
+    "torque_nan": lambda x: x.torque_control(NAN),
+    "slope_nan": lambda x: x.torque_control(1.0, slope=NAN),
+    "torque_timeout_negative": lambda x: x.torque_control(1.0, timeout=-1.0),
+    "homing_method_overflow": lambda x: x.home(200),
+    "homing_without_speeds": lambda x: x.home(17),
+    "homing_timeout_nan": lambda x: x.home(35, timeout=NAN),
+    "set_position_infinite": lambda x: x.set_position(INF),
+    "follow_without_end": lambda x: x.follow(Endless()),
+}
+
+
+class Endless:
+    """A trajectory that never ends."""
+
+    duration = INF
+
+    def position(self, t: float) -> float:
+        return 0.0
+
+
+def sends_nothing(cell, call) -> Exception:
+    """Return the exception that ``call`` raises; whatever the port gets afterwards must be what it got before."""
+    cell.run(0.2)
+    given = []
+    write = cell.port().write
+
+    def watched(outputs):
+        given.append(outputs)
+        write(outputs)
+
+    with patch.object(cell.port(), "write", watched):
+        cell.run(0.05)
+        before = given[-1]
+        with pytest.raises(Exception) as caught:  # which one is for the story to say
+            call()
+        cell.run(0.2)
+    assert len(given) > 20
+    assert set(given) == {before}
+    return caught.value
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_value_that_cannot_be_is_refused_at_the_call(story, golden, name):
+    cell = story.simulated("x", axis=LIMITED).enabled()
+    error = sends_nothing(cell, lambda: REFUSED[name](cell.x))
+    assert isinstance(error, ArgumentError)
+    assert isinstance(error, ValueError)
+    assert str(error).startswith("x.")
+    golden(f"argument_{name}", error)
+
+
+def test_an_absolute_target_that_int32_cannot_hold_is_refused(story, golden):
+    cell = story.simulated("x").enabled()
+    error = sends_nothing(cell, lambda: cell.x.move_absolute(HUGE))
+    assert isinstance(error, LimitError)
+    golden("argument_target_overflow", error)
+
+
+def test_a_velocity_that_unsigned32_cannot_hold_is_refused(story, golden):
+    text = story_text(story, max_velocity=1e9)
+    cell = story.simulated(text=text).enabled()
+    golden("argument_velocity_overflow", sends_nothing(cell, lambda: cell.x.move_absolute(1.0, velocity=5e7)))
+
+
+def test_a_torque_that_int16_cannot_hold_is_refused(story, golden):
+    cell = story.simulated("x", axis="rated_torque = 0.01").enabled()
+    golden("argument_torque_overflow", sends_nothing(cell, lambda: cell.x.torque_control(1.0)))
+
+
+def test_torque_without_a_rated_torque_is_refused(story, golden):
+    cell = story.simulated("x").enabled()
+    golden("argument_no_rated_torque", sends_nothing(cell, lambda: cell.x.torque_control(1.0)))
+
+
+def test_a_missing_default_is_never_guessed(story, golden):
+    text = story_text(story).replace("velocity = 100.0\n", "", 1)
+    cell = story.simulated(text=text).enabled()
+    golden("argument_missing_default", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))
+
+
+def test_an_absolute_move_waits_for_homing_where_limits_promise_a_position(story, golden):
+    text = story_text(story, axis=LIMITED).replace("required = false", "required = true")
+    cell = story.simulated(text=text).enabled()
+    golden("argument_not_homed", sends_nothing(cell, lambda: cell.x.move_absolute(1.0)))
+    golden("argument_not_homed_follow", sends_nothing(cell, lambda: cell.x.follow(Trapezoid(0, 1, 1, 1))))
+    cell.x.home().wait(3)
+    cell.x.move_absolute(1.0).wait(3)
+
+
+def test_a_relative_move_beyond_the_limits_ends_its_handle_and_moves_nothing(story, golden):
+    cell = story.simulated("x", axis=LIMITED).enabled()
+    cell.x.move_absolute(80.0).wait(5)
+    cell.run(0.3)
+    failed = cell.failure_of(cell.x.move_relative(10.1))
+    assert isinstance(failed, LimitError)
+    golden("relative_beyond_limits", failed)
+    cell.run(0.3)
+    assert abs(cell.where() - 80.0) < 0.05
+    cell.x.move_relative(9.9).wait(5)  # the axis is not in ErrorStop for that
+
+
+def test_a_straight_line_out_of_the_limits_is_refused(story, golden):
+    cell = story.simulated("xy", axis=LIMITED).enabled()
+    group = cell.machine.group("x", "y")
+    golden("line_beyond_limits", sends_nothing(cell, lambda: group.move_linear((10.0, 91.0), velocity=50.0)))
+    golden("line_nan", sends_nothing(cell, lambda: group.move_linear((10.0, NAN), velocity=50.0)))
+    golden("line_velocity", sends_nothing(cell, lambda: group.move_linear((10.0, 1.0), velocity=NAN)))
+    golden("line_count", sends_nothing(cell, lambda: group.move_linear((10.0,), velocity=50.0)))
+
+
+def test_a_way_longer_than_half_the_drives_count_ends_the_handle(story, golden):
+    cell = story.simulated("x")
+    cell.drive().axis.motor.position = -2.0e9  # where it stands, in increments
+    cell.run(0.1)
+    cell.x.enable().wait(5)
+    failed = cell.failure_of(cell.x.move_absolute(2.0e9 / SCALE))
+    assert isinstance(failed, LimitError)
+    golden("way_too_long", failed)
+    assert cell.speed() == 0
+
+
+@pytest.mark.nets("the stop ladder")
+def test_a_trajectory_that_breaks_in_mid_way_stops_its_axis_and_its_mates_only(story, golden):
+    cell = story.simulated("xy").enabled()
+    cell["y"].move_velocity(90.0).wait(3)
+
+    class Breaks:
+        duration = 60.0
+
+        def position(self, t: float) -> float:
+            if t > 1.0:
+                raise ZeroDivisionError("division by zero")
+            return 25.0 * t * t
+
+    handle = cell.x.follow(Breaks())
+    cell.run(1.0)
+    cell.must_move("x")
+    cell.must_stand("x", within=1.5, stages=(1, 4, 5))
+    cell.must_stand("y", within=1.5, stages=4)
+    failed = cell.failure_of(handle)
+    assert isinstance(failed, AxisbusError)
+    golden("trajectory_breaks", failed)
+    assert not cell.machine.scan.ended  # one program's mistake does not end the bus
+
+
+def story_text(story, *, max_velocity: float = 400.0, axis: str = "") -> str:
+    from story_rig import cell_text
+
+    return cell_text("x", axis=axis).replace("max_velocity = 400.0", f"max_velocity = {max_velocity}")
