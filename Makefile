@@ -4,13 +4,16 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: demo test check bench flaky format clean
+.PHONY: demo test test-socketcan check bench flaky format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
 
 test: $(READY)            ## all tests
 	$(BIN)/python -m pytest
+
+test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
+	.ci/socketcan
 
 check: $(READY)           ## lint, format, types, layers
 	$(BIN)/ruff check src tests examples

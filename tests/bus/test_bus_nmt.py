@@ -110,6 +110,21 @@ def test_a_command_is_confirmed_by_the_heartbeat(node: Node, slave: Slave, fake:
     assert fake.frames(0) == [b"\x01\x05"]
 
 
+def test_a_command_that_is_lost_is_sent_again(node: Node, slave: Slave, fake: FakeBus) -> None:
+    beat(fake, slave, node)
+    fake.peers.remove(slave)  # the first one does not reach it
+
+    def second_time(can_id: int, data: bytes, remote: bool) -> list[Frame]:
+        if can_id != 0 or len(fake.frames(0)) < 2:
+            return []
+        slave(can_id, data, remote)
+        return [slave.heartbeat()]
+
+    fake.peers.append(second_time)
+    assert node.command(NmtCommand.START, timeout=0.3) is Confirmation.HEARTBEAT
+    assert fake.frames(0) == [b"\x01\x05", b"\x01\x05"]
+
+
 def test_a_heartbeat_from_before_the_command_confirms_nothing(
     node: Node, slave: Slave, fake: FakeBus
 ) -> None:

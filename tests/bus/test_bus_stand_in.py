@@ -20,6 +20,7 @@ from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Inputs, Outputs, Source
 from axisbus.eds import load
+from can_line import line
 
 sim_network = pytest.importorskip("axisbus.sim.network")
 sim_build = pytest.importorskip("axisbus.sim.build")
@@ -34,10 +35,10 @@ _channels = itertools.count()
 def nodes() -> Iterator[list[Node]]:
     """Two stand-ins on a channel of their own, listened to since before they boot."""
     name = f"stand-ins {next(_channels)}"
-    with Channel.open("virtual", name) as channel, ExitStack() as stack:
+    with Channel.open(*line(name)) as channel, ExitStack() as stack:
         made = [stack.enter_context(Node(channel, node_id, load(EDS))) for node_id in NODES]
         devices = [sim_build.device_from_eds(load(EDS), node_id) for node_id in NODES]
-        with sim_network.StandIns(name, devices):
+        with sim_network.StandIns(line(name)[1], devices, interface=line(name)[0]):
             for node in made:
                 node.nmt.wait_bootup(5.0)
             yield made

@@ -21,6 +21,7 @@ from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
 from axisbus.sim.network import StandIns
 from axisbus.sim.node import object_dictionary
+from can_line import options
 
 DEADLINE = 20.0
 _channels = (f"test-sim-{number}" for number in itertools.count())
@@ -42,7 +43,7 @@ class Master:
     """A hand-written master: frames out, frames in."""
 
     def __init__(self, channel: str) -> None:
-        self.bus = can.Bus(interface="virtual", channel=channel)
+        self.bus = can.Bus(**options(channel))
 
     def send(self, can_id: int, data: str = "") -> None:
         self.bus.send(can.Message(arbitration_id=can_id, data=bytes.fromhex(data), is_extended_id=False))
@@ -74,7 +75,7 @@ def master(channel: str) -> Iterator[Master]:
 
 
 def test_a_move_in_hand_written_frames(channel, master):
-    with StandIns(channel, [Device(drive_eds(), 5)]):
+    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)):
         master.expect(0x705, "00")  # boot-up
         master.send(0x605, "4000100000000000")
         master.expect(0x585, "4300100092010200")
@@ -104,10 +105,10 @@ def test_a_move_in_hand_written_frames(channel, master):
 
 def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
     made = drive_eds(x1800_5=20)  # an event timer, so that its TPDO really is periodic
-    with StandIns(channel, [Device(made, 5)]) as stand_ins:
+    with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
         network = canopen.Network()
         network.NOTIFIER_CYCLE = 0.05
-        network.connect(interface="virtual", channel=channel)
+        network.connect(**options(channel))
         try:
             node = BaseNode402(5, object_dictionary(made, 5))
             network.add_node(node)
@@ -136,7 +137,7 @@ def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
 def test_a_slow_node_keeps_nobody_waiting(channel, master):
     slow, quick = Device(drive_eds(), 1), Device(drive_eds(), 2)
     slow.dials.sdo_delay = 1.0
-    with StandIns(channel, [slow, quick]):
+    with StandIns(devices=[slow, quick], **options(channel)):
         wait_for(lambda: slow.boot_ups == 1 and quick.boot_ups == 1, "boot-up")
         master.send(0x601, "4000100000000000")
         master.send(0x602, "4000100000000000")
@@ -146,7 +147,7 @@ def test_a_slow_node_keeps_nobody_waiting(channel, master):
 
 
 def test_synchronous_pdos_on_the_bus(channel, master):
-    with StandIns(channel, [Device(drive_eds(x1400_2=1, x1800_2=1), 5)]) as stand_ins:
+    with StandIns(devices=[Device(drive_eds(x1400_2=1, x1800_2=1), 5)], **options(channel)) as stand_ins:
         drive = stand_ins.devices[0].drive
         wait_for(lambda: state(drive.statusword) == "switch on disabled", "the self-test")
         master.send(0x000, "0100")
@@ -159,7 +160,7 @@ def test_synchronous_pdos_on_the_bus(channel, master):
 
 
 def test_nmt_gates_the_bus(channel, master):
-    with StandIns(channel, [Device(drive_eds(x1017=20), 5)]) as stand_ins:
+    with StandIns(devices=[Device(drive_eds(x1017=20), 5)], **options(channel)) as stand_ins:
         master.send(0x000, "0205")
         wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
         master.send(0x000, "0205")
@@ -174,14 +175,16 @@ def test_nmt_gates_the_bus(channel, master):
 
 def test_all_stand_ins_share_two_threads(channel):
     before = threading.active_count()
-    with StandIns(channel, [Device(drive_eds(), number) for number in range(1, 9)]) as stand_ins:
+    with StandIns(
+        devices=[Device(drive_eds(), number) for number in range(1, 9)], **options(channel)
+    ) as stand_ins:
         wait_for(lambda: all(device.boot_ups == 1 for device in stand_ins.devices), "boot-ups")
         assert threading.active_count() - before <= 2
     wait_for(lambda: threading.active_count() <= before, "the end of the threads")
 
 
 def test_a_node_of_the_network_gives_local_access(channel):
-    with StandIns(channel, [Device(drive_eds(), 5)]) as stand_ins:
+    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as stand_ins:
         node = stand_ins.network[5]
         node.sdo[0x6081].raw = 4_321
         assert stand_ins.devices[0].drive.settings.profile_velocity == 4_321
@@ -193,7 +196,7 @@ def test_a_node_of_the_network_gives_local_access(channel):
 
 
 def test_malformed_frames_do_no_harm(channel, master):
-    with StandIns(channel, [Device(drive_eds(), 5)]) as stand_ins:
+    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as stand_ins:
         wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
         for can_id, data in (
             (0x605, ""),
@@ -215,11 +218,11 @@ def test_a_channel_that_cannot_be_opened_is_named():
 
 
 def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
-    stand_ins = StandIns(channel, [Device(drive_eds(), 5)])
+    stand_ins = StandIns(devices=[Device(drive_eds(), 5)], **options(channel))
     stand_ins.start()
     stand_ins.close()
     stand_ins.close()
-    broken = StandIns(channel, [Device(drive_eds(), 6)])
+    broken = StandIns(devices=[Device(drive_eds(), 6)], **options(channel))
     broken.nodes[0].slave.step = lambda _: 1 / 0
     broken.start()
     wait_for(lambda: not broken._thread.is_alive(), "the failure")

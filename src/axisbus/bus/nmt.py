@@ -20,6 +20,7 @@ from axisbus.errors import NodeTimeout
 
 CONFIRM_TIMEOUT = 2.0  # longer than the usual heartbeat of 1 s
 _GUARD_WAIT = 0.1
+_CHANCES = 3  # times that a command is sent
 _GUARD_TRIES = 2
 _TOGGLE_BIT = 0x80
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
@@ -207,6 +208,8 @@ def command(
 ) -> Confirmation:
     """Send an NMT command to one node and wait until it is confirmed; blocks up to ``timeout`` seconds and one SDO transfer.
 
+    A command that the node's heartbeat does not show in a third of that time is sent again, except for the resets.
+
     ``answers_sdo`` tries the node's SDO server once; it serves where a node has neither heartbeat nor guarding.
 
     Raises:
@@ -222,7 +225,7 @@ def command(
         return Confirmation.BOOT_UP
     state = RESULT[wanted]
     if monitor.has_heartbeat:
-        if monitor.wait_state(state, timeout, after=reports):
+        if _reported(channel, monitor, wanted, timeout, reports):
             return Confirmation.HEARTBEAT
     elif monitor.guarded and _guarded(channel, monitor, state, timeout):
         return Confirmation.GUARDING
@@ -230,6 +233,16 @@ def command(
         monitor.assume(state)
         return Confirmation.SDO
     raise _unconfirmed(monitor, wanted, state, timeout)
+
+
+def _reported(channel: Channel, monitor: NodeMonitor, wanted: NmtCommand, timeout: float, after: int) -> bool:
+    """Wait for the heartbeat; a command that it does not show is sent again, because NMT frames are not acknowledged."""
+    for chance in range(_CHANCES):
+        if chance:
+            send(channel, wanted, monitor.node_id)
+        if monitor.wait_state(RESULT[wanted], timeout / _CHANCES, after=after):
+            return True
+    return False
 
 
 def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: float) -> bool:

@@ -1,0 +1,1 @@
+"""What all tests share: nothing but the folder itself on the path, for ``can_line``."""

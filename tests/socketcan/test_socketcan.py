@@ -1,0 +1,163 @@
+"""The kernel's own CAN under the master: links, error frames, bus-off, a link that goes away, and lost frames."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import threading
+
+import can
+import pytest
+from socketcan_stage import ip, until
+
+from axisbus.bus.channel import Channel
+from axisbus.errors import AdapterError, AxisbusError
+from axisbus.machine.machine import boot
+from can_line import LINK
+
+_ERROR_FRAME = {"is_error_frame": True, "is_extended_id": True}
+CAN_ERR_CRTL, CAN_ERR_BUSOFF = 0x04, 0x40  # include/uapi/linux/can/error.h
+_LOST = 0.02
+
+
+def axisbus(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line as its user does."""
+    command = [sys.executable, "-m", "axisbus", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def put_error_frame(error_class: int, data: bytes = bytes(8)) -> None:
+    """Let the link report what a CAN controller would."""
+    with can.Bus(LINK, interface="socketcan") as bus:
+        bus.send(can.Message(arbitration_id=error_class, data=data, **_ERROR_FRAME))
+
+
+def test_a_cell_boots_moves_and_stops(stage):
+    with stage.open() as machine:
+        for axis in machine:
+            axis.enable().wait(20)
+        for handle in [axis.move_relative(5_000) for axis in machine]:
+            handle.wait(20)
+        assert stage.energised() == [True, True]
+        positions = [device.drives[0].axis.motor.position for device in stage.devices]
+    assert positions == pytest.approx([5_000, 5_000], abs=20)
+    assert (stage.speeds(), stage.energised()) == ([0, 0], [False, False])
+
+
+def test_a_scan_shows_who_is_there(stage):
+    done = axisbus("scan", "-i", "socketcan", "-c", LINK)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("servo drive (CiA 402)") == 2
+
+
+def test_a_link_that_is_not_there_is_named_with_those_that_are():
+    done = axisbus("scan", "-i", "socketcan", "-c", "can7")
+    assert done.returncode == 3
+    assert "there is no CAN interface 'can7' on this computer" in done.stderr
+    assert LINK in done.stderr
+
+
+def test_a_link_that_is_down_is_told_with_the_line_that_brings_it_up(ends):
+    ends.down(ends.ours)
+    done = axisbus("scan", "-i", "socketcan", "-c", ends.ours)
+    assert done.returncode == 3
+    assert f"the CAN interface '{ends.ours}' is down" in done.stderr
+    assert f"sudo ip link set {ends.ours} up" in done.stderr
+
+
+def test_warnings_of_the_controller_are_counted_and_stop_nothing(stage):
+    with stage.open() as machine:
+        stage.travelling(machine)
+        put_error_frame(CAN_ERR_CRTL, bytes([0, 0x08, 0, 0, 0, 0, 0, 0]))
+        counters = machine.node(1)._require_bus().channel.counters
+        until(lambda: counters.error_frames == 1, 5)
+        assert "transmit errors (warning)" in counters.errors[-1]
+        assert min(stage.speeds()) > 1000
+
+
+def test_bus_off_in_mid_move_ends_every_command_and_the_drives_stand(stage):
+    with pytest.raises(AxisbusError) as caught, stage.open() as machine:
+        handles = stage.travelling(machine)
+        put_error_frame(CAN_ERR_BUSOFF)
+        until(lambda: not any(handle.busy for handle in handles), 10)
+        for handle in handles:
+            with pytest.raises(AxisbusError, match="bus-off"):
+                handle.wait(1)
+        raise handles[0].error
+    assert "bus-off" in str(caught.value)
+    until(lambda: stage.speeds() == [0, 0], 10)
+
+
+def test_a_link_that_goes_away_in_mid_move_is_told_and_the_drives_own_watchdog_stops_them(ends, make_stage):
+    stage = make_stage(ends.ours, ends.theirs)
+    with pytest.raises(AxisbusError) as caught, stage.open() as machine:
+        handles = stage.travelling(machine)
+        ends.down(ends.ours)
+        handles[0].wait(20)
+    text = "\n".join([str(caught.value), *getattr(caught.value, "__notes__", [])])
+    assert f"socketcan:{ends.ours}" in text
+    assert "Network is down" in text
+    until(lambda: stage.speeds() == [0, 0] and stage.energised() == [False, False], 10)
+
+
+class LossyWire:
+    """Carries frames between two vcan links, and loses one in fifty each way (seeded)."""
+
+    def __init__(self, one: str, other: str, seed: int) -> None:
+        self.lost = 0
+        self._random = random.Random(seed)
+        self._stop = threading.Event()
+        self._buses = [can.Bus(name, interface="socketcan") for name in (one, other)]
+        self._threads = [
+            threading.Thread(target=self._carry, args=(here, there))
+            for here, there in (self._buses, reversed(self._buses))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _carry(self, here: can.BusABC, there: can.BusABC) -> None:
+        while not self._stop.is_set():
+            message = here.recv(0.05)
+            if message is None or message.is_error_frame:
+                continue
+            if self._random.random() < _LOST:
+                self.lost += 1
+            else:
+                there.send(message)
+
+    def close(self) -> None:
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+        for bus in self._buses:
+            bus.shutdown()
+
+
+@pytest.fixture
+def second_link():
+    ip("link", "add", "dev", "vcan9", "type", "vcan")
+    ip("link", "set", "vcan9", "up")
+    yield "vcan9"
+    ip("link", "del", "vcan9")
+
+
+def test_a_cell_boots_over_a_wire_that_loses_frames(second_link, make_stage):
+    stage = make_stage(LINK, second_link)
+    wire = LossyWire(LINK, second_link, seed=402)
+    try:
+        for _ in range(3):
+            assert [report.error for report in boot(stage.file)] == [None, None]
+    finally:
+        wire.close()
+    assert wire.lost > 0
+
+
+def test_a_frame_is_refused_only_with_a_named_error(ends):
+    """A link that goes down between two frames: the channel fails with what to do, and stays failed."""
+    with Channel.open("socketcan", ends.ours) as channel:
+        ends.down(ends.ours)
+        with pytest.raises(AdapterError, match=f"socketcan:{ends.ours}") as caught:
+            for _ in range(200):
+                channel.send(0x80, b"")
+        assert "open the machine again" in str(caught.value)
