@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cia301.datatypes import DataType
 from axisbus.eds import compare_object, layout, matters, overview, pdo_text, values, wording
 from axisbus.eds.difference import Difference, Group
 from axisbus.eds.layout import Layout
@@ -46,6 +47,7 @@ def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
     found = [
         *_identity(a, b, node_id),
         *_pdos(a, b, node_id),
+        *_dummies(a, b),
         *_presence(a, b, Group.REMOVED),
         *_presence(b, a, Group.ADDED),
     ]
@@ -116,6 +118,14 @@ def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
             one.mapping,
             matters=matters.mapping(one, other),
         )
+
+
+def _dummies(a: Eds, b: Eds) -> Iterator[Difference]:
+    """Return which data types may fill space in a PDO in one file only."""
+    texts = [", ".join(DataType(number).name for number in sorted(eds.dummies)) for eds in (a, b)]
+    if a.dummies != b.dummies:
+        meaning = "a mapping that fills space with them is refused" if a.dummies - b.dummies else ""
+        yield Difference(Group.PDO, "DummyUsage", texts[0], texts[1], matters=meaning)
 
 
 def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int, int]]:
