@@ -17,8 +17,6 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds import naming, overview, wording
 from axisbus.eds.model import Eds, Number, Object, Variable
 
-_Key = tuple[int, int]
-
 _HEAD = """
 # ruff: noqa: E501, RUF100
 from __future__ import annotations
@@ -198,7 +196,11 @@ def entry_names(eds: Eds) -> dict[tuple[int, int], str]:
     wanted = {
         (entry.index, sub.subindex): _entry_name(entry, sub) for entry in eds for sub in entry.subs.values()
     }
-    return naming.unique(wanted, lambda key: f"{key[0]:04X}_{key[1]:02X}", _TAKEN)
+    return naming.unique(wanted, lambda key: _suffix(eds.objects[key[0]], key[1]), _TAKEN)
+
+
+def _suffix(entry: Object, subindex: int) -> str:
+    return f"{entry.index:04X}_{subindex:02X}" if entry.is_record else f"{entry.index:04X}"
 
 
 def _entry_name(entry: Object, sub: Variable) -> str:
