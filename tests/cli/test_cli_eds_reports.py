@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import ast
 import json
+import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -206,7 +206,7 @@ def test_an_output_that_cannot_be_written_leaves_nothing_behind(eds: Command, tm
 
 
 def test_show_and_diff_of_a_large_drive_start_and_end_within_half_a_second(tmp_path: Path) -> None:
-    """A file of 130 kB made of one object's section many times; the best of several runs, less a bare interpreter."""
+    """A file of 130 kB made of one object's section many times; the processor time of the best of several runs."""
     text = resolve(DRIVE, Path()).read_text()
     section = "[{0:04X}]\nParameterName=Thing {0}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\nDefaultValue={0}\n\n"
     large = tmp_path / "large.eds"
@@ -214,9 +214,10 @@ def test_show_and_diff_of_a_large_drive_start_and_end_within_half_a_second(tmp_p
     assert large.stat().st_size > 130_000
 
     def seconds(*arguments: str) -> float:
-        start = time.perf_counter()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
-        return time.perf_counter() - start
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
     for words in (["show", str(large)], ["diff", str(large), str(large)]):
-        assert min(seconds("-m", "axisbus", "eds", *words) - seconds("-c", "pass") for _ in range(5)) < 0.5
+        assert min(seconds("-m", "axisbus", "eds", *words) for _ in range(5)) < 0.5
