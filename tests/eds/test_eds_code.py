@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from eds_files import BUILTIN, CORPUS, EVERY_TENTH, builtin, small
+from eds_samples import BUILTIN, CORPUS, EVERY_TENTH, builtin, small
 from eds_texts import record, variable
 
 from axisbus.eds import Eds, Number, codegen, load, loads, naming

@@ -7,7 +7,7 @@ import re
 from itertools import pairwise
 
 import pytest
-from eds_files import BUILTIN, CORPUS, STATUS, communication, mapped, small, small_text
+from eds_samples import BUILTIN, CORPUS, STATUS, communication, mapped, small, small_text
 from eds_texts import record, variable
 
 import axisbus.eds
@@ -238,6 +238,16 @@ def test_a_device_that_lost_a_bit_rate() -> None:
     found = only(small(""), slower)
     assert (found.group, found.what, found.a, found.b) == (Group.IDENTITY, "BaudRate_500", "1", "0")
     assert found.matters
+
+
+def test_two_dcfs_for_different_nodes() -> None:
+    def dcf(node_id: str, spelling: str) -> Eds:
+        return small(f"[{spelling}]\nNodeID={node_id}\nBaudrate=500\n")
+
+    found = only(dcf("5", "DeviceComissioning"), dcf("0x6", "DeviceCommissioning"))
+    assert (found.group, found.what, found.a, found.b) == (Group.IDENTITY, "DCF: NodeID", "5", "0x6")
+    assert diff(dcf("5", "DeviceComissioning"), dcf("0x05", "DeviceComissioning")) == ()
+    assert diff(dcf("5", "DeviceComissioning"), small("")) == ()
 
 
 def test_a_device_that_no_longer_takes_dummies_in_its_pdos() -> None:

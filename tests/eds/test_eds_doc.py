@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from eds_files import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
+from eds_samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from eds_texts import record, variable
 
 from axisbus.eds import Eds, Finding, Severity, layout, load

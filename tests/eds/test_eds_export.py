@@ -12,7 +12,7 @@ from pathlib import Path
 import cantools
 import pytest
 from cantools.database.can import Database, Message
-from eds_files import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
+from eds_samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from eds_texts import canopen_facts, variable
 
 from axisbus.cia301.pdo import PdoCodec

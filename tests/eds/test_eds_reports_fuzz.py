@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cantools
-from eds_files import BUILTIN
+from eds_samples import BUILTIN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

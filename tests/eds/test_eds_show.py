@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from eds_files import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
+from eds_samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from eds_texts import variable
 
 from axisbus.cia301.pdo import PdoCodec

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import click
 
-from axisbus.cli.common import say, write_whole
+from axisbus.cli.common import say, say_next, write_whole
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import UserError
 
@@ -78,6 +78,12 @@ def say_lines(lines: Iterable[str]) -> None:
         encoding = sys.stdout.encoding or "ascii"
         text = text.encode(encoding, errors="replace").decode(encoding)
     say(text)
+
+
+def hint(text: str) -> None:
+    """Print what to type next, on a terminal only: a report in a pipe is nothing but the report."""
+    if sys.stdout.isatty():
+        say_next(text)
 
 
 def say_text(text: str) -> None:

@@ -36,6 +36,12 @@ _DEVICE_NUMBERS = (
     ("compactpdo", "CompactPDO"),
 )
 
+_COMMISSIONING = (
+    ("nodeid", "NodeID", "made for another node ID"),
+    ("baudrate", "Baudrate", "made for another bit rate"),
+    ("nodename", "NodeName", ""),
+)
+
 
 def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
     """Return what ``b`` says differently from ``a``, by group and object; empty where they mean the same.
@@ -69,7 +75,21 @@ def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
         given = ours.get(key, "").strip(), theirs.get(key, "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
             yield Difference(Group.IDENTITY, title, *given, matters=matters.DEVICE.get(title, ""))
+    yield from _commissioning(a, b)
     yield from _modes(a, b, node_id)
+
+
+def _commissioning(a: Eds, b: Eds) -> Iterator[Difference]:
+    """Return what two DCFs say differently of the node that they are made for; nothing where one is an EDS."""
+    ours, theirs = (
+        eds.info.get("devicecomissioning") or eds.info.get("devicecommissioning") or {} for eds in (a, b)
+    )
+    if not ours or not theirs:
+        return
+    for key, title, meaning in _COMMISSIONING:
+        given = ours.get(key, "").strip(), theirs.get(key, "").strip()
+        if _device_number(given[0]) != _device_number(given[1]):
+            yield Difference(Group.IDENTITY, f"DCF: {title}", *given, matters=meaning)
 
 
 def _device_number(text: str) -> int | str | None:
