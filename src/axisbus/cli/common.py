@@ -100,7 +100,7 @@ def write_whole(path: Path, data: bytes) -> None:
         beside.replace(path)
     except OSError as error:
         raise UserError(
-            f"{path} cannot be written", observed=str(error), remedy="give another path with -O"
+            f"{path} cannot be written", observed=str(error), remedy="give another path"
         ) from error
 
 
