@@ -11,15 +11,15 @@ left in *configuration* would obey the next master's requests.
 from __future__ import annotations
 
 import queue
-import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
 from axisbus.bus import discover, nmt
 from axisbus.bus.channel import Channel, require_other_thread
+from axisbus.bus.nmt import NodeMonitor
 from axisbus.bus.operation import signs_of_operation
 from axisbus.cia301 import cob, lss_master
 from axisbus.cia301.lss import (
@@ -33,8 +33,8 @@ from axisbus.cia301.lss import (
 from axisbus.cia301.lss_dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
 from axisbus.cia301.lss_master import Inquired, NodeIdSet
 from axisbus.cia301.lss_scan import FastScan, Known, Scanned
-from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import ArgumentError, BusError, StateError
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.errors import ArgumentError, BusError, NodeTimeout, StateError
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]  # slaves found, bits of the next one's address (0 to 128)
@@ -115,14 +115,14 @@ class LssMaster:
         before = self.inquire(address)
         if node_id not in (before.node_id, UNCONFIGURED):
             self._require_free(node_id)
-        with _BootUp(self._channel, node_id) as boot_up:
+        with closing(NodeMonitor(self._channel, node_id)) as monitor:
             dialogue = lss_master.set_node_id(self.pace, before.address, node_id, store=store)
             done = self.run(dialogue)
             if reset and before.configured and before.node_id is not None:
                 nmt.send(self._channel, NmtCommand.RESET_COMMUNICATION, before.node_id)
             elif not done.at_once:
                 return NodeIdGiven(done, None)
-            return NodeIdGiven(done, None if node_id == UNCONFIGURED else boot_up.wait(BOOT_WAIT))
+            return NodeIdGiven(done, None if node_id == UNCONFIGURED else _boots(monitor))
 
     def set_bit_rate(
         self, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool = False
@@ -267,29 +267,12 @@ class LssMaster:
             )
 
 
-class _BootUp:
-    """Waits for the boot-up message of a node; listens from when it is entered."""
-
-    def __init__(self, channel: Channel, node_id: int) -> None:
-        self._channel = channel
-        self._can_id = cob.HEARTBEAT + node_id
-        self._seen = threading.Event()
-
-    def __enter__(self) -> _BootUp:
-        self._channel.subscribe(self._can_id, self._receive)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._channel.unsubscribe(self._can_id, self._receive)
-
-    def wait(self, timeout: float) -> bool:
-        seen = self._seen.wait(timeout)
-        self._channel.check()
-        return seen
-
-    def _receive(self, data: bytes, _: float) -> None:
-        if data[:1] == bytes((NmtState.INITIALISING,)):
-            self._seen.set()
+def _boots(monitor: NodeMonitor) -> bool:
+    try:
+        monitor.wait_bootup(BOOT_WAIT)
+    except NodeTimeout:
+        return False
+    return True
 
 
 def _require_some(addresses: Sequence[LssAddress] | None) -> None:

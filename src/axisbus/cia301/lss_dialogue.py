@@ -26,8 +26,6 @@ _MARGIN = 1.5  # on the slowest answer seen
 CONFIRM_WAIT = 0.5  # s for a confirmed service at its first try; costs only where nobody answers
 STORE_WAIT = 5.0  # s; some memories are erased first
 
-_SEVERAL = "name the slave by its identity; where two have the same one, connect them one at a time"
-
 
 class Answer(NamedTuple):
     """A frame from a slave, and the seconds since the request was sent."""
@@ -146,8 +144,9 @@ def say(frame: bytes, pause: float) -> Dialogue[None]:
 
 
 def all_waiting(pace: Pace) -> Dialogue[None]:
-    """Switch every slave to *waiting*."""
-    yield from say(switch_global(State.WAITING), pace.timing.gap)
+    """Switch every slave to *waiting*; twice, because nobody would tell that one had not heard it and obeys the next request."""
+    for _ in range(2):
+        yield from say(switch_global(State.WAITING), pace.timing.gap)
 
 
 def select(pace: Pace, address: LssAddress, pause: float | None = None) -> Dialogue[int]:
@@ -204,27 +203,24 @@ def absent(pace: Pace, address: LssAddress) -> LssTimeout:
     )
 
 
-def confirmed(pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT) -> Dialogue[bytes]:
-    """Carry out a confirmed service with the slave in *configuration*; return its answer.
+def confirmed(
+    pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
+) -> Dialogue[bytes]:
+    """Carry out a confirmed service with the slave in *configuration* (``many``: with all of them); return its answer.
 
     Raises:
         LssTimeout: no answer, after all tries.
-        LssError: several slaves gave different answers.
+        LssError: several slaves answered.
     """
     service = Service(frame[0])
-    for _ in range(pace.timing.tries):
+    for attempt in range(pace.timing.tries):
         heard = yield from ask(pace, frame, max(wait, pace.timeout))
-        answers = {answer.data for answer in heard.answers}
-        if len(answers) > 1:
-            raise LssError(
-                f"several LSS slaves answered {service.text}",
-                service=service.text,
-                slave=slave,
-                observed=" and ".join(sorted(answer.hex(" ") for answer in answers)),
-                remedy=_SEVERAL,
-            )
+        answers = [answer.data.ljust(8, b"\0") for answer in heard.answers]
+        # At a later try the same answer again may be the late one to the try before.
+        if len(set(answers)) > 1 or (len(answers) > 1 and not attempt and not many):
+            raise _several(service, slave, answers)
         if answers:
-            return answers.pop().ljust(8, b"\0")
+            return answers[0]
     raise LssTimeout(
         f"{slave} did not answer {service.text}",
         service=service.text,
@@ -234,14 +230,26 @@ def confirmed(pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT) 
     )
 
 
-def configured(pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT) -> Dialogue[None]:
+def _several(service: Service, slave: str, answers: list[bytes]) -> LssError:
+    return LssError(
+        f"several LSS slaves answered {service.text}",
+        service=service.text,
+        slave=slave,
+        observed=" and ".join(answer.hex(" ") for answer in answers),
+        remedy="name the slave by its identity; where two have the same one, connect them one at a time",
+    )
+
+
+def configured(
+    pace: Pace, frame: bytes, slave: str, wait: float = CONFIRM_WAIT, *, many: bool = False
+) -> Dialogue[None]:
     """Carry out one of the services that answer with an error code.
 
     Raises:
         LssRefused: the slave says no.
         LssTimeout, LssError: as ``confirmed``.
     """
-    answer = yield from confirmed(pace, frame, slave, wait)
+    answer = yield from confirmed(pace, frame, slave, wait, many=many)
     code, specific = answer[1], answer[2]
     if code:
         service = Service(frame[0])

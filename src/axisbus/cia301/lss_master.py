@@ -26,7 +26,7 @@ from axisbus.cia301.lss_dialogue import (
     say,
     select,
 )
-from axisbus.errors import ArgumentError, LssTimeout
+from axisbus.errors import ArgumentError, LssError, LssTimeout
 
 _ROUNDS = 5
 SHORTEST_DELAY = 0.01  # s; less leaves a slave no time to change over
@@ -77,19 +77,39 @@ def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
     """
     yield from enter(pace, address)
     who = name(address)
-    found = address
-    if address is None:
-        numbers = []
-        for service in lss.INQUIRIES:
-            answer = yield from confirmed(pace, lss.inquire(service), who)
-            numbers.append(lss.number_in(answer))
-        found = LssAddress(*numbers)
-    assert found is not None
+    found = (yield from _own_address(pace)) if address is None else address
+    if address is not None:
+        yield from _same_serial(pace, address)
     try:
         answer = yield from confirmed(pace, lss.inquire(Service.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2)
     except LssTimeout:  # older slaves do not have this service
         return Inquired(found, None)
     return Inquired(found, answer[1])
+
+
+def _own_address(pace: Pace) -> Dialogue[LssAddress]:
+    numbers = []
+    for service in lss.INQUIRIES:
+        answer = yield from confirmed(pace, lss.inquire(service), name(None))
+        numbers.append(lss.number_in(answer))
+    return LssAddress(*numbers)
+
+
+def _same_serial(pace: Pace, address: LssAddress) -> Dialogue[None]:
+    """Check that the slave that answers is the one that is meant, and the only one, before anything is changed."""
+    service = Service.INQUIRE_SERIAL_NUMBER
+    try:
+        answer = yield from confirmed(pace, lss.inquire(service), name(address), CONFIRM_WAIT / 2)
+    except LssTimeout:  # it need not have this service
+        return
+    if lss.number_in(answer) != address.serial_number:
+        raise LssError(
+            f"another LSS slave than {address} answered",
+            service=service.text,
+            slave=str(address),
+            observed=f"its serial number is 0x{lss.number_in(answer):X}",
+            remedy="see whether a second LSS master is on the bus, and try again",
+        )
 
 
 def set_node_id(pace: Pace, address: LssAddress | None, node_id: int, *, store: bool) -> Dialogue[NodeIdSet]:
@@ -122,9 +142,10 @@ def set_bit_rate(
     for address in [None] if addresses is None else addresses:
         yield from enter(pace, address)
         who = "an LSS slave (all were asked)" if address is None else name(address)
-        yield from configured(pace, frame, who)
+        yield from configured(pace, frame, who, many=address is None)
         if store:
-            yield from configured(pace, lss.store_configuration(), who, STORE_WAIT)
+            keep = lss.store_configuration()
+            yield from configured(pace, keep, who, STORE_WAIT, many=address is None)
     yield from all_waiting(pace)
 
 
