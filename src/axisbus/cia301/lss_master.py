@@ -155,8 +155,8 @@ def store(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
     Raises:
         LssRefused: it cannot; LssTimeout, LssError: as ``inquire``.
     """
-    yield from enter(pace, address)
-    yield from configured(pace, lss.store_configuration(), name(address), STORE_WAIT)
+    before = yield from inquire(pace, address)
+    yield from configured(pace, lss.store_configuration(), name(before.address), STORE_WAIT)
     yield from all_waiting(pace)
 
 
@@ -169,13 +169,22 @@ def activate(pace: Pace, addresses: Sequence[LssAddress] | None, delay: float) -
         ArgumentError: the delay is not 0.01 to 65.535 s.
         LssTimeout, LssError: as ``inquire``.
     """
+    require_delay(delay)
+    yield from (enter(pace, None) if addresses is None else _gather(pace, addresses))
+    yield from say(lss.activate_bit_timing(delay), 0.0)
+
+
+def require_delay(delay: float) -> None:
+    """Check a switch delay in s.
+
+    Raises:
+        ArgumentError: it is not 0.01 to 65.535 s.
+    """
     if not SHORTEST_DELAY <= delay <= lss.LONGEST_DELAY:
         raise ArgumentError(
             f"a switch delay of {delay:g} s cannot be used",
             remedy=f"give one from {SHORTEST_DELAY:g} to {lss.LONGEST_DELAY:g} s",
         )
-    yield from (enter(pace, None) if addresses is None else _gather(pace, addresses))
-    yield from say(lss.activate_bit_timing(delay), 0.0)
 
 
 def identify(pace: Pace, low: LssAddress, high: LssAddress) -> Dialogue[bool]:
