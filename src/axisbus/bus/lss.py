@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 The receive thread puts each frame of 7E4h with its time into a queue. ``_exchange`` sends a request, takes the answers of its kind
-until its wait is over, and hands them to the dialogue. What is found in the queue before a request is sent came too late for the
-last one; its delay is told, so that the waits grow. However a dialogue ends, every slave is switched back to *waiting*: a slave
+until its wait is over, and hands them to the dialogue. An answer to the last request that comes after that was too late; its delay
+is told, so that the waits grow. However a dialogue ends, every slave is switched back to *waiting*: a slave
 left in *configuration* would obey the next master's requests.
 """
 
@@ -75,7 +75,7 @@ class LssMaster:
         self._on_progress = on_progress
         self._quiet = beside_operation
         self._queue: queue.SimpleQueue[tuple[bytes, float]] = queue.SimpleQueue()
-        self._sent = 0.0
+        self._asked = (0, 0.0)  # the last service that has an answer, and when it was sent
 
     # -- what it does -------------------------------------------------------------------------------------------------------------
 
@@ -207,26 +207,30 @@ class LssMaster:
             dialogue.close()
 
     def _exchange(self, ask: Ask) -> Heard:
-        late = tuple(stamp - self._sent for _, stamp in self._drain())
-        self._sent = time.monotonic()
+        late: list[float] = []
+        while (item := self._take(0.0)) is not None:
+            self._note_late(item, late)
+        sent = time.monotonic()
         self._channel.send(cob.LSS_RX, ask.frame, _SEND_PATIENCE)
         answers: list[Answer] = []
-        until = self._sent + ask.wait
+        until = sent + ask.wait
         while (item := self._take(until)) is not None:
             data, stamp = item
-            if ask.expects is None or data[:1] != bytes((ask.expects,)):
-                continue  # a late answer to another service says nothing about this one
-            if not answers:
-                until = stamp + ask.settle
-            answers.append(Answer(data, stamp - self._sent))
-        return Heard(tuple(answers), late)
+            if ask.expects is None:
+                self._note_late(item, late)
+            elif data[:1] == bytes((ask.expects,)):
+                until = until if answers else stamp + ask.settle
+                answers.append(Answer(data, stamp - sent))
+        if ask.expects is not None:
+            self._asked = ask.expects, sent
+        return Heard(tuple(answers), tuple(late))
 
-    def _drain(self) -> list[tuple[bytes, float]]:
-        found = []
-        with suppress(queue.Empty):
-            while True:
-                found.append(self._queue.get_nowait())
-        return found
+    def _note_late(self, item: tuple[bytes, float], late: list[float]) -> None:
+        """Take the delay of an answer to the last request that has one; what else comes says nothing."""
+        data, stamp = item
+        expected, sent = self._asked
+        if data[:1] == bytes((expected,)):
+            late.append(stamp - sent)
 
     def _take(self, until: float) -> tuple[bytes, float] | None:
         """Return the next frame, None when there is none by the time ``until``; a frame that is there is taken even then."""

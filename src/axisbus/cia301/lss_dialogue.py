@@ -35,7 +35,7 @@ class Answer(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What came of an ``Ask``: answers of the kind it expects, and the delays of those that came after the last one's wait."""
+    """What came of an ``Ask``: answers of the kind it expects, and the delays of those that came too late for an earlier one."""
 
     answers: tuple[Answer, ...] = ()
     late: tuple[float, ...] = ()
@@ -138,22 +138,22 @@ def ask(
     return heard
 
 
-def say(frame: bytes, pause: float) -> Dialogue[None]:
-    """Send a frame that has no answer, and give the slaves ``pause`` s."""
-    yield Ask(frame, None, pause)
+def say(pace: Pace, frame: bytes, pause: float | None = None) -> Dialogue[None]:
+    """Send a frame that has no answer, and give the slaves ``pause`` s (None: the pace's gap)."""
+    pace.learn((yield Ask(frame, None, pace.timing.gap if pause is None else pause)))
 
 
 def all_waiting(pace: Pace) -> Dialogue[None]:
     """Switch every slave to *waiting*; twice, because nobody would tell that one had not heard it and obeys the next request."""
     for _ in range(2):
-        yield from say(switch_global(State.WAITING), pace.timing.gap)
+        yield from say(pace, switch_global(State.WAITING))
 
 
 def select(pace: Pace, address: LssAddress, pause: float | None = None) -> Dialogue[int]:
     """Switch one slave from *waiting* to *configuration*, once; return how many answered."""
     *numbers, last = switch_selective(address)
     for frame in numbers:
-        yield from say(frame, pace.timing.gap if pause is None else pause)
+        yield from say(pace, frame, pause)
     heard = yield from ask(pace, last, pace.patience)
     return len(heard.answers)
 
@@ -168,7 +168,7 @@ def enter(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
     for attempt in range(pace.timing.tries):
         yield from all_waiting(pace)
         if address is None:
-            yield from say(switch_global(State.CONFIGURATION), pace.timing.gap)
+            yield from say(pace, switch_global(State.CONFIGURATION))
             return
         # A slave that lost a number of the address may need more time between them.
         count = yield from select(pace, address, pace.timeout if attempt else None)

@@ -171,7 +171,7 @@ def activate(pace: Pace, addresses: Sequence[LssAddress] | None, delay: float) -
     """
     require_delay(delay)
     yield from (enter(pace, None) if addresses is None else _gather(pace, addresses))
-    yield from say(lss.activate_bit_timing(delay), 0.0)
+    yield from say(pace, lss.activate_bit_timing(delay), 0.0)
 
 
 def require_delay(delay: float) -> None:
@@ -209,7 +209,7 @@ def _anybody(pace: Pace, frames: Sequence[bytes]) -> Dialogue[bool]:
     *before, last = frames
     for _ in range(pace.timing.tries):
         for frame in before:
-            yield from say(frame, pace.timing.gap)
+            yield from say(pace, frame)
         heard = yield from ask(pace, last, pace.patience)
         if heard.answers:
             return True
