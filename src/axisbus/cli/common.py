@@ -19,7 +19,7 @@ OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 def run(command: click.Command) -> int:
     """Run ``command`` with the arguments of the process; return the exit code."""
     try:
-        result = command.main(standalone_mode=False)
+        result = command.main(prog_name="axisbus", standalone_mode=False)
     except click.exceptions.Abort:
         say_error("stopped")
         return 130
