@@ -106,6 +106,20 @@ def test_a_node_that_does_not_boot_is_told(
     assert master.set_node_id(ADDRESS, 5).booted is False
 
 
+@pytest.mark.parametrize(("had", "booted"), [(255, True), (3, None)])
+def test_a_node_that_does_not_tell_its_node_id(
+    master: LssMaster, fake: FakeBus, monkeypatch: pytest.MonkeyPatch, had: int, booted: bool | None
+) -> None:
+    one = slave(node_id=had)
+    one.deaf_for = {0x5E}
+    fake.peers.append(one)
+    if booted is None:
+        monkeypatch.setattr(bus_lss, "BOOT_WAIT", 0.1)
+    given = master.set_node_id(ADDRESS, 5, reset=True)
+    assert (given.set.old, given.booted) == (None, booted)
+    assert fake.frames(0) == []  # nobody is reset on a guess
+
+
 def test_a_node_id_that_is_taken_is_not_given(master: LssMaster, fake: FakeBus) -> None:
     one = slave()
     fake.peers += [one, Slave(5)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import itertools
 import random
 
@@ -215,6 +216,46 @@ def test_a_slave_that_contradicts_itself_ends_in_an_error_not_in_an_endless_scan
         scan(line)
     assert "--timeout" in caught.value.remedy
     assert line.now < 60.0
+
+
+class Sticky(HandSlave):
+    """Stays in waiting although fast scan has found it, as some firmware does."""
+
+    def _fastscan(self, value: int, bit: int, sub: int, following: int) -> bytes | None:
+        answer = super()._fastscan(value, bit, sub, following)
+        self.state = "waiting"
+        return answer
+
+
+def test_a_slave_that_stays_in_waiting_is_put_aside_by_its_name() -> None:
+    assert ids(scan(Line(Sticky(1, 2, 3, 4), HandSlave(1, 2, 3, 5)))) == [(1, 2, 3, 4), (1, 2, 3, 5)]
+
+
+def test_a_slave_that_cannot_be_put_aside_ends_in_an_error() -> None:
+    sticky = Sticky(1, 2, 3, 4)
+    sticky.deaf_for = {0x43}
+    with pytest.raises(LssError, match="0x1 0x2 0x3 0x4 goes on answering") as caught:
+        scan(Line(sticky))
+    assert "disconnect it" in caught.value.remedy
+
+
+def test_a_second_answer_that_was_only_late_makes_no_twin() -> None:
+    """The first answer to each request comes twice for a while, as after a retry."""
+    slave = HandSlave(1, 2, 3, 4)
+    line = Line(slave)
+    hear = slave.hear
+    doubles = [True] * (1 + 128 + 4)  # up to the last confirmation
+
+    def twice(frame: bytes) -> bytes | None:
+        answer = hear(frame)
+        if answer is not None and doubles:
+            doubles.pop()
+            heapq.heappush(line._coming, (line.now + 0.001, 10_000 + line.frames, answer))
+        return answer
+
+    slave.hear = twice  # type: ignore[method-assign]
+    (found,) = scan(line).slaves
+    assert (found.address.parts, found.twins) == (slave.id, False)
 
 
 def test_progress_is_told_in_bits() -> None:

@@ -104,7 +104,8 @@ class LssMaster:
         """Give a slave a node-ID that nobody else has; wait until it boots under it, where that is due.
 
         A slave without a node-ID boots at once. One with a node-ID needs NMT *reset communication*, which ``reset`` sends to it
-        (it stops a drive that moves). 255 takes the node-ID away. Blocks for up to about 6 s.
+        (it stops a drive that moves); a slave that does not tell its node-ID is not reset. 255 takes the node-ID away. Blocks for
+        up to about 6 s.
 
         Raises:
             ArgumentError: the node-ID cannot be given.
@@ -116,13 +117,16 @@ class LssMaster:
         if node_id not in (before.node_id, UNCONFIGURED):
             self._require_free(node_id)
         with closing(NodeMonitor(self._channel, node_id)) as monitor:
-            dialogue = lss_master.set_node_id(self.pace, before.address, node_id, store=store)
-            done = self.run(dialogue)
+            done = self.run(lss_master.set_node_id(self.pace, before.address, node_id, store=store))
             if reset and before.configured and before.node_id is not None:
                 nmt.send(self._channel, NmtCommand.RESET_COMMUNICATION, before.node_id)
-            elif not done.at_once:
+            elif before.configured:
                 return NodeIdGiven(done, None)
-            return NodeIdGiven(done, None if node_id == UNCONFIGURED else _boots(monitor))
+            if node_id == UNCONFIGURED:
+                return NodeIdGiven(done, None)
+            booted = _boots(monitor)
+            # Of a slave that does not tell its node-ID, nobody knows whether it is to boot now.
+            return NodeIdGiven(done, None if before.node_id is None and not booted else booted)
 
     def set_bit_rate(
         self, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool = False

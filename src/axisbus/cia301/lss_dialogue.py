@@ -173,11 +173,20 @@ def enter(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
         # A slave that lost a number of the address may need more time between them.
         count = yield from select(pace, address, pace.timeout if attempt else None)
         if count > 1:
+            count = yield from count_again(pace, address)
+        if count > 1:
             raise twins(address, count)
         if count:
             return
     assert address is not None
     raise absent(pace, address)
+
+
+def count_again(pace: Pace, address: LssAddress) -> Dialogue[int]:
+    """Return how many answer to an address when all that was late has had time to come."""
+    yield from all_waiting(pace)
+    yield from say(pace, switch_global(State.WAITING), pace.patience)
+    return (yield from select(pace, address))
 
 
 def twins(address: LssAddress, count: int) -> LssError:

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from axisbus.cia301.lss import ALL_BITS, LssAddress, fastscan
-from axisbus.cia301.lss_dialogue import Dialogue, Pace, all_waiting, ask, select
+from axisbus.cia301.lss import ALL_BITS, LssAddress, State, fastscan, switch_global
+from axisbus.cia301.lss_dialogue import Dialogue, Pace, all_waiting, ask, say, select
 from axisbus.errors import LssError, LssTimeout
 
 RESTARTS = 6  # searches for one slave, each more patient than the last
@@ -49,7 +49,10 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Unconfigured:
-    """A slave without a node-ID; ``twins`` says that more than one answered as this address, so that LSS cannot tell them apart."""
+    """A slave without a node-ID; ``twins`` says that more than one answered as this address, so that LSS cannot tell them apart.
+
+    On a wire their equal frames may also fall together into one, so that False does not prove that there is only one.
+    """
 
     address: LssAddress
     twins: bool = False
@@ -72,7 +75,7 @@ class _NobodyKnownError(Exception):
 
 
 class FastScan:
-    """One scan; holds the slaves found and the guesses for the next."""
+    """One scan; holds the slaves found, the guesses for the next, and how often one was found again."""
 
     def __init__(self, pace: Pace, known: Known | None = None, most: int = _MOST) -> None:
         """Prepare; ``most`` ends the scan after so many slaves."""
@@ -80,6 +83,7 @@ class FastScan:
         self._known = (known or Known()).parts
         self._most = most
         self._guess: list[int | None] = [None] * _PARTS
+        self._again = 0
         self.found: list[Unconfigured] = []
 
     def run(self) -> Dialogue[Scanned]:
@@ -96,14 +100,29 @@ class FastScan:
             except _NobodyKnownError:
                 others = True
                 break
-            self._remember(slave)
+            yield from self._remember(slave)
         return Scanned(tuple(sorted(self.found, key=lambda each: each.address)), others)
 
-    def _remember(self, slave: Unconfigured) -> None:
-        known = [each.address for each in self.found]
-        if slave.address not in known:
-            self.found.append(slave)
+    def _remember(self, slave: Unconfigured) -> Dialogue[None]:
+        """Note a slave; one that stayed in *waiting* although it was found is put aside by selective switching.
+
+        Raises:
+            LssError: that does not help either.
+        """
         self._guess = [*slave.address.parts[: _PARTS - 1], None]
+        if slave.address not in [each.address for each in self.found]:
+            self.found.append(slave)
+            return
+        self._again += 1
+        if self._again > RESTARTS:
+            raise LssError(
+                f"the LSS slave {slave.address} goes on answering the fast scan after it was found",
+                service="fastscan",
+                slave=str(slave.address),
+                observed=f"found {self._again + 1} times: it does not switch to configuration",
+                remedy="disconnect it to find the others; its LSS does not follow CiA 305",
+            )
+        yield from select(self._pace, slave.address)
 
     def _anybody(self) -> Dialogue[bool]:
         """Begin a search: everybody is asked, and everybody begins at the first part."""
@@ -152,7 +171,7 @@ class FastScan:
             if not answers and following:
                 raise _ContradictionError
         address = LssAddress(*parts)
-        if not answers:
+        if answers != 1:
             answers = yield from self._exists(address)
         if not answers:
             raise _ContradictionError
@@ -197,6 +216,7 @@ class FastScan:
         pace = self._pace
         for _ in range(pace.timing.tries):
             yield from all_waiting(pace)
+            yield from say(pace, switch_global(State.WAITING), pace.patience)  # what is late may come
             for slave in self.found:
                 yield from select(pace, slave.address)
             count = yield from select(pace, address, pace.timeout)

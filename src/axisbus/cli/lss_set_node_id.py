@@ -84,6 +84,10 @@ def _show(given: NodeIdGiven, where: Where, reset: bool) -> None:
         say(
             f"it sent no boot-up message as node {done.node_id}: power it off and on, then look with axisbus scan"
         )
+    elif done.old is None:
+        say(
+            "it does not tell its node-ID, so it was not reset: switch it off and on if it was stored, or reset it by hand"
+        )
     elif not done.at_once and not reset:
         say("it takes effect when its communication is reset, or at the next power-up if stored")
         say_next("the same command with --reset, when the node may stop; or switch it off and on")
