@@ -15,6 +15,7 @@ COMMANDS = {
     "eds": ("axisbus.cli.eds", "Check, mend, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find everything wrong with a cell file before the first frame."),
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
+    "lss": ("axisbus.cli.lss", "Find nodes without a node-ID; set node-IDs and bit rates over the bus."),
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
     "home": ("axisbus.cli.home", "Enable axes and home them."),
