@@ -17,6 +17,8 @@ COMMANDS = {
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
+    "trace": ("axisbus.cli.trace", "Show the frames of a bus or a recording in words."),
+    "load": ("axisbus.cli.load", "Show how full a bus is, planned and measured."),
     "home": ("axisbus.cli.home", "Enable axes and home them."),
     "move": ("axisbus.cli.move", "Enable axes and move them to positions."),
     "stop": ("axisbus.cli.stop", "Stop a cell's drives, also beside a running master."),

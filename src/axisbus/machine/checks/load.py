@@ -95,7 +95,7 @@ def _traffic(case: Case) -> Iterator[Traffic]:
     for node, eds, dictionary in case.nodes:
         for receive, pdo in travelling(case.cell, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
-            frames[key] = frames.get(key, 0.0) + _per_cycle(pdo, receive, bus)
+            frames[key] = frames.get(key, 0.0) + per_cycle(pdo, receive, bus)
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:
@@ -103,7 +103,7 @@ def _traffic(case: Case) -> Iterator[Traffic]:
         yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
 
 
-def _per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
+def per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
     """Return how often a PDO travels in one cycle at worst: an event-driven one as often as its inhibit time lets it, or once."""
     if pdo.synchronous and pdo.transmission_type > 0 and not receive:
         return 1 / pdo.transmission_type
