@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.options import parse_options
+from axisbus.cli.options import Decorated, parse_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
@@ -78,18 +79,21 @@ class Opened:
     known: Known = field(repr=False)
 
 
-def source_options(function: Callable[..., Any]) -> Callable[..., Any]:
+def source_options(function: Decorated) -> Decorated:
     """Add --cell and --eds: what frames are decoded with."""
-    with_eds = click.option(
-        "--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."
-    )
-    with_cell = click.option(
+    for decorate in _DECORATORS:
+        function = decorate(function)
+    return function
+
+
+_DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
+    click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
+    click.option(
         "--cell",
         type=click.Path(path_type=Path),
-        envvar="AXISBUS_CELL",
         help="Cell file to decode with; frames come from SOURCE or -i if one is given, else from its bus.",
-    )
-    return with_cell(with_eds(function))
+    ),
+)
 
 
 def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened:
@@ -105,7 +109,7 @@ def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened
     loaded, known = _known(asked)
     skipped = recording.Skipped()
     if asked.recording == STDIN:
-        frames = recording.lines(click.get_text_stream("stdin", errors="replace"), skipped)
+        frames = recording.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
     elif asked.recording is not None:
         frames = recording.read(Path(asked.recording), skipped)
     else:

@@ -15,6 +15,8 @@ COMMANDS = {
     "eds": ("axisbus.cli.eds", "Check, mend, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find everything wrong with a cell file before the first frame."),
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
+    "nmt": ("axisbus.cli.nmt", "Start, stop or reset nodes (NMT), and say what they did."),
+    "od": ("axisbus.cli.od", "Read, write, list and watch the objects of a node."),
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
     "trace": ("axisbus.cli.trace", "Show the frames of a bus or a recording in words."),

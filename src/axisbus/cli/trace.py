@@ -76,7 +76,7 @@ def command(
     seconds: float | None,
     count: int | None,
 ) -> int:
-    """Show the frames of SOURCE in words: a recording (candump's log, asc, blf, csv, trc, ...), - for candump's output, a cell.toml.
+    """Show the frames of SOURCE in words: a recording (candump's log, asc, blf, csv, trc ...), - for candump's output, a cell.toml.
 
     With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
     names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from axisbus.machine.trace.decoded import Decoded, ObjectValue, Sdo
@@ -22,7 +23,7 @@ def plain(one: Decoded) -> dict[str, Any]:
         "name": one.name or None,
         "from_node": one.from_node,
         "what": one.what or None,
-        "objects": [_value(value) for value in one.values] or None,
+        "objects": [value(each) for each in one.values] or None,
         "sdo": None if one.sdo is None else _sdo(one.sdo),
         "error": one.error or None,
         "problem": one.problem or None,
@@ -30,8 +31,12 @@ def plain(one: Decoded) -> dict[str, Any]:
     return _without_none(everything)
 
 
-def _value(value: ObjectValue) -> dict[str, Any]:
-    raw = value.value.hex() if isinstance(value.value, bytes) else value.value
+def value(value: ObjectValue) -> dict[str, Any]:
+    """Return an object's value; a number that is not finite, which JSON does not have, as text."""
+    raw: Any = value.value.hex() if isinstance(value.value, bytes) else value.value
+    if isinstance(raw, float) and not math.isfinite(raw):
+        raw = str(raw)
+    quantity = value.quantity if value.quantity is not None and math.isfinite(value.quantity) else None
     return _without_none(
         {
             "index": value.index,
@@ -39,7 +44,7 @@ def _value(value: ObjectValue) -> dict[str, Any]:
             "name": value.name or None,
             "value": raw,
             "words": value.words or None,
-            "quantity": value.quantity,
+            "quantity": quantity,
             "unit": value.unit or None,
         }
     )

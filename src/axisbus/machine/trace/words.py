@@ -19,10 +19,18 @@ Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its mode as last seen
 Reader = Callable[[int, ModeOfOperation | None], str]
 
 _SAVE, _LOAD = 0x6576_6173, 0x6461_6F6C  # "save" and "load" (CiA 301 7.5.2.13, 7.5.2.14)
+_COB_ID_TIME = 0x1012
+_SDO_PARAMETERS = range(0x1200, 0x1300)
+# Arrays and records whose entries, but not their number, are read in hexadecimal.
+_HEXADECIMAL_ENTRIES = frozenset(
+    {
+        *(c301.PREDEFINED_ERROR_FIELD, c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS),
+        *(c301.CONSUMER_HEARTBEAT, c301.IDENTITY),
+    }
+)
 _HEXADECIMAL = frozenset(
     {
-        *(c301.DEVICE_TYPE, c301.COB_ID_SYNC, c301.COB_ID_EMCY, c301.CONSUMER_HEARTBEAT, c301.IDENTITY),
-        *(c301.PREDEFINED_ERROR_FIELD, c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, 0x1012),
+        *(c301.DEVICE_TYPE, c301.COB_ID_SYNC, c301.COB_ID_EMCY, _COB_ID_TIME),
         *(
             c402.ERROR_CODE,
             c402.CONTROLWORD,
@@ -53,7 +61,9 @@ def in_hex(index: int, subindex: int) -> bool:
     """Whether an object's integer is read as an identifier or bit by bit."""
     if is_pdo_parameter(index):
         return subindex > 0 if index & 0x200 else subindex == c301.PDO_COB_ID
-    return first_axis(index) in _HEXADECIMAL and (subindex > 0 or index not in (0x1003, 0x1018, 0x1016))
+    if index in _SDO_PARAMETERS:
+        return subindex in (1, 2)
+    return subindex > 0 if index in _HEXADECIMAL_ENTRIES else first_axis(index) in _HEXADECIMAL
 
 
 def words(index: int, subindex: int, value: Value, dictionary: Dictionary, modes: Modes) -> str:
