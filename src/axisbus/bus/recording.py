@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -79,14 +80,20 @@ def _text(path: Path, skipped: Skipped) -> Iterator[Frame]:
 
 def _by_library(path: Path, skipped: Skipped) -> Iterator[Frame]:
     try:
-        with can.LogReader(path) as reader:
-            for message in reader:
+        with ExitStack() as stack:
+            for message in _reader(stack, path):
                 skipped.frames += 1
                 yield of_message(message)
     except GeneratorExit:
         raise
     except Exception as error:  # readers raise anything at a damaged file
         raise _unreadable(path, error, skipped) from error
+
+
+def _reader(stack: ExitStack, path: Path) -> Iterable[can.Message]:
+    if path.suffix.lower() == ".blf":  # its reader leaves a file open that it cannot read
+        return can.BLFReader(stack.enter_context(path.open("rb")))
+    return stack.enter_context(can.LogReader(path))
 
 
 def _unreadable(path: Path, error: Exception, skipped: Skipped) -> UserError:

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 
 import click
 
+from axisbus.bus.sdo_value import checked_bytes
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cli import od_objects as od
@@ -44,12 +45,16 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move
     files = Files.of(asked.cell, asked.eds)
     target = _one(od.targets(files, arguments[:-1]))
     node_id, entry = target.address.node_id, target.entry
+    eds = files.eds_for(node_id)
+    careful.require_writable(eds, node_id, entry, data_type)
     quantity = files.quantities.of(node_id, entry.index, entry.subindex)
     value = objecttext.value(arguments[-1], entry, data_type or entry.data_type, quantity)
+    checked_bytes(entry, value, data_type)  # before the bus is opened
+    if not may_move:
+        careful.require_harmless(eds, node_id, entry)
     with ExitStack() as stack:
         node = Session(stack, asked, files).node(node_id)
-        data = careful.check(node, entry, value, data_type, may_move=may_move)
-        written = careful.write(node, entry, data, data_type, may_move=may_move)
+        written = careful.write(node, entry, value, data_type, may_move=may_move)
         now = careful.energised(node) if may_move else []
     if as_json:
         say_json(_plain(files, target, value, written, now))

@@ -14,7 +14,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 
 from axisbus.bus.node import Node
 from axisbus.bus.sdo_value import checked_bytes
@@ -25,10 +28,11 @@ from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state
 from axisbus.drives import registry
 from axisbus.eds.dictionary import Entry
+from axisbus.eds.model import Eds
 from axisbus.eds.wording import first_axis
 from axisbus.errors import ArgumentError, SdoAbort, StateError
 
-LISTEN = 0.3  # seconds for another master's RPDOs to show
+LISTEN = 0.5  # seconds for another master to show
 _STATUSWORDS = tuple(c402.STATUSWORD + c402.AXIS_OFFSET * axis for axis in range(8))
 
 # First-axis objects that make a drive move, let it move, or let its load go: the controlword, modes, targets and offsets of every
@@ -69,46 +73,58 @@ class Written:
         )  # REAL32 is rounded
 
 
-def check(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_move: bool) -> bytes:
-    """Return the bytes to write, when files and standards allow it; sends nothing. ``kind`` is a type given by the user.
+def require_writable(eds: Eds | None, node_id: int, entry: Entry, kind: DataType | None) -> None:
+    """Check that the node has the object and lets it be written, as far as its EDS tells; ``kind`` is a type given by the user.
 
     Raises:
-        ArgumentError: no such object, not writable, or a value of the wrong kind.
-        LimitError: a value that the type or the EDS does not allow.
-        StateError: the object moves the drive, and ``may_move`` is not given.
+        ArgumentError: it has not, or does not.
     """
-    if node.eds is not None:
-        variable = node.eds.get(entry.index, entry.subindex)
-        if variable is None and kind is None:
-            raise ArgumentError(
-                f"node {node.node_id} has no object {entry}",
-                observed=f"{node.eds.source} does not have it",
-                remedy="with --type the node is asked all the same",
-            )
-        if variable is not None and not variable.writable:
-            raise ArgumentError(
-                f"node {node.node_id}: {entry} cannot be written",
-                observed=f"{node.eds.source}:{variable.line}: its access is {variable.access}",
-            )
-    data = checked_bytes(entry, value, kind)
-    if not may_move and _moves(node, entry):
+    if eds is None:
+        return
+    variable = eds.get(entry.index, entry.subindex)
+    if variable is None and kind is None:
+        raise ArgumentError(
+            f"node {node_id} has no object {entry}",
+            observed=f"{eds.source} does not have it",
+            remedy="with --type the node is asked all the same",
+        )
+    if variable is not None and not variable.writable:
+        raise ArgumentError(
+            f"node {node_id}: {entry} cannot be written",
+            observed=f"{eds.source}:{variable.line}: its access is {variable.access}",
+        )
+
+
+def require_harmless(eds: Eds | None, node_id: int, entry: Entry) -> None:
+    """Check that the object is none by which a drive is energised or moved.
+
+    Raises:
+        StateError: it is.
+    """
+    if moves(eds, entry):
         raise StateError(
-            f"node {node.node_id}: writing {entry} can energise the drive, move it, or let its load go; nothing was sent",
+            f"node {node_id}: writing {entry} can energise the drive, move it, or let its load go; nothing was sent",
             remedy=_MAY_MOVE,
         )
-    return data
 
 
-def write(node: Node, entry: Entry, data: bytes, kind: DataType | None, *, may_move: bool) -> Written:
+def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_move: bool) -> Written:
     """Ask the node whether it may be written, write once, and read back; blocks for some transfers.
 
+    ``kind`` is a type given by the user.
+
     Raises:
-        StateError: a drive of the node is energised and ``may_move`` is not given, or another master drives the node.
+        ArgumentError, LimitError: a value that the type or the EDS's limits do not allow; nothing was sent.
+        StateError: as ``require_harmless``; a drive of the node is energised and ``may_move`` is not given; or another master is on
+            the bus.
         ArgumentError: the object has another size in the device than its type.
         SdoError, BusError: as ``SdoClient.upload``.
     """
+    data = checked_bytes(entry, value, kind)
     known = kind or entry.data_type
-    if may_move and _moves(node, entry):
+    if not may_move:
+        require_harmless(node.eds, node.node_id, entry)
+    elif moves(node.eds, entry):
         _require_no_other_master(node)
     if not may_move:
         _require_at_rest(node)
@@ -125,7 +141,7 @@ def energised(node: Node) -> list[str]:
     for index in _STATUSWORDS:
         if index != c402.STATUSWORD and node.eds is not None and index not in node.eds:
             continue
-        word = _statusword(node, index)
+        word = _number(node, index)
         if word is None and node.eds is None:
             break  # without a file the first axis that is not there is taken for the end
         if word is not None and state.decode(word) in state.ENERGISED:
@@ -138,8 +154,9 @@ def is_command(index: int) -> bool:
     return index in _COMMANDS or first_axis(index) in MOVING
 
 
-def _moves(node: Node, entry: Entry) -> bool:
-    identity = node.eds.identity if node.eds is not None else None
+def moves(eds: Eds | None, entry: Entry) -> bool:
+    """Whether an object is one by which a drive is energised, moved or calibrated."""
+    identity = eds.identity if eds is not None else None
     make = registry.find(identity.vendor_id, identity.product_code) if identity is not None else None
     calibrates = make is not None and (entry.index, entry.subindex) in make.calibration_objects
     return calibrates or first_axis(entry.index) in MOVING
@@ -157,25 +174,41 @@ def _require_at_rest(node: Node) -> None:
 
 def _require_no_other_master(node: Node) -> None:
     """A value that another master sends by PDO in every cycle would be overwritten at once, or fight with it."""
-    heard: list[int] = []
-    identifiers = [base + node.node_id for base in cob.RPDO]
-
-    def hear(_: bytes, __: float) -> None:
-        heard.append(1)
-
-    for identifier in identifiers:
-        node.channel.subscribe(identifier, hear)
-    try:
-        time.sleep(LISTEN)
-    finally:
-        for identifier in identifiers:
-            node.channel.unsubscribe(identifier, hear)
+    heard = _traffic(node)
     if heard:
         raise StateError(
-            f"node {node.node_id} is driven by another master; nothing was sent",
-            observed=f"{len(heard)} RPDOs to it within {LISTEN:g} s",
+            f"another master is on the bus of node {node.node_id}; nothing was sent",
+            observed=f"within {LISTEN:g} s: {', '.join(f'{count} {what}' for what, count in heard.items())}",
             remedy="end that program first, or give the command there",
         )
+
+
+def _traffic(node: Node) -> Counter[str]:
+    """Listen for what only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node watches (1016h)."""
+    titles = {cob.SYNC: "SYNC"}
+    titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
+    titles |= {cob.HEARTBEAT + watched: f"heartbeats of node {watched}" for watched in _watched(node)}
+    heard: Counter[str] = Counter()
+    with ExitStack() as stack:
+        for identifier, title in titles.items():
+            hear = partial(_count, heard, title)
+            node.channel.subscribe(identifier, hear)
+            stack.callback(node.channel.unsubscribe, identifier, hear)
+        time.sleep(LISTEN)
+    return heard
+
+
+def _count(heard: Counter[str], title: str, _: bytes, __: float) -> None:
+    heard[title] += 1
+
+
+def _watched(node: Node) -> list[int]:
+    """The nodes whose heartbeat the node watches."""
+    count = _number(node, c301.CONSUMER_HEARTBEAT, 0) or 0
+    entries = [
+        _number(node, c301.CONSUMER_HEARTBEAT, subindex) or 0 for subindex in range(1, min(count, 16) + 1)
+    ]
+    return [entry >> 16 & 0x7F for entry in entries if entry & 0xFFFF and entry >> 16 & 0x7F]
 
 
 def _require_size(node: Node, entry: Entry, kind: DataType | None, before: bytes | None) -> None:
@@ -200,8 +233,8 @@ def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
     return decode(raw, kind) if kind is not None and raw is not None else raw
 
 
-def _statusword(node: Node, index: int) -> int | None:
+def _number(node: Node, index: int, subindex: int = 0) -> int | None:
     try:
-        return int.from_bytes(node.sdo.upload(index), "little")
+        return int.from_bytes(node.sdo.upload(index, subindex), "little")
     except SdoAbort:
         return None
