@@ -128,6 +128,7 @@ def test_a_long_identifier_is_no_pdo_of_the_short_one():
 def test_an_error_frame_is_trouble():
     one = Wire()(0x04, "00 08 00 00 00 00 00 00", error=True)
     assert (one.kind, one.error) == (Kind.ERROR_FRAME, True)
+    assert "transmit errors (warning)" in one.what
 
 
 def test_who_names_node_axis_and_direction():

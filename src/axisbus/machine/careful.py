@@ -124,10 +124,9 @@ def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_
     known = kind or entry.data_type
     if not may_move:
         require_harmless(node.eds, node.node_id, entry)
+        _require_at_rest(node)
     elif moves(node.eds, entry):
         _require_no_other_master(node)
-    if not may_move:
-        _require_at_rest(node)
     before = _read(node, entry)
     _require_size(node, entry, known, before)
     node.sdo.download(entry.index, entry.subindex, data)

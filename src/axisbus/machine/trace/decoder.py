@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from axisbus.bus import errorframe
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import Frame
@@ -20,8 +21,9 @@ from axisbus.machine.trace import lss, services, words
 from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
 from axisbus.machine.trace.known import NOTHING, Known, KnownNode
 from axisbus.machine.trace.pdos import Parameters, PdoTable
-from axisbus.machine.trace.sdo import Dialogue, Said
+from axisbus.machine.trace.sdo import Dialogue
 from axisbus.machine.trace.services import Words
+from axisbus.machine.trace.transfer import Said
 from axisbus.machine.trace.values import Values
 
 _FUNCTION = 0x780
@@ -144,11 +146,8 @@ class Decoder:
         return made.words(Words(what, problem=problem), from_node=not request)
 
     def _error_frame(self, made: _Making) -> Decoded:
-        return made.words(
-            Words(
-                f"the adapter reports 0x{made.frame.can_id:X} {made.frame.data.hex(' ')}".strip(), error=True
-            )
-        )
+        """The class is Linux's; recordings of other systems have none, and are then no more than error frames."""
+        return made.words(Words(errorframe.describe(made.frame.can_id, made.frame.data), error=True))
 
     def _unknown(self, made: _Making) -> Decoded:
         return made.words(Words(_bytes(made.frame)))

@@ -10,59 +10,25 @@ dialogue whose beginning was not recorded is said to be that.
 
 from __future__ import annotations
 
-import binascii
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from enum import Enum
 
 from axisbus.machine.trace.decoded import Sdo
+from axisbus.machine.trace.transfer import (
+    Phase,
+    Said,
+    Transfer,
+    address,
+    expedited,
+    length,
+    size,
+    toggled,
+    trim,
+)
 
 _ABORT = 0x80
 _LAST = 0x80  # bit 7 of a block's segment
 _SEGMENT = 7
 _UNKNOWN = "of a transfer whose beginning was not seen"
-
-
-class Phase(Enum):
-    """Where a transfer is; block data needs it, because its segments have no command specifier."""
-
-    ASKED = "asked"
-    SEGMENTS = "segments"
-    BLOCK = "block"
-    BLOCK_END = "end of block transfer"
-
-
-@dataclass(slots=True)
-class Transfer:
-    """One transfer; holds state: its phase and the bytes so far."""
-
-    index: int
-    subindex: int
-    write: bool
-    asked: float
-    phase: Phase = Phase.ASKED
-    size: int | None = None
-    data: bytearray = field(default_factory=bytearray)
-    toggle: int = 0
-    block: dict[int, bytes] = field(default_factory=dict)
-    last: bool = False
-    checked: bool = False  # both sides offered the CRC
-
-
-@dataclass(frozen=True, slots=True)
-class Said:
-    """What one frame said: the object (None: not known), the transfer's step, and the whole value where the frame completes it.
-
-    ``sized`` tells whether the length of ``value`` was given. ``settled`` marks a value that is in the object now.
-    """
-
-    sdo: Sdo
-    address: tuple[int, int] | None = None
-    value: bytes | None = None
-    sized: bool = True
-    settled: bool = False
-    note: str = ""
-    problem: str = ""
 
 
 class Dialogue:
@@ -121,28 +87,28 @@ class Dialogue:
             note = f"the {what} {before.index:04X}h:{before.subindex:02X} {time - before.asked:.3f} s before got no answer"
         elif before is not None:
             note = f"the transfer of {before.index:04X}h:{before.subindex:02X} was left unfinished"
-        index, subindex = _address(data)
+        index, subindex = address(data)
         self._transfer = Transfer(index, subindex, write, time)
         return self._transfer, note
 
     def _write_request(self, data: bytes, time: float) -> Said:
         transfer, note = self._begin(data, time, True)
-        value, sized = _expedited(data)
+        value, sized = expedited(data)
         if value is not None:
             transfer.data += value
-            return Said(Sdo("write", True), _address(data), value, sized, note=note)
-        transfer.size = _size(data, bool(data[0] & 1))
-        return Said(Sdo("write in segments", True, 0, transfer.size), _address(data), note=note)
+            return Said(Sdo("write", True), address(data), value, sized, note=note)
+        transfer.size = size(data, bool(data[0] & 1))
+        return Said(Sdo("write in segments", True, 0, transfer.size), address(data), note=note)
 
     def _read_request(self, data: bytes, time: float) -> Said:
         _, note = self._begin(data, time, False)
-        return Said(Sdo("read", False), _address(data), note=note)
+        return Said(Sdo("read", False), address(data), note=note)
 
     def _write_segment(self, data: bytes, _: float) -> Said:
         transfer = self._expect(True, Phase.SEGMENTS)
         if transfer is None:
             return self._lost("write segment", True)
-        problem = _toggled(transfer, data[0])
+        problem = toggled(transfer, data[0])
         transfer.data += data[1 : 8 - (data[0] >> 1 & 7)]
         transfer.last = bool(data[0] & 1)
         return self._progress(transfer, "write segment", problem, complete=transfer.last)
@@ -151,21 +117,21 @@ class Dialogue:
         transfer = self._expect(False, Phase.SEGMENTS)
         if transfer is None:
             return self._lost("next segment asked for", False)
-        return self._progress(transfer, "next segment asked for", _toggled(transfer, data[0], turn=False))
+        return self._progress(transfer, "next segment asked for", toggled(transfer, data[0], turn=False))
 
     def _block_write_request(self, data: bytes, time: float) -> Said:
         if data[0] & 1:
             return self._block_write_end(data)
         transfer, note = self._begin(data, time, True)
         transfer.checked = bool(data[0] & 4)
-        transfer.size = _size(data, bool(data[0] & 2))
-        return Said(Sdo("write in blocks", True, 0, transfer.size), _address(data), note=note)
+        transfer.size = size(data, bool(data[0] & 2))
+        return Said(Sdo("write in blocks", True, 0, transfer.size), address(data), note=note)
 
     def _block_read_request(self, data: bytes, time: float) -> Said:
         if data[0] & 3 == 0:
             begun, note = self._begin(data, time, False)
             begun.checked = bool(data[0] & 4)
-            return Said(Sdo(f"read in blocks of {data[4]}", False), _address(data), note=note)
+            return Said(Sdo(f"read in blocks of {data[4]}", False), address(data), note=note)
         transfer = self._expect(False, Phase.ASKED, Phase.BLOCK, Phase.BLOCK_END)
         step = _BLOCK_READ_STEPS[data[0] & 3]
         if transfer is None:
@@ -184,18 +150,18 @@ class Dialogue:
         transfer = self._transfer
         problem = self._mismatch(data, True)
         if transfer is None or problem:
-            return Said(Sdo("write answered", True), _address(data), problem=problem)
+            return Said(Sdo("write answered", True), address(data), problem=problem)
         if transfer.size is None and transfer.data:  # expedited
             self._transfer = None
-            return Said(Sdo("written", True), _address(data), bytes(transfer.data), settled=True)
+            return Said(Sdo("written", True), address(data), bytes(transfer.data), settled=True)
         transfer.phase = Phase.SEGMENTS
-        return Said(Sdo("write accepted", True, 0, transfer.size), _address(data))
+        return Said(Sdo("write accepted", True, 0, transfer.size), address(data))
 
     def _write_segment_answer(self, data: bytes, _: float) -> Said:
         transfer = self._expect(True, Phase.SEGMENTS)
         if transfer is None:
             return self._lost("segment confirmed", True)
-        problem = _toggled(transfer, data[0], turn=False, last=1)
+        problem = toggled(transfer, data[0], turn=False, last=1)
         if not transfer.last:
             return self._progress(transfer, "segment confirmed", problem)
         self._transfer = None
@@ -204,22 +170,20 @@ class Dialogue:
     def _read_answer(self, data: bytes, _: float) -> Said:
         transfer = self._transfer
         problem = self._mismatch(data, False)
-        value, sized = _expedited(data)
+        value, sized = expedited(data)
         if value is not None:
             self._transfer = None if not problem else transfer
-            return Said(
-                Sdo("read", False), _address(data), value, sized, settled=not problem, problem=problem
-            )
-        size = _size(data, bool(data[0] & 1))
+            return Said(Sdo("read", False), address(data), value, sized, settled=not problem, problem=problem)
+        announced = size(data, bool(data[0] & 1))
         if transfer is not None and not problem:
-            transfer.phase, transfer.size = Phase.SEGMENTS, size
-        return Said(Sdo("read in segments", False, 0, size), _address(data), problem=problem)
+            transfer.phase, transfer.size = Phase.SEGMENTS, announced
+        return Said(Sdo("read in segments", False, 0, announced), address(data), problem=problem)
 
     def _read_segment(self, data: bytes, _: float) -> Said:
         transfer = self._expect(False, Phase.SEGMENTS)
         if transfer is None:
             return self._lost("segment", False)
-        problem = _toggled(transfer, data[0])
+        problem = toggled(transfer, data[0])
         transfer.data += data[1 : 8 - (data[0] >> 1 & 7)]
         if not data[0] & 1:
             return self._progress(transfer, "segment", problem)
@@ -232,7 +196,7 @@ class Dialogue:
             problem = self._mismatch(data, True)
             if transfer is not None and not problem:
                 transfer.phase, transfer.checked = Phase.BLOCK, transfer.checked and bool(data[0] & 4)
-            return Said(Sdo(f"write accepted, in blocks of {data[4]}", True), _address(data), problem=problem)
+            return Said(Sdo(f"write accepted, in blocks of {data[4]}", True), address(data), problem=problem)
         if transfer is None or not transfer.write:
             return self._lost("block acknowledged" if step == 2 else "block write confirmed", True)
         if step == 2:
@@ -245,10 +209,10 @@ class Dialogue:
         if data[0] & 1:
             return self._block_read_end(data)
         problem = self._mismatch(data, False)
-        size = _size(data, bool(data[0] & 2))
+        announced = size(data, bool(data[0] & 2))
         if transfer is not None and not problem:
-            transfer.size, transfer.checked = size, transfer.checked and bool(data[0] & 4)
-        return Said(Sdo("read in blocks", False, 0, size), _address(data), problem=problem)
+            transfer.size, transfer.checked = announced, transfer.checked and bool(data[0] & 4)
+        return Said(Sdo("read in blocks", False, 0, announced), address(data), problem=problem)
 
     # -- blocks -------------------------------------------------------------------------------------------------------------------
 
@@ -287,29 +251,29 @@ class Dialogue:
         transfer = self._expect(True, Phase.BLOCK_END)
         if transfer is None:
             return self._lost("block write ended", True)
-        problem = _trim(transfer, data)
+        problem = trim(transfer, data)
         return self._progress(transfer, "block write ended", problem, complete=True)
 
     def _block_read_end(self, data: bytes) -> Said:
         transfer = self._expect(False, Phase.BLOCK_END)
         if transfer is None:
             return self._lost("block read ended", False)
-        problem = _trim(transfer, data)
+        problem = trim(transfer, data)
         return self._whole(transfer, "read", problem)
 
     # -- both ---------------------------------------------------------------------------------------------------------------------
 
     def _abort(self, data: bytes, _: float) -> Said:
-        address, transfer = _address(data), self._transfer
+        place, transfer = address(data), self._transfer
         self._transfer = None
         code = int.from_bytes(data[4:8], "little")
         write = transfer.write if transfer is not None else False
         problem = ""
-        if transfer is not None and address not in ((transfer.index, transfer.subindex), (0, 0)):
+        if transfer is not None and place not in ((transfer.index, transfer.subindex), (0, 0)):
             problem = (
                 f"it names another object than the transfer of {transfer.index:04X}h:{transfer.subindex:02X}"
             )
-        return Said(Sdo("aborted", write, abort=code), address, problem=problem)
+        return Said(Sdo("aborted", write, abort=code), place, problem=problem)
 
     def _expect(self, write: bool, *phases: Phase) -> Transfer | None:
         transfer = self._transfer
@@ -322,10 +286,10 @@ class Dialogue:
 
     def _mismatch(self, data: bytes, write: bool) -> str:
         """Say why an answer does not fit the request; empty where it does."""
-        transfer, address = self._transfer, _address(data)
+        transfer, place = self._transfer, address(data)
         if transfer is None:
             return "nothing was asked" if self._seen else ""
-        if (transfer.index, transfer.subindex) != address:
+        if (transfer.index, transfer.subindex) != place:
             return (
                 f"it answers another object than was asked for, {transfer.index:04X}h:{transfer.subindex:02X}"
             )
@@ -340,13 +304,13 @@ class Dialogue:
             sdo,
             (transfer.index, transfer.subindex),
             value,
-            problem=problem or (_length(transfer) if complete else ""),
+            problem=problem or (length(transfer) if complete else ""),
         )
 
     def _whole(self, transfer: Transfer, step: str, problem: str = "") -> Said:
         sdo = Sdo(step, transfer.write, len(transfer.data), transfer.size)
-        address = (transfer.index, transfer.subindex)
-        return Said(sdo, address, bytes(transfer.data), settled=True, problem=problem or _length(transfer))
+        place = (transfer.index, transfer.subindex)
+        return Said(sdo, place, bytes(transfer.data), settled=True, problem=problem or length(transfer))
 
 
 _BLOCK_READ_STEPS = {1: "block read confirmed", 2: "block acknowledged", 3: "blocks started"}
@@ -367,46 +331,3 @@ _ANSWERS = {
     5: "_block_write_answer",
     6: "_block_read_answer",
 }
-
-
-def _address(data: bytes) -> tuple[int, int]:
-    return data[1] | data[2] << 8, data[3]
-
-
-def _expedited(data: bytes) -> tuple[bytes | None, bool]:
-    """Return the bytes of an expedited transfer and whether their number was given; None where the data come in segments."""
-    if not data[0] & 2:
-        return None, False
-    if not data[0] & 1:
-        return bytes(data[4:8]), False
-    return bytes(data[4 : 8 - (data[0] >> 2 & 3)]), True
-
-
-def _size(data: bytes, given: bool) -> int | None:
-    return int.from_bytes(data[4:8], "little") if given else None
-
-
-def _toggled(transfer: Transfer, command: int, *, turn: bool = True, last: int = 0) -> str:
-    """Check the toggle bit; ``turn``: the frame is the one after which it changes, ``last``: that frame has been."""
-    expected = transfer.toggle ^ last
-    bit = command >> 4 & 1
-    if turn:
-        transfer.toggle ^= 1
-    return f"toggle bit {bit} where {expected} was due" if bit != expected else ""
-
-
-def _trim(transfer: Transfer, data: bytes) -> str:
-    """Take the padding of the last segment off, and check the CRC where both sides offered one."""
-    unused = data[0] >> 2 & 7
-    if unused:
-        del transfer.data[-unused:]
-    if not transfer.checked:
-        return ""
-    given, computed = data[1] | data[2] << 8, binascii.crc_hqx(bytes(transfer.data), 0)
-    return f"CRC 0x{given:04X} where the data have 0x{computed:04X}" if given != computed else ""
-
-
-def _length(transfer: Transfer) -> str:
-    if transfer.size is None or transfer.size == len(transfer.data):
-        return ""
-    return f"{len(transfer.data)} bytes came, announced were {transfer.size}"
