@@ -179,6 +179,20 @@ def test_an_object_of_another_size_than_its_type_is_not_written(axisbus, bus):
     assert _object(stand_ins, 0x6081) == before
 
 
+def test_a_misspelt_option_is_no_value(axisbus, bus):
+    options, _ = bus
+    code, _, err = axisbus("od", "write", *options, "5:6083", "5", "--may-mov")
+    assert code == 2
+    assert "no such option: --may-mov" in err
+
+
+def test_storing_is_an_order_and_not_read_back(axisbus, bus):
+    options, _ = bus
+    code, out, _ = axisbus("od", "write", *options, "5:1010:1", "0x65766173")
+    assert code == 0
+    assert 'store ("save")), taken, cannot be compared' in out
+
+
 @pytest.mark.parametrize("target", ["6040", "6060", "607A", "60FF", "6071"])
 def test_what_could_move_a_drive_is_refused_unless_asked_for_by_name(axisbus, bus, target):
     options, stand_ins = bus

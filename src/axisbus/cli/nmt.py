@@ -28,7 +28,7 @@ ALL = "all"
 
 @click.command("nmt")
 @click.argument("wanted", metavar="COMMAND", type=click.Choice(list(COMMANDS)))
-@click.argument("who", metavar="NODE|all", nargs=-1, required=True)
+@click.argument("who", metavar="NODE...|all", nargs=-1, required=True)
 @node_options
 @click.option(
     "--force", is_flag=True, help="Also where a drive is energised: it may coast, or drop its load."
@@ -46,6 +46,8 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
 
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
+    if ALL in who and len(who) > 1:
+        raise click.UsageError('"all" stands alone')
     everybody = who == (ALL,)
     ids = [] if everybody else list(dict.fromkeys(files.address(each).node_id for each in who))
     order = COMMANDS[wanted]

@@ -38,6 +38,7 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move
     axisbus od write --cell cell.toml x:Profile_velocity "90 deg/s"
     axisbus od write -i socketcan -c can0 5:6083 20000 --type u32
     """
+    _require_no_option(arguments)
     require_bus(asked)
     if len(arguments) not in (2, 3):
         raise click.UsageError("write one object: NODE:OBJECT VALUE, such as 5:6081 1000")
@@ -61,6 +62,13 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move
     else:
         _say(files, target, value, written, now)
     return OK if written.agrees(value) else FAILURE
+
+
+def _require_no_option(arguments: tuple[str, ...]) -> None:
+    """Negative numbers may stand as values, so click lets unknown options pass; here they are told from them."""
+    for each in arguments:
+        if each.startswith("-") and not each[1:2].isdigit() and each[1:2] != ".":
+            raise click.UsageError(f"no such option: {each}")
 
 
 def _one(targets: list[od.Target]) -> od.Target:

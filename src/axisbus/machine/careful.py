@@ -49,7 +49,7 @@ MOVING = frozenset(
         *(c402.POSITION_OFFSET, c402.VELOCITY_OFFSET, c402.TORQUE_OFFSET, 0x6042, 0x60C1, 0x60FE),
     }
 )
-# Written values that are commands: what is read back is another matter.
+# Written values that are orders: what could be read back is another matter.
 _COMMANDS = frozenset({c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, c301.PREDEFINED_ERROR_FIELD})
 _MAY_MOVE = (
     "add --may-move if that is what you want, with nobody in the machine and the emergency stop at hand"
@@ -130,8 +130,11 @@ def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_
     before = _read(node, entry)
     _require_size(node, entry, known, before)
     node.sdo.download(entry.index, entry.subindex, data)
-    after = _read(node, entry)
-    return Written(_typed(before, known), _typed(after, known), entry.index not in _COMMANDS)
+    if entry.index in _COMMANDS:
+        return Written(
+            _typed(before, known), None, False
+        )  # some drives restart now, and answer nothing for a while
+    return Written(_typed(before, known), _typed(_read(node, entry), known), True)
 
 
 def energised(node: Node) -> list[str]:
