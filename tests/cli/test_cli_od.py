@@ -273,8 +273,9 @@ def test_start_and_stop_are_confirmed_and_energise_nothing(axisbus, bus):
     assert code == 0
 
 
-def test_the_heartbeat_confirms_where_there_is_one(axisbus, bus):
+def test_the_heartbeat_confirms_where_there_is_one(axisbus, bus, monkeypatch):
     options, _ = bus
+    monkeypatch.setattr(nmt_confirm, "LISTEN", 10.0)  # ends with the first heartbeat
     assert axisbus("od", "write", *options, "5:1017", "50").code == 0
     code, out, _ = axisbus("nmt", "start", "5", *options, "--json")
     assert code == 0

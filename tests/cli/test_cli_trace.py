@@ -115,7 +115,7 @@ def test_misuse_is_one_clear_sentence(axisbus, arguments, code, words):
 
 
 def test_a_live_bus_is_only_listened_to(axisbus):
-    code, out, _ = axisbus("trace", kit.CELL, "--seconds", "0.5", "--count", "3")
+    code, out, _ = axisbus("trace", kit.CELL, "--seconds", "20", "--count", "3")
     assert code == 0
     assert [line.split()[-2:] for line in out.splitlines()] == [["enters", "pre-operational"]] * 3
 

@@ -39,7 +39,7 @@ def session(tmp_path_factory):
             cell["x"].enable().wait()
             cell["x"].home().wait()
             cell["x"].move_absolute(1.0).wait()
-        frames = list(listener.frames(0.5))
+        frames = list(listener.frames(1.5))
     return frames, known.of_cell(loaded, files)
 
 
