@@ -42,7 +42,8 @@ def command(file: str, output: Path | None, write: bool, as_json: bool) -> int:
     if as_json:
         say_json(_plain(file, fixed, target))
     else:
-        say_lines(fix_diff.unified(before.document, fixed, file))
+        if fixed.mended:
+            say_lines(fix_diff.unified(before.document, fixed, file))
         _summary(file, fixed, target)
     return OK if target is not None or not fixed.mended else WRONG
 

@@ -167,9 +167,10 @@ def add_sections(
     start = before.line if before is not None else len(document.lines) + (document.lines[-1] != "")
     while before is not None and start > 1 and document.lines[start - 2].lstrip()[:1] == ";":
         start -= 1  # a comment above a section belongs to it
-    if start == 1 or not document.lines[start - 2].strip():
-        del lines[:1]
-    return Change(start, 0, (*lines, "") if before is not None else tuple(lines))
+    spaced = start == 1 or not document.lines[start - 2].strip()  # whether blank lines stand between sections
+    if before is not None and not spaced:
+        return Change(start, 0, tuple(line for line in lines if line))
+    return Change(start, 0, tuple(lines[1:] if spaced else lines) + (("",) if before is not None else ()))
 
 
 def remove_section(document: Document, section: Section) -> Change:
