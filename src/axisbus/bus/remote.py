@@ -68,15 +68,16 @@ def remote_node(node: Node) -> canopen.RemoteNode:
     For objects by name (``remote.sdo["Profile velocity"].raw``) and NMT commands. What it would have to hear (PDO, EMCY,
     heartbeats) is ours: see ``Node``.
     """
-    if node.eds is None:
-        dictionary = canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
-    else:
-        dictionary = canopen_dictionary(node.eds, node.node_id)
+    dictionary = _empty() if node.eds is None else canopen_dictionary(node.eds, node.node_id)
     remote = canopen.RemoteNode(node.node_id, dictionary)
     remote.sdo = SharedSdo(node.sdo, dictionary)
     remote.sdo_channels = [remote.sdo]
     remote.nmt.network = node.channel.network
     return remote
+
+
+def _empty() -> canopen.ObjectDictionary:
+    return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
 
 
 def canopen_dictionary(eds: Eds, node_id: int) -> canopen.ObjectDictionary:

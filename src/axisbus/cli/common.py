@@ -111,7 +111,7 @@ def write_whole(path: Path, data: bytes) -> None:
             beside.unlink(missing_ok=True)
     except OSError as error:
         raise UserError(
-            f"{path} cannot be written", observed=str(error), remedy="give another path with -o"
+            f"{path} cannot be written", observed=str(error), remedy="give another path"
         ) from error
 
 
