@@ -53,7 +53,7 @@ def load(path: str | Path) -> Eds:
         EdsError: the file is missing, cannot be read, is larger than 16 MiB, or is no EDS at all.
     """
     path = Path(path)
-    return loads(_bytes(path), str(path))
+    return loads(file_bytes(path), str(path))
 
 
 def loads(data: bytes, source: str) -> Eds:
@@ -120,7 +120,12 @@ def _parsed(data: bytes) -> Eds:
     return read(data, "").eds
 
 
-def _bytes(path: Path) -> bytes:
+def file_bytes(path: Path) -> bytes:
+    """Return the content of a file that may be an EDS.
+
+    Raises:
+        EdsError: it is missing, no file, larger than 16 MiB, or cannot be read; the remedy names files that are there.
+    """
     try:
         if path.is_dir():
             raise EdsError(
