@@ -1,6 +1,7 @@
 """EDS and DCF files: what they say, with line numbers."""
 
 from axisbus.eds.canopen_text import canopen_text
+from axisbus.eds.checking import check
 from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
 from axisbus.eds.reader import load, loads
 
@@ -13,6 +14,7 @@ __all__ = [
     "Severity",
     "Variable",
     "canopen_text",
+    "check",
     "load",
     "loads",
 ]
