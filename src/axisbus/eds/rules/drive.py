@@ -14,18 +14,26 @@ from axisbus.eds.rules.standard import PROFILE_AREA
 
 _M = ModeOfOperation
 
-# Objects that serve one mode of operation alone, or one and its cyclic sibling: a file that has none of them does not mean it.
+# Objects that serve one mode of operation, or one and its cyclic sibling: a file that has none of them does not mean it.
 OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.TARGET_POSITION, o.PROFILE_VELOCITY),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
-    _M.PROFILE_VELOCITY: (o.TARGET_VELOCITY,),
+    _M.PROFILE_VELOCITY: (o.TARGET_VELOCITY, o.PROFILE_ACCELERATION, 0x606D, 0x606F, 0x60F8),
     _M.PROFILE_TORQUE: (o.TARGET_TORQUE, o.TORQUE_SLOPE),
     _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS, o.HOMING_ACCELERATION),
     _M.INTERPOLATED_POSITION: (0x60C0, 0x60C1, 0x60C4),
-    _M.CYCLIC_SYNC_POSITION: (o.TARGET_POSITION,),
-    _M.CYCLIC_SYNC_VELOCITY: (o.TARGET_VELOCITY,),
-    _M.CYCLIC_SYNC_TORQUE: (o.TARGET_TORQUE,),
+    _M.CYCLIC_SYNC_POSITION: (o.TARGET_POSITION, o.INTERPOLATION_TIME_PERIOD, 0x60B0),
+    _M.CYCLIC_SYNC_VELOCITY: (o.TARGET_VELOCITY, o.INTERPOLATION_TIME_PERIOD, 0x60B1),
+    _M.CYCLIC_SYNC_TORQUE: (o.TARGET_TORQUE, o.INTERPOLATION_TIME_PERIOD, 0x60B2),
     _M.CYCLIC_SYNC_TORQUE_ANGLE: (0x60EA,),
+}
+# Objects that serve one mode alone, without a cyclic sibling.
+ALONE: Mapping[ModeOfOperation, tuple[int, ...]] = {
+    _M.PROFILE_POSITION: (o.PROFILE_VELOCITY,),
+    _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
+    _M.PROFILE_TORQUE: (o.TORQUE_SLOPE,),
+    _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS),
+    _M.INTERPOLATED_POSITION: (0x60C1,),
 }
 # Objects that show a mode by being there; the cyclic modes have none of their own.
 SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {

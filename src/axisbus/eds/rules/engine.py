@@ -12,6 +12,7 @@ from dataclasses import replace
 from axisbus.eds.model import Finding
 from axisbus.eds.reader import Reading
 from axisbus.eds.rules import (
+    causes,
     cia301,
     cia402,
     compactlists,
@@ -48,7 +49,7 @@ def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...
     for rule, look in LOOKS.items():
         if wanted(rule):
             found += _findings(rules()[rule], look(sheet), wanted(MORE))
-    return tuple(sorted(found, key=_place))
+    return tuple(sorted(causes.causes(sheet, found), key=_place))
 
 
 def _findings(rule: Rule, hits: Iterable[Hit], say_more: bool) -> Iterator[Finding]:

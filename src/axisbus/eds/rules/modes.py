@@ -8,7 +8,7 @@ from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.rules import standard
-from axisbus.eds.rules.drive import Axis, axes, claimed, meant, missing, says_drive, shown
+from axisbus.eds.rules.drive import ALONE, Axis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
 
 _M = ModeOfOperation
@@ -85,14 +85,27 @@ def no_supported_modes(sheet: Sheet) -> Iterator[Hit]:
     """M006."""
     for axis in axes(sheet):
         index = axis.offset + o.SUPPORTED_DRIVE_MODES
-        if claimed(sheet, axis) is not None:
-            continue
+        section = sheet.section_of(index)
+        if claimed(sheet, axis) is not None or (section is not None and section.entries.get("defaultvalue")):
+            continue  # a default that is no number is V001
         there = index in sheet.eds
         names = ", ".join(short(mode) for mode in shown(sheet, axis)) or "no mode"
         what = "has no default" if there else "is missing"
         text = f"6502 on axis {axis.number} {what}: which modes there are is open; the objects show {names}"
-        section = sheet.heads.get(index) if there else sheet.where_missing(index)
-        yield sheet.at(section, "", text, index)
+        yield sheet.at(section or sheet.where_missing(index), "", text, index)
+
+
+def half_a_mode(sheet: Sheet) -> Iterator[Hit]:
+    """M018."""
+    for axis in axes(sheet):
+        for mode, own in ALONE.items() if claimed(sheet, axis) is None else ():
+            there = [index for index in own if axis.offset + index in sheet.eds]
+            absent = missing(sheet, axis, mode)
+            if there and absent:
+                names = ", ".join(_named(axis, index) for index in absent)
+                first = axis.offset + there[0]
+                text = f"{_named(axis, there[0])} belongs to {short(mode)}, for which {names} would be needed too"
+                yield sheet.at(sheet.heads.get(first), "", text, first)
 
 
 def reserved_bits(sheet: Sheet) -> Iterator[Hit]:
@@ -176,4 +189,5 @@ LOOKS: Looks = {
     "M011": unsupported_default,
     "M012": usual_objects,
     "M013": no_axis_type,
+    "M018": half_a_mode,
 }

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
-from axisbus.eds.model import Number, Object, ObjectType
+from axisbus.eds.model import Number, Object, ObjectType, Severity
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
 from axisbus.eds.text import Section
 
@@ -14,6 +15,7 @@ MAX_NAME = 241
 _STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
 _KNOWN_FLAGS = 0b11  # refuse write on download, refuse read on scan (DS 306 4.6.3.3)
 _ERROR_FIELD = 0x1003
+_FIRST_OWN_TYPE = 0x40  # below lie the types of CiA 301 (table 44)
 _ACTIONS = (
     0x1010,
     0x1011,
@@ -40,15 +42,40 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
     for entry, head in sheet.records:
         given = head.entries.get("subnumber", "")
         there = len(_own_subs(sheet, entry))
-        if given and not _compact(head) and values.plain(given) != there:
-            text = f"[{head.name}] says SubNumber={short(given)}, but has {there} sub-indices"
-            yield sheet.at(head, "subnumber", text, entry.index)
+        number = values.plain(given)
+        if not given or _compact(head) or number == there:
+            continue
+        if 0 not in entry.subs and number == there + 1:
+            continue  # it counts sub-index 0, which O008 misses
+        text = f"[{head.name}] says SubNumber={short(given)}, but has {there} sub-indices"
+        yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
+
+
+def _gap(sheet: Sheet, entry: Object) -> str:
+    """Name the sub-index whose section is missing, where SubNumber and sub-index 0 agree that one is."""
+    if not _one_is_missing(sheet, entry):
+        return ""
+    highest = _default_of_sub_zero(entry) or 0
+    absent = next((sub for sub in range(1, highest + 1) if sub not in entry.subs), 0)
+    return f"; sub-index {absent:X} seems to be missing" if absent else ""
+
+
+def _one_is_missing(sheet: Sheet, entry: Object) -> bool:
+    given = values.plain(sheet.heads[entry.index].entries.get("subnumber", ""))
+    return (
+        given == len(_own_subs(sheet, entry)) + 1 and given == (_default_of_sub_zero(entry) or 0) + 1
+    )  # counts without a gap
+
+
+def _default_of_sub_zero(entry: Object) -> int | None:
+    count = entry.subs.get(0)
+    return count.default.value if count is not None and isinstance(count.default, Number) else None
 
 
 def no_sub_number(sheet: Sheet) -> Iterator[Hit]:
     """O024."""
-    for entry, head in sheet.records:
-        if not head.entries.get("subnumber") and not _compact(head):
+    for entry, head in _plain_records(sheet):
+        if not head.entries.get("subnumber"):
             yield sheet.at(head, "", f"[{head.name}] has sub-indices, but no SubNumber", entry.index)
 
 
@@ -57,7 +84,13 @@ def no_sub_zero(sheet: Sheet) -> Iterator[Hit]:
     for entry, head in sheet.records:
         if 0 not in entry.subs and not sheet.modular:
             what = "no sub-index 0" if entry.subs else "no sub-indices"
-            yield sheet.at(head, "", f"[{head.name}] is {_article(entry)}, but has {what}", entry.index)
+            key = "objecttype" if _seems_a_var(entry, head) else ""
+            yield sheet.at(head, key, f"[{head.name}] is {_article(entry)}, but has {what}", entry.index)
+
+
+def _seems_a_var(entry: Object, head: Section) -> bool:
+    """Whether all but the ObjectType is that of a single value; then O008 says so, and the other rules of records are silent."""
+    return not entry.subs and "datatype" in head.entries and "subnumber" not in head.entries
 
 
 def type_of_sub_zero(sheet: Sheet) -> Iterator[Hit]:
@@ -76,23 +109,20 @@ def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
     """O010."""
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
-        count = entry.subs.get(0)
-        if (
-            section is None
-            or count is None
-            or not isinstance(count.default, Number)
-            or _counts_itself(sheet, entry)
-        ):
+        count = _default_of_sub_zero(entry)
+        if section is None or count is None or _counts_itself(sheet, entry) or _one_is_missing(sheet, entry):
             continue
         highest = max(sub for sub in entry.subs if sub != _STRUCTURE)
-        if count.default.value != highest:
-            text = f"[{section.name}] says {count.default.value}, but the highest sub-index is {highest}"
-            yield sheet.at(section, "defaultvalue", text, entry.index, 0)
+        if count != highest:
+            in_use = entry.subs[0].writable and count < highest
+            text = f"[{section.name}] says {count}, but the highest sub-index is {highest}"
+            severity = Severity.NOTE if in_use else None
+            yield sheet.at(section, "defaultvalue", text, entry.index, 0, severity)
 
 
 def _counts_itself(sheet: Sheet, entry: Object) -> bool:
     """Whether sub-index 0 says how many are in use, not how many there are."""
-    return entry.index == _ERROR_FIELD or is_mapping(entry.index) or sheet.modular or entry.subs[0].writable
+    return entry.index == _ERROR_FIELD or is_mapping(entry.index) or sheet.modular
 
 
 def no_highest(sheet: Sheet) -> Iterator[Hit]:
@@ -195,9 +225,7 @@ def letters_of_access(sheet: Sheet) -> Iterator[Hit]:
 
 def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
     """O022."""
-    for entry, head in sheet.records:
-        if _compact(head):
-            continue
+    for entry, head in _plain_records(sheet):
         named = [name for key, name in _OF_TYPE.items() if head.entries.get(key)]
         if named:
             key = named[0].lower()
@@ -207,9 +235,7 @@ def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
 
 def data_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
     """O023."""
-    for entry, head in sheet.records:
-        if _compact(head):
-            continue
+    for entry, head in _plain_records(sheet):
         for key, name in _ON_DATA.items():
             given = head.entries.get(key)
             if given and not (key == "pdomapping" and given == "0"):
@@ -222,16 +248,17 @@ def different_types(sheet: Sheet) -> Iterator[Hit]:
     for entry, _ in sheet.records:
         if entry.object_type is not ObjectType.ARRAY:
             continue
-        elements = [sub for sub in entry.subs.values() if sub.subindex not in (0, _STRUCTURE)]
-        for element in elements[1:]:
-            if element.data_type is not elements[0].data_type:
-                section = sheet.section_of(entry.index, element.subindex)
-                text = (
-                    f"[{section.name if section else ''}] is {element.data_type.name}, sub-index "
-                    f"{elements[0].subindex:X} of the same ARRAY is {elements[0].data_type.name}"
-                )
-                yield sheet.at(section, "datatype", text, entry.index, element.subindex)
-                break
+        elements = [
+            sub for sub in entry.subs.values() if sub.subindex not in (0, _STRUCTURE) and sub.data_type
+        ]
+        if len({element.data_type for element in elements}) < 2:
+            continue
+        usual = Counter(element.data_type for element in elements).most_common(1)[0][0]
+        odd = next(element for element in elements if element.data_type is not usual)
+        section = sheet.section_of(entry.index, odd.subindex)
+        if section is not None:
+            text = f"[{section.name}] is {odd.data_type.name}, other elements of the ARRAY are {usual.name}"
+            yield sheet.at(section, "datatype", text, entry.index, odd.subindex)
 
 
 def unguarded_actions(sheet: Sheet) -> Iterator[Hit]:
@@ -264,6 +291,29 @@ def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
             if given in (ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT):
                 text = f"[{section.name}] is a sub-index, and cannot be {_an(ObjectType(given))}"
                 yield sheet.at(section, "objecttype", text, entry.index, subindex)
+
+
+def no_object_type(sheet: Sheet) -> Iterator[Hit]:
+    """O031."""
+    bare = [entry for entry in sheet.described if not entry.section.entries.get("objecttype")]
+    if bare:
+        more = f"; so have {len(bare) - 1} others" if len(bare) > 1 else ""
+        yield sheet.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
+
+
+def unknown_types(sheet: Sheet) -> Iterator[Hit]:
+    """O032."""
+    for entry in sheet.described:
+        kind = entry.variable.data_type
+        if kind >= _FIRST_OWN_TYPE and kind not in sheet.eds:
+            text = f"DataType={short(entry.text('datatype'))} is of no standard, and the file does not describe it"
+            yield sheet.on(entry, "datatype", text)
+
+
+def _plain_records(sheet: Sheet) -> Iterator[tuple[Object, Section]]:
+    for entry, head in sheet.records:
+        if not _compact(head) and not _seems_a_var(entry, head):
+            yield entry, head
 
 
 def _own_subs(sheet: Sheet, entry: Object) -> list[int]:
@@ -313,4 +363,6 @@ LOOKS: Looks = {
     "O028": unguarded_actions,
     "O029": unknown_flags,
     "O030": type_of_sub,
+    "O031": no_object_type,
+    "O032": unknown_types,
 }

@@ -70,12 +70,14 @@ def _objects(sheet: Sheet, first: int) -> Iterator[Object]:
             yield entry
 
 
-def used(entry: Object) -> list[Variable]:
+def used(sheet: Sheet, entry: Object) -> list[Variable]:
     """Return the entries of a mapping that its sub-index 0 puts in use; all that are not 0 where it gives no number."""
     count = number_of(entry.subs[0]) if 0 in entry.subs else None
     if count in _MULTIPLEXED:
         return []
     there = [sub for subindex, sub in entry.subs.items() if 1 <= subindex <= MAX_ENTRIES]
+    if count is None and 0 in entry.subs and not understood(sheet, entry.subs[0]):
+        return []  # V001 and its kin speak of it
     if count is None:
         return [sub for sub in there if number_of(sub)]
     return [sub for sub in there if sub.subindex <= count]
@@ -84,10 +86,7 @@ def used(entry: Object) -> list[Variable]:
 def slots(sheet: Sheet) -> Iterator[Slot]:
     """Yield every entry in use of every mapping that maps something."""
     for receive, entry in maps(sheet):
-        for holder in used(entry):
-            value = start_value(holder)
-            if value is not None and value.value and not value.plus_node_id:
-                yield Slot(receive, holder, MappedObject.from_entry(value.value & 0xFFFF_FFFF))
+        yield from slots_of(sheet, receive, entry)
 
 
 def no_mapping(sheet: Sheet) -> Iterator[Hit]:
@@ -114,8 +113,18 @@ def no_target(sheet: Sheet) -> Iterator[Hit]:
         index, subindex, _ = slot.mapped
         if index in _DATA_TYPES or sheet.modular or index in _NETWORK_VARIABLES:
             continue
-        if sheet.eds.get(index, subindex) is None:
+        if sheet.eds.get(index, subindex) is None and not _misshapen(sheet, index, subindex):
             yield _on(sheet, slot, f"maps {index:04X}:{subindex:02X}, which the file does not describe")
+
+
+def _misshapen(sheet: Sheet, index: int, subindex: int) -> bool:
+    """Whether the entry has a section, which a wrong ObjectType hides (O008, O011)."""
+    entry, head = sheet.eds.objects.get(index), sheet.heads.get(index)
+    if entry is None or head is None:
+        return False
+    if entry.is_record:
+        return subindex == 0 and not entry.subs and "datatype" in head.entries
+    return subindex in sheet.subs.get(index, {})
 
 
 def wrong_size(sheet: Sheet) -> Iterator[Hit]:
@@ -147,8 +156,19 @@ def not_mappable(sheet: Sheet) -> Iterator[Hit]:
     """P004."""
     for slot in slots(sheet):
         target = _target(sheet, slot)
-        if target is not None and not target.pdo_mapping:
+        if target is None or target.pdo_mapping or _mapping_is_the_fault(target):
+            continue
+        section = sheet.section_of(target.index, target.subindex)
+        if section is not None and "pdomapping" not in section.entries:
+            text = f"[{section.name}] has no PDOMapping, which means 0, but [{slot.name}] maps it"
+            yield sheet.at(section, "", text, target.index, target.subindex)
+        else:
             yield _on(sheet, slot, f"maps {_name(target)}, whose PDOMapping is 0")
+
+
+def _mapping_is_the_fault(target: Variable) -> bool:
+    """Whether the standard lets the object be mapped: then its PDOMapping is wrong, and M005 says so."""
+    return target.subindex == 0 and standard.first_axis(target.index) in standard.CYCLIC
 
 
 def wrong_direction(sheet: Sheet) -> Iterator[Hit]:
@@ -173,20 +193,28 @@ def _access_is_the_fault(target: Variable, allowed: frozenset[str]) -> bool:
 def too_long(sheet: Sheet) -> Iterator[Hit]:
     """P006."""
     for receive, entry in maps(sheet):
-        total = 0
-        for slot in slots_of(receive, entry):
+        every = slots_of(sheet, receive, entry)
+        if sum(_right_bits(sheet, slot) for slot in every) <= MAX_BITS:
+            continue  # else too long only by a wrong size, of which P003 speaks
+        total, whole = 0, sum(slot.mapped.bits for slot in every)
+        for slot in every:
             before, total = total, total + slot.mapped.bits
             if before <= MAX_BITS < total:
-                whole = sum(each.mapped.bits for each in slots_of(receive, entry))
-                yield _on(
-                    sheet, slot, f"crosses {MAX_BITS} bits; the mapping [{entry.index:04X}] has {whole}"
-                )
+                text = f"crosses {MAX_BITS} bits; the mapping [{entry.index:04X}] has {whole}"
+                yield _on(sheet, slot, text)
 
 
-def slots_of(receive: bool, entry: Object) -> list[Slot]:
+def _right_bits(sheet: Sheet, slot: Slot) -> int:
+    """Return the bits that an entry would take by its target's type where P003 finds fault with it, else those that it takes."""
+    target = _target(sheet, slot)
+    bits = slot.mapped.bits if target is None or target.bits is None else target.bits
+    return slot.mapped.bits if _right_by_standard(target, slot.mapped) else bits
+
+
+def slots_of(sheet: Sheet, receive: bool, entry: Object) -> list[Slot]:
     """Return the entries in use of one mapping that map something."""
     found = []
-    for holder in used(entry):
+    for holder in used(sheet, entry):
         value = start_value(holder)
         if value is not None and value.value and not value.plus_node_id:
             found.append(Slot(receive, holder, MappedObject.from_entry(value.value & 0xFFFF_FFFF)))
@@ -209,12 +237,13 @@ def count_beyond(sheet: Sheet) -> Iterator[Hit]:
 def empty_entries(sheet: Sheet) -> Iterator[Hit]:
     """P015."""
     for _, entry in maps(sheet):
-        for holder in used(entry):
-            value = start_value(holder)
-            if value is not None and value.value == 0:
-                text = f"[{holder.index:04X}sub{holder.subindex:X}] maps nothing, but sub-index 0 counts it"
-                section = sheet.section_of(holder.index, holder.subindex)
-                yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
+        empty = [holder for holder in used(sheet, entry) if number_of(holder) == 0]
+        if empty:
+            holder = empty[0]
+            more = f", and {len(empty) - 1} more of them" if len(empty) > 1 else ""
+            text = f"[{holder.index:04X}sub{holder.subindex:X}] maps nothing, but sub-index 0 counts it{more}"
+            section = sheet.section_of(holder.index, holder.subindex)
+            yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
 
 
 def parameter_types(sheet: Sheet) -> Iterator[Hit]:
@@ -228,6 +257,12 @@ def parameter_types(sheet: Sheet) -> Iterator[Hit]:
         for subindex, sub in entry.subs.items():
             if 1 <= subindex <= MAX_ENTRIES:
                 yield from _type(sheet, sub, DataType.UNSIGNED32)
+
+
+def standard_type(index: int, subindex: int) -> DataType:
+    """Return the data type that CiA 301 gives a sub-index (not 0) of a communication or mapping parameter."""
+    mapping = any(first <= index < first + PDOS_OF_A_KIND for first in (o.RPDO_MAPPING, o.TPDO_MAPPING))
+    return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
 
 
 def _type(sheet: Sheet, sub: Variable, kind: DataType) -> Iterator[Hit]:
@@ -320,6 +355,12 @@ _RESTRICTED = (
 @lru_cache(maxsize=256)
 def _is_restricted(identifier: int) -> bool:
     return any(identifier in block for block in _RESTRICTED)
+
+
+def understood(sheet: Sheet, entry: Variable) -> bool:
+    """Whether the value after power-up is one, or there is none; else the reading has reported what is written there."""
+    section = sheet.section_of(entry.index, entry.subindex)
+    return section is None or not section.entries.get("defaultvalue") or entry.default is not None
 
 
 def _target(sheet: Sheet, slot: Slot) -> Variable | None:

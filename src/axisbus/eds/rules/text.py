@@ -14,6 +14,7 @@ MAX_LINE = 255
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _SPACED_KEY = re.compile(r"[^;\[\s=][^=]*?(\s+)=")
+_OTHER_MARKS = ("#", "/", "*", "'")
 _INDENTED_COMMENT = re.compile(r"\s+;")
 
 # Keys of DS 306 4.6.3.2 and 5, with those of its later drafts and of CiA 304.
@@ -136,11 +137,32 @@ def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
             for key in section.entries.keys() - known:
                 if not _may_be_there(name, key):
                     yield section, key
-    for section in (*sheet.heads.values(), *(each for subs in sheet.subs.values() for each in subs.values())):
+    for section in _object_sections(sheet):
         if not section.entries.keys() <= OBJECT_KEYS:
             for key in section.entries:
-                if key not in OBJECT_KEYS:
+                if key not in OBJECT_KEYS and not key.startswith(_OTHER_MARKS):
                     yield section, key
+
+
+def other_comments(sheet: Sheet) -> Iterator[Hit]:
+    """S019."""
+    found = [
+        (section, key)
+        for section in _object_sections(sheet)
+        for key in section.entries
+        if key.startswith(_OTHER_MARKS)
+    ]
+    if found:
+        section, key = found[0]
+        line, _ = sheet.document.place(section, key)
+        text = f"{key[:40]!r} is commented out by {key[:1]!r}, and ';' is the mark{_and_more(found)}"
+        yield Hit(line, 1, text)
+
+
+def _object_sections(sheet: Sheet) -> Iterator[Section]:
+    yield from sheet.heads.values()
+    for subs in sheet.subs.values():
+        yield from subs.values()
 
 
 def _may_be_there(name: str, key: str) -> bool:
@@ -187,4 +209,5 @@ LOOKS: Looks = {
     "S016": unknown_keys,
     "S017": misspelt_keys,
     "S018": control_characters,
+    "S019": other_comments,
 }

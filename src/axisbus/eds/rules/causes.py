@@ -1,0 +1,75 @@
+"""One defect, one finding: what only follows from another finding is left out.
+
+A crossed limit is told at the limit that is to blame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds import values
+from axisbus.eds.model import Finding, Number
+from axisbus.eds.rules import pdo, standard
+from axisbus.eds.rules.sheet import Sheet
+from axisbus.eds.text import entry_of
+
+_WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
+_OF_A_VALUE = frozenset(  # what the data type decides
+    (
+        *("V001", "V002", "V003", "V004", "V005", "V009", "V010", "V011", "V012", "V014"),
+        *("V016", "V017", "V018", "O026"),
+    )
+)
+_WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # whether the object has sub-indices is not clear
+_OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
+    ("O002", "O003", "O017", "O018", "O020", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
+)
+_CROSSED = "V004"
+
+
+def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
+    """Return the findings without those that only follow from others."""
+    every = [_blamed(sheet, finding) if finding.rule == _CROSSED else finding for finding in found]
+    typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
+    shaped = {each.index: each.line for each in every if each.rule in _WRONG_SHAPE}
+    return [
+        each
+        for each in every
+        if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(sheet, each))
+        and not (each.rule in _OF_A_SHAPE and shaped.get(each.index, each.line) != each.line)
+    ]
+
+
+def _right(sheet: Sheet, finding: Finding) -> bool:
+    """Whether a value (or type) of which a finding speaks would be in order if the data type were the standard's."""
+    kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
+    if not finding.line or not kinds:
+        return False
+    key, text = entry_of(sheet.document.lines[finding.line - 1])
+    return key in ("", "datatype") or any(not values.parse(text, kind).problems for kind in kinds)
+
+
+def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, ...]:
+    entry = sheet.eds.objects.get(index)
+    if subindex == 0 and entry is not None and entry.is_record:
+        return (DataType.UNSIGNED8,)
+    if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + pdo.PDOS_OF_A_KIND:
+        return (pdo.standard_type(index, subindex),)
+    row = standard.row(index, subindex)
+    return row.data_types if row is not None else ()
+
+
+def _blamed(sheet: Sheet, finding: Finding) -> Finding:
+    """Return the finding of crossed limits at HighLimit, where it is that one which the default contradicts."""
+    section = sheet.section_of(finding.index or 0, finding.subindex or 0)
+    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    if section is None or entry is None or not isinstance(entry.default, Number):
+        return finding
+    low, high = (values.plain(section.entries.get(key, "")) for key in ("lowlimit", "highlimit"))
+    if low is None or high is None or not high < low <= entry.default.value:
+        return finding
+    line, column = sheet.document.place(section, "highlimit")
+    return replace(finding, line=line, column=column)
