@@ -20,36 +20,38 @@ _WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is no
 _OF_A_VALUE = frozenset(  # what the data type decides
     (
         *("V001", "V002", "V003", "V004", "V005", "V009", "V010", "V011", "V012", "V014"),
-        *("V016", "V017", "V018", "O026"),
+        *("V016", "V017", "V018", "D004"),
     )
 )
 _WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # whether the object has sub-indices is not clear
 _OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
-    ("O002", "O003", "O017", "O018", "O020", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
+    ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
 )
-_CROSSED = "V004"
+_MIXED, _CROSSED, _IDENTITY = "O026", "V004", "D004"
 
 
 def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
     """Return the findings without those that only follow from others."""
     every = [_blamed(sheet, finding) if finding.rule == _CROSSED else finding for finding in found]
     typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
+    mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
     shaped = {each.index: each.line for each in every if each.rule in _WRONG_SHAPE}
     return [
         each
         for each in every
         if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(sheet, each))
+        and not (each.rule == _MIXED and each.index in mixed)
         and not (each.rule in _OF_A_SHAPE and shaped.get(each.index, each.line) != each.line)
     ]
 
 
 def _right(sheet: Sheet, finding: Finding) -> bool:
-    """Whether a value (or type) of which a finding speaks would be in order if the data type were the standard's."""
+    """Whether a value of which a finding speaks would be in order if the data type were the standard's."""
     kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
     if not finding.line or not kinds:
         return False
-    key, text = entry_of(sheet.document.lines[finding.line - 1])
-    return key in ("", "datatype") or any(not values.parse(text, kind).problems for kind in kinds)
+    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    return finding.rule == _IDENTITY or any(not values.parse(text, kind).problems for kind in kinds)
 
 
 def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, ...]:

@@ -54,7 +54,7 @@ def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...
 
 def _findings(rule: Rule, hits: Iterable[Hit], say_more: bool) -> Iterator[Finding]:
     left_out = 0
-    for number, hit in enumerate(hits):
+    for number, hit in enumerate(dict.fromkeys(hits)):
         if number < MAX_OF_A_RULE:
             yield finding(rule, hit)
         else:
@@ -76,5 +76,6 @@ def _place(found: Finding) -> tuple[int, int, str]:
 def unreadable(error: EdsError) -> Finding:
     """Return the finding that stands for a file which cannot be checked at all."""
     observed = f": {error.observed}" if error.observed else ""
-    found = finding(rules()[UNREADABLE], Hit(0, 0, f"{error.message}{observed}"))
+    message = error.message.removeprefix(f"{error.file}: ")
+    found = finding(rules()[UNREADABLE], Hit(0, 0, f"{message}{observed}"))
     return replace(found, remedy=error.remedy) if error.remedy else found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from axisbus.cia301 import cob
@@ -51,10 +51,16 @@ class Slot:
 
 
 def maps(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
-    """Yield every mapping parameter, with whether it is of an RPDO."""
+    """Yield every mapping parameter, with whether it is of an RPDO.
+
+    One that a DCF configures comes twice: as it is configured, and as the device has it by default.
+    """
     for first, receive in ((o.RPDO_MAPPING, True), (o.TPDO_MAPPING, False)):
         for entry in _objects(sheet, first):
             yield receive, entry
+            if any(sub.parameter_value is not None for sub in entry.subs.values()):
+                subs = {key: replace(sub, parameter_value=None) for key, sub in entry.subs.items()}
+                yield receive, replace(entry, subs=subs)
 
 
 def communications(sheet: Sheet) -> Iterator[tuple[bool, Object]]:

@@ -11,6 +11,7 @@ from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, S
 from axisbus.eds.text import Section
 
 MAX_LINE = 255
+_MAX_FOREIGN = 200  # different keys; to look for what each is like takes long
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _SPACED_KEY = re.compile(r"[^;\[\s=][^=]*?(\s+)=")
@@ -130,7 +131,16 @@ def misspelt_keys(sheet: Sheet) -> Iterator[Hit]:
 
 
 def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
-    """Yield what is no key of DS 306, where the standard knows all keys of the section."""
+    """Yield what is no key of DS 306, where the standard knows all keys of the section; of a file of noise only the first."""
+    seen: set[str] = set()
+    for section, key in _all_foreign_keys(sheet):
+        seen.add(key)
+        if len(seen) > _MAX_FOREIGN:
+            return
+        yield section, key
+
+
+def _all_foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
     for name, known in _KEYS.items():
         section = sheet.section(name)
         if section is not None:
