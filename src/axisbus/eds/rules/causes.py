@@ -27,6 +27,12 @@ _WRONG_SHAPE = frozenset(("O004", "O008", "O011"))  # whether the object has sub
 _OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
     ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
 )
+# By rule, what it explains where both speak of the same object.
+_EXPLAINS = {"O013": frozenset(("O008",)), "P008": frozenset(("P015",))}
+_MISSPELT, _MISSING = (
+    "S017",
+    frozenset(("O001", "O002", "O003", "O006", "O024", "O031", "L001")),
+)  # in one section
 _MIXED, _CROSSED, _IDENTITY = "O026", "V004", "D004"
 
 
@@ -35,14 +41,24 @@ def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
     every = [_blamed(sheet, finding) if finding.rule == _CROSSED else finding for finding in found]
     typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
     mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
+    explained = {(rule, each.index) for each in every for rule in _EXPLAINS.get(each.rule, ())}
+    misspelt = {_header(sheet, each.line) for each in every if each.rule == _MISSPELT}
     shaped = {each.index: each.line for each in every if each.rule in _WRONG_SHAPE}
     return [
         each
         for each in every
         if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(sheet, each))
+        and (each.rule, each.index) not in explained
+        and not (each.rule in _MISSING and each.line in misspelt)
         and not (each.rule == _MIXED and each.index in mixed)
         and not (each.rule in _OF_A_SHAPE and shaped.get(each.index, each.line) != each.line)
     ]
+
+
+def _header(sheet: Sheet, line: int) -> int:
+    """Return the line of the section in which a line stands."""
+    above = range(line - 1, -1, -1)
+    return next((at + 1 for at in above if sheet.document.lines[at].lstrip().startswith("[")), 0)
 
 
 def _right(sheet: Sheet, finding: Finding) -> bool:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
+from axisbus.eds.model import Severity
 from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
 from axisbus.eds.text import Section
 
@@ -47,6 +48,7 @@ DEVICE_KEYS = frozenset(
         *("groupmessaging", "nrofrxpdo", "nroftxpdo", "lss_supported", "compactpdo"),
     )
 )
+_MANDATORY = frozenset(("parametername", "datatype", "accesstype", "subnumber", "supportedobjects"))
 _KEYS: Mapping[str, frozenset[str]] = {
     FILE_INFO: FILE_KEYS,
     DEVICE_INFO: DEVICE_KEYS | RESERVED_DEVICE_KEYS,
@@ -127,7 +129,9 @@ def misspelt_keys(sheet: Sheet) -> Iterator[Hit]:
         meant = _meant(key, _keys_of(section))
         if meant and meant not in section.entries:
             line, _ = sheet.document.place(section, key)
-            yield Hit(line, 1, f"key {key[:40]!r} is not known, {meant!r} may be meant")
+            severity = None if meant in _MANDATORY else Severity.WARNING
+            text = f"key {key[:40]!r} is not known, {meant!r} may be meant"
+            yield Hit(line, 1, text, severity=severity)
 
 
 def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
