@@ -401,6 +401,133 @@ def bad_flag(rng: random.Random, text: Text) -> Plant | None:
     )
 
 
+def misspelt_key(rng: random.Random, text: Text) -> Plant | None:
+    name = rng.choice(text.objects())
+    key = rng.choice(list(text.entries[name]))
+    at = rng.randrange(1, len(key))
+    number = text.entries[name][key][0]
+    written = text.lines[number - 1]
+    lines, moved = text.changed({number: written[:at] + written[at + 1 :]})
+    return Plant(lines, moved, {number}, {"S017", "S016"}, f"[{name}] {key} without a letter")
+
+
+def missing_sub_index(rng: random.Random, text: Text) -> Plant | None:
+    busy = text.mapped() | set(TYPES)
+    names = [name for name in text.objects() if re.fullmatch("[2-5][0-9a-f]{3}sub[0-9a-f]+", name)]
+    names = [name for name in names if name not in busy and text.value(name.partition("sub")[0], "subnumber")]
+    if not names:
+        return None
+    name = rng.choice(names)
+    parent = name.partition("sub")[0]
+    lines, moved = text.changed(
+        _without_object(text, name) if not name.endswith("sub0") else _section(text, name)
+    )
+    where = {text.heads[parent], text.entries[parent]["subnumber"][0]}
+    return Plant(lines, moved, where, {"O007", "O008"}, f"no [{name}]")
+
+
+def _section(text: Text, name: str) -> dict[int, str | None]:
+    return dict.fromkeys(range(text.heads[name], text.end(name)))
+
+
+def lost_node_id(rng: random.Random, text: Text) -> Plant | None:
+    names = [name for name in ("1400sub1", "1401sub1", "1800sub1", "1801sub1", "1014") if name in text.heads]
+    names = [name for name in names if text.value(name, "defaultvalue").startswith("$NODEID+0x")]
+    if not names:
+        return None
+    name = rng.choice(names)
+    base = int(text.value(name, "defaultvalue").partition("+")[2], 0)
+    if base >= 0x800:
+        return None
+    return put(text, name, "defaultvalue", f"0x{base + rng.choice([0, 5]):X}", "V019 V007")
+
+
+def negative(rng: random.Random, text: Text) -> Plant | None:
+    names = [name for name in text.objects() if text.number(name, "datatype") in (5, 6, 7)]
+    names = [name for name in names if text.value(name, "defaultvalue")]
+    return put(text, rng.choice(names), "defaultvalue", "-1", "V009")
+
+
+def fraction(rng: random.Random, text: Text) -> Plant | None:
+    names = [name for name in text.objects() if text.number(name, "datatype") in (3, 4, 6, 7)]
+    names = [name for name in names if text.value(name, "defaultvalue")]
+    return put(text, rng.choice(names), "defaultvalue", "1.5", "V011")
+
+
+def wrong_list(rng: random.Random, text: Text) -> Plant | None:
+    """Move the last optional object to the end of the manufacturer's."""
+    old, new = "optionalobjects", "manufacturerobjects"
+    counts = {name: text.number(name, "supportedobjects") for name in (old, new)}
+    if not counts[old] or not counts[new] or str(counts[old]) not in text.entries[old]:
+        return None
+    last, value = text.entries[old][str(counts[old])]
+    end = max(number for number, _ in text.entries[new].values())
+    lines, moved = text.changed(
+        {
+            last: None,
+            text.entries[old]["supportedobjects"][0]: f"SupportedObjects={counts[old] - 1}",
+            text.entries[new]["supportedobjects"][0]: f"SupportedObjects={counts[new] + 1}",
+        },
+        {end: [f"{counts[new] + 1}={value}"]},
+    )
+    moved[-1] = moved[end] + 1
+    return Plant(lines, moved, {-1}, {"L008"}, f"{value} in the wrong list")
+
+
+def renumbered(rng: random.Random, text: Text) -> Plant | None:
+    name = rng.choice(["optionalobjects", "manufacturerobjects"])
+    count = text.number(name, "supportedobjects") or 0
+    if count < 2:
+        return None
+    number, value = text.entries[name][str(count)]
+    lines, moved = text.changed({number: f"{count + 5}={value}"})
+    return Plant(lines, moved, {number}, {"L004"}, f"[{name}] {count} called {count + 5}")
+
+
+def listed_twice(rng: random.Random, text: Text) -> Plant | None:
+    name = rng.choice(["optionalobjects", "manufacturerobjects"])
+    count = text.number(name, "supportedobjects") or 0
+    if not count:
+        return None
+    end = max(number for number, _ in text.entries[name].values())
+    again = text.value(name, str(rng.randint(1, count)))
+    changes: dict[int, str | None] = {
+        text.entries[name]["supportedobjects"][0]: f"SupportedObjects={count + 1}"
+    }
+    lines, moved = text.changed(changes, {end: [f"{count + 1}={again}"]})
+    moved[-1] = moved[end] + 1
+    return Plant(lines, moved, {-1}, {"L007"}, f"{again} twice in [{name}]")
+
+
+def foreign_letter(rng: random.Random, text: Text) -> Plant | None:
+    name = rng.choice([name for name in text.objects() if text.value(name, "parametername")])
+    return put(text, name, "parametername", text.value(name, "parametername") + " \xb5", "S001")
+
+
+def no_default(rng: random.Random, text: Text) -> Plant | None:
+    names = {"1000": "C005", "6502": "M006"}
+    name = rng.choice([name for name in names if text.value(name, "defaultvalue")])
+    lines, moved = text.changed({text.entries[name]["defaultvalue"][0]: None})
+    return Plant(lines, moved, {text.heads[name]}, {names[name]}, f"[{name}] without default")
+
+
+def mapped_flag(rng: random.Random, text: Text) -> Plant | None:
+    """Forbid the mapping of a core object that is mapped, or take its flag away."""
+    names = [name for name in ("6040", "6041", "6064", "607a", "60ff") if name in text.mapped()]
+    name = rng.choice([name for name in names if text.value(name, "pdomapping") == "1"])
+    if rng.random() < 0.5:
+        return put(text, name, "pdomapping", "0", "M005 P004")
+    lines, moved = text.changed({text.entries[name]["pdomapping"][0]: None})
+    return Plant(lines, moved, {text.heads[name]}, {"O020", "P004", "M005"}, f"[{name}] without PDOMapping")
+
+
+def bad_parameter_type(rng: random.Random, text: Text) -> Plant | None:
+    names = [name for name in text.objects() if re.fullmatch("1[468a]0[0-9]sub[0-5]", name)]
+    name = rng.choice([name for name in names if text.value(name, "datatype")])
+    kind = text.number(name, "datatype")
+    return put(text, name, "datatype", "0x0006" if kind != 6 else "0x0007", "P009 O009")
+
+
 KINDS: tuple[Callable[[random.Random, Text], Plant | None], ...] = (
     *(
         wrong_type,
@@ -422,6 +549,17 @@ KINDS: tuple[Callable[[random.Random, Text], Plant | None], ...] = (
         no_number,
         too_large,
     ),
+    *(
+        misspelt_key,
+        missing_sub_index,
+        lost_node_id,
+        negative,
+        fraction,
+        wrong_list,
+        renumbered,
+        listed_twice,
+    ),
+    *(foreign_letter, no_default, mapped_flag, bad_parameter_type),
     *(broken_header, stray_text, unknown_section, bad_flag),
 )
 

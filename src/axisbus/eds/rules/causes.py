@@ -28,11 +28,11 @@ _OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
     ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
 )
 # By rule, what it explains where both speak of the same object.
-_EXPLAINS = {"O013": frozenset(("O008",)), "P008": frozenset(("P015",))}
-_MISSPELT, _MISSING = (
-    "S017",
-    frozenset(("O001", "O002", "O003", "O006", "O024", "O031", "L001")),
-)  # in one section
+_EXPLAINS = {"O003": frozenset(("O028",)), "O013": frozenset(("O008",)), "P008": frozenset(("P015",))}
+_MISSPELT = "S017"
+_MISSING = frozenset(  # what is told at the header of the section with the misspelt key
+    ("O001", "O002", "O003", "O006", "O020", "O024", "O025", "O031", "C005", "L001", "M005", "M006", "P004")
+)
 _MIXED, _CROSSED, _IDENTITY = "O026", "V004", "D004"
 
 
@@ -67,7 +67,7 @@ def _right(sheet: Sheet, finding: Finding) -> bool:
     if not finding.line or not kinds:
         return False
     _, text = entry_of(sheet.document.lines[finding.line - 1])
-    return finding.rule == _IDENTITY or any(not values.parse(text, kind).problems for kind in kinds)
+    return finding.rule == _IDENTITY or any(values.parse(text, kind).value is not None for kind in kinds)
 
 
 def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, ...]:

@@ -52,19 +52,17 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
 
 
 def _gap(sheet: Sheet, entry: Object) -> str:
-    """Name the sub-index whose section is missing, where SubNumber and sub-index 0 agree that one is."""
-    if not _one_is_missing(sheet, entry):
-        return ""
+    """Name the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other."""
     highest = _default_of_sub_zero(entry) or 0
-    absent = next((sub for sub in range(1, highest + 1) if sub not in entry.subs), 0)
-    return f"; sub-index {absent:X} seems to be missing" if absent else ""
+    absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
+    known = len(absent) == 1 and _one_is_missing(sheet, entry)
+    return f"; sub-index {absent[0]:X} seems to be missing" if known else ""
 
 
 def _one_is_missing(sheet: Sheet, entry: Object) -> bool:
+    """Whether SubNumber counts one sub-index more than there are."""
     given = values.plain(sheet.heads[entry.index].entries.get("subnumber", ""))
-    return (
-        given == len(_own_subs(sheet, entry)) + 1 and given == (_default_of_sub_zero(entry) or 0) + 1
-    )  # counts without a gap
+    return given == len(_own_subs(sheet, entry)) + 1
 
 
 def _default_of_sub_zero(entry: Object) -> int | None:
@@ -110,10 +108,11 @@ def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
         count = _default_of_sub_zero(entry)
-        if section is None or count is None or _counts_itself(sheet, entry) or _one_is_missing(sheet, entry):
+        if section is None or count is None or _counts_itself(sheet, entry):
             continue
         highest = max(sub for sub in entry.subs if sub != _STRUCTURE)
-        if count != highest:
+        missing = count > highest and _one_is_missing(sheet, entry)  # of which O007 speaks
+        if count != highest and not missing:
             in_use = entry.subs[0].writable and count < highest
             text = f"[{section.name}] says {count}, but the highest sub-index is {highest}"
             severity = Severity.NOTE if in_use else None

@@ -24,6 +24,7 @@ _PARAMETERS = {
     1: DataType.UNSIGNED32,
     2: DataType.UNSIGNED8,
     3: DataType.UNSIGNED16,
+    4: DataType.UNSIGNED8,
     5: DataType.UNSIGNED16,
     6: DataType.UNSIGNED8,
 }
