@@ -10,7 +10,7 @@ import click
 
 from axisbus import __version__
 from axisbus.cli import eds_check_text as text
-from axisbus.cli.common import MISUSE, OK, WRONG, say_error, say_json, say_next
+from axisbus.cli.common import MISUSE, OK, WRONG, progress_bar, say_error, say_json, say_next
 from axisbus.cli.eds_files import say_lines
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import Finding, Severity
@@ -23,6 +23,7 @@ _FAILING = {
     "warning": {Severity.ERROR, Severity.WARNING},
     "note": set(Severity),
 }
+_MANY = 10  # files, from where on a bar shows how far it is
 _Found = dict[str, tuple[Finding, ...]]
 
 
@@ -89,10 +90,14 @@ def command(
 def _check_all(files: Iterable[str], wanted: Callable[[str], bool], quiet: bool) -> _Found:
     """Return what is found in each file; each is printed as soon as it is checked, unless ``quiet``."""
     found: _Found = {}
-    for file in _expanded(files):
-        found[file] = _check(file, wanted)
-        if found[file] and not quiet:
-            say_lines(text.lines(file, found[file]))
+    named = list(_expanded(files))
+    with progress_bar("checking", quiet=not quiet or len(named) < _MANY) as tell:
+        for number, file in enumerate(named, 1):
+            found[file] = _check(file, wanted)
+            if found[file] and not quiet:
+                say_lines(text.lines(file, found[file]))
+            if tell is not None:
+                tell(number, len(named))
     return found
 
 

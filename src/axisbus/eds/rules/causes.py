@@ -12,7 +12,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
 from axisbus.eds.model import Finding, Number
-from axisbus.eds.rules import pdo, standard
+from axisbus.eds.rules import pdo, pdo_parameters, standard
 from axisbus.eds.rules.sheet import Sheet
 from axisbus.eds.text import entry_of
 
@@ -75,7 +75,7 @@ def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, 
     if subindex == 0 and entry is not None and entry.is_record:
         return (DataType.UNSIGNED8,)
     if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + pdo.PDOS_OF_A_KIND:
-        return (pdo.standard_type(index, subindex),)
+        return (pdo_parameters.standard_type(index, subindex),)
     row = standard.row(index, subindex)
     return row.data_types if row is not None else ()
 

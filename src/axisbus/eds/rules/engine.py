@@ -25,6 +25,8 @@ from axisbus.eds.rules import (
     modules,
     objects,
     pdo,
+    pdo_parameters,
+    records,
     text,
     values,
 )
@@ -36,7 +38,7 @@ MAX_OF_A_RULE = 1000  # a file of noise must not fill the screen, nor the memory
 MORE, UNREADABLE = "S099", "S000"
 
 _FAMILIES = (
-    *(text, fileinfo, deviceinfo, lists, objects, compactlists, values, pdo),
+    *(text, fileinfo, deviceinfo, lists, objects, records, compactlists, values, pdo, pdo_parameters),
     *(cia301, cia402, modes, dcf, concise, modules),
 )
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}

@@ -1,16 +1,14 @@
-"""Rules over PDOs: their parameters, and what each default mapping holds (CiA 301 7.5.2.35 to 7.5.2.38)."""
+"""Rules over what each default mapping of a PDO holds (CiA 301 7.5.2.36, 7.5.2.38)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
-from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
-from axisbus.eds.model import Number, Object, Variable
+from axisbus.eds.model import Object, Variable
 from axisbus.eds.rules import standard
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 
@@ -20,19 +18,6 @@ _MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean someth
 _NETWORK_VARIABLES = range(0xA000, 0xB000)  # made by the tool that configures the network (CiA 302-4)
 _DATA_TYPES = range(0x0001, 0x0020)
 
-_PARAMETERS = {
-    1: DataType.UNSIGNED32,
-    2: DataType.UNSIGNED8,
-    3: DataType.UNSIGNED16,
-    4: DataType.UNSIGNED8,
-    5: DataType.UNSIGNED16,
-    6: DataType.UNSIGNED8,
-}
-_NEEDED = {1: "the COB-ID", 2: "the transmission type"}
-_RESERVED_TYPES = {
-    True: range(241, 254),
-    False: range(241, 252),
-}  # by direction: receive, transmit (tables 69, 72)
 _TO_RPDO = frozenset(("rw", "wo", "rww"))
 _TO_TPDO = frozenset(("ro", "rw", "rwr", "const"))
 
@@ -253,115 +238,12 @@ def empty_entries(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
 
 
-def parameter_types(sheet: Sheet) -> Iterator[Hit]:
-    """P009."""
-    for _, entry in communications(sheet):
-        for subindex, kind in _PARAMETERS.items():
-            sub = entry.subs.get(subindex)
-            if sub is not None:
-                yield from _type(sheet, sub, kind)
-    for _, entry in maps(sheet):
-        for subindex, sub in entry.subs.items():
-            if 1 <= subindex <= MAX_ENTRIES:
-                yield from _type(sheet, sub, DataType.UNSIGNED32)
-
-
-def standard_type(index: int, subindex: int) -> DataType:
-    """Return the data type that CiA 301 gives a sub-index (not 0) of a communication or mapping parameter."""
-    mapping = any(first <= index < first + PDOS_OF_A_KIND for first in (o.RPDO_MAPPING, o.TPDO_MAPPING))
-    return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
-
-
-def _type(sheet: Sheet, sub: Variable, kind: DataType) -> Iterator[Hit]:
-    if sub.data_type is not kind and sub.data_type:
-        section = sheet.section_of(sub.index, sub.subindex)
-        text = f"[{sub.index:04X}sub{sub.subindex:X}] is {sub.data_type.name}, CiA 301 has {kind.name}"
-        yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
-
-
 def dummies(sheet: Sheet) -> Iterator[Hit]:
     """P010."""
     for slot in slots(sheet):
         index = slot.mapped.index
         if index in _DATA_TYPES and index not in sheet.eds.dummies:
             yield _on(sheet, slot, f"maps the dummy {index:04X}, which [DummyUsage] does not allow")
-
-
-def missing_parameters(sheet: Sheet) -> Iterator[Hit]:
-    """P011."""
-    for _, entry in communications(sheet):
-        head = sheet.heads.get(entry.index)
-        for subindex, what in _NEEDED.items():
-            if subindex not in entry.subs and entry.subs and head is not None:
-                text = f"[{entry.index:04X}] has no sub-index {subindex}, {what}"
-                yield sheet.at(head, "", text, entry.index, subindex)
-
-
-def reserved_types(sheet: Sheet) -> Iterator[Hit]:
-    """P012."""
-    for receive, entry in communications(sheet):
-        sub = entry.subs.get(2)
-        kind = number_of(sub) if sub is not None else None
-        if sub is not None and kind in _RESERVED_TYPES[receive]:
-            section = sheet.section_of(entry.index, 2)
-            text = f"[{entry.index:04X}sub2] has transmission type {kind}, which is reserved"
-            yield sheet.at(section, start_key(sub), text, entry.index, 2)
-
-
-def restricted_ids(sheet: Sheet) -> Iterator[Hit]:
-    """P013."""
-    for _, sub, value in _valid_cob_ids(sheet):
-        bad = next((identifier for identifier in _identifiers(value) if _is_restricted(identifier)), None)
-        if bad is not None:
-            name = f"[{sub.index:04X}sub1]"
-            text = f"{name} gives the COB-ID 0x{bad:X}, which CiA 301 keeps for another service"
-            yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
-
-
-def shared_ids(sheet: Sheet) -> Iterator[Hit]:
-    """P014."""
-    seen: dict[tuple[int, bool], int] = {}
-    for _, sub, value in _valid_cob_ids(sheet):
-        key = value.value & cob.ID_MASK_29, value.plus_node_id
-        first = seen.setdefault(key, sub.index)
-        if first != sub.index:
-            text = f"[{sub.index:04X}sub1] has the COB-ID of [{first:04X}sub1]"
-            yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
-
-
-def _valid_cob_ids(sheet: Sheet) -> Iterator[tuple[bool, Variable, Number]]:
-    """Yield the identifiers of the PDOs that exist after power-up, with whether it is an RPDO."""
-    for receive, entry in communications(sheet):
-        sub = entry.subs.get(1)
-        value = start_value(sub) if sub is not None else None
-        if (
-            sub is not None
-            and value is not None
-            and not value.value & cob.INVALID
-            and value.value & cob.ID_MASK_29
-        ):
-            yield receive, sub, value
-
-
-def _identifiers(value: Number) -> tuple[int, ...]:
-    base = value.value & cob.ID_MASK_29
-    return (base + 1, base + 127) if value.plus_node_id else (base,)
-
-
-# Identifiers that no PDO may have (CiA 301 table 41).
-_RESTRICTED = (
-    range(0x080),
-    range(0x101, 0x181),
-    range(0x581, 0x600),
-    range(0x601, 0x680),
-    range(0x6E0, 0x700),
-    range(0x701, 0x800),
-)
-
-
-@lru_cache(maxsize=256)
-def _is_restricted(identifier: int) -> bool:
-    return any(identifier in block for block in _RESTRICTED)
 
 
 def understood(sheet: Sheet, entry: Variable) -> bool:
@@ -396,11 +278,6 @@ LOOKS: Looks = {
     "P006": too_long,
     "P007": no_communication,
     "P008": count_beyond,
-    "P009": parameter_types,
     "P010": dummies,
-    "P011": missing_parameters,
-    "P012": reserved_types,
-    "P013": restricted_ids,
-    "P014": shared_ids,
     "P015": empty_entries,
 }
