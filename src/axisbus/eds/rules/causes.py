@@ -1,17 +1,18 @@
 """One defect, one finding: what only follows from another finding is left out.
 
-A crossed limit is told at the limit that is to blame.
+What reading found is looked at again with the whole entry in view: at which of two lines it is to be mended, and whether the
+standard leaves it open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
-from axisbus.eds.model import Finding, Number
+from axisbus.eds.model import Finding, Number, Severity
 from axisbus.eds.rules import pdo, pdo_parameters, standard
 from axisbus.eds.rules.sheet import Sheet
 from axisbus.eds.text import entry_of
@@ -33,12 +34,12 @@ _MISSPELT = "S017"
 _MISSING = frozenset(  # what is told at the header of the section with the misspelt key
     ("O001", "O002", "O003", "O006", "O020", "O024", "O025", "O031", "C005", "L001", "M005", "M006", "P004")
 )
-_MIXED, _CROSSED, _IDENTITY = "O026", "V004", "D004"
+_MIXED, _IDENTITY = "O026", "D004"
 
 
 def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
     """Return the findings without those that only follow from others."""
-    every = [_blamed(sheet, finding) if finding.rule == _CROSSED else finding for finding in found]
+    every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in found]
     typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
     mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
     explained = {(rule, each.index) for each in every for rule in _EXPLAINS.get(each.rule, ())}
@@ -91,3 +92,20 @@ def _blamed(sheet: Sheet, finding: Finding) -> Finding:
         return finding
     line, column = sheet.document.place(section, "highlimit")
     return replace(finding, line=line, column=column)
+
+
+def _letters(sheet: Sheet, finding: Finding) -> Finding:
+    """Return the finding of a formula as a note where only the case of $NODEID is another, which most tools take."""
+    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    return replace(finding, severity=Severity.NOTE) if text.startswith("$") else finding
+
+
+def _time(sheet: Sheet, finding: Finding) -> Finding:
+    """Return the finding of a time that is not understood as a note: DS 306 does not say how a time is written."""
+    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    if entry is None or entry.data_type not in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
+        return finding
+    return replace(finding, severity=Severity.NOTE)
+
+
+_JUDGED: dict[str, Callable[[Sheet, Finding], Finding]] = {"V001": _time, "V004": _blamed, "V006": _letters}

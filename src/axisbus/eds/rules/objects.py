@@ -21,6 +21,11 @@ _ACTIONS = (
 _LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}
 
 
+def is_communication(index: int) -> bool:
+    """Whether an object is a communication parameter of a PDO, whose sub-index 4 is usually left out."""
+    return 0x1400 <= index <= 0x15FF or 0x1800 <= index <= 0x19FF
+
+
 def is_mapping(index: int) -> bool:
     """Whether an object is a PDO mapping parameter, whose sub-index 0 counts what is mapped."""
     return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
