@@ -11,7 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
+from click.testing import CliRunner
 from rule_base import BASE, edited
 
 from axisbus import eds
@@ -285,9 +287,15 @@ def test_list_shows_all_rules_also_as_json(check: Call) -> None:
     assert set(listed[0]) == {"id", "severity", "clause", "title", "remedy", "explanation"}
 
 
-def test_colours_are_for_terminals_only(check: Call, tmp_path: Path) -> None:
-    write("a.eds", TWICE)
-    assert "\x1b" not in check("a.eds")[1]
+def test_colours_are_for_terminals_only(check: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    name = write("a.eds", TWICE)
+    assert "\x1b" not in check(name)[1]
+    on_a_terminal = CliRunner().invoke(cli, ["eds", "check", name], color=True).output
+    assert "\x1b[31m" in on_a_terminal  # red, for the error
+    assert click.unstyle(on_a_terminal) == check(name)[1]
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b" not in CliRunner().invoke(cli, ["eds", "check", name], color=True).output
 
 
 def test_output_in_ascii_does_not_stumble_over_letters(check: Call, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 from rule_base import BASE, edited, place
-from rule_cases import AXIS_TYPE, CASES, DCF, SECOND_AXIS, Case, Edit, without
+from rule_cases import AXIS_TYPE, CASES, DCF, SECOND_AXIS, Case, Edit, not_optional, without
 
 from axisbus.eds import Finding, Severity, check, reader
 from axisbus.eds.rules import engine
@@ -78,6 +78,8 @@ def test_what_is_not_certain_in_the_table_is_a_note() -> None:
 def test_crossed_limits_are_told_at_the_limit_that_the_default_contradicts() -> None:
     text = edited("2000:HighLimit=0")  # 1 to 9, default 5
     assert (only("V004", "2000:HighLimit=0").line, 11) == place(text, "2000:HighLimit")
+    without_default = ("2000:HighLimit=-1", "2000:LowLimit=0", "2000:DefaultValue", "2000:DataType=0x0004")
+    assert (only("V004", *without_default).line, 11) == place(text_of(without_default)[0], "2000:HighLimit")
     text = edited("2000:LowLimit=10")
     assert (only("V004", "2000:LowLimit=10").line, 10) == place(text, "2000:LowLimit")
 
@@ -126,3 +128,14 @@ def test_a_dcf_is_checked_as_configured_and_as_delivered() -> None:
     assert only("P002", *configured).line == place(text_of(configured)[0], "1600sub2:ParameterValue")[0]
     delivered = (*DCF, "1600sub2:ParameterValue=0x20000020", "1600sub2:DefaultValue=0x20990020")
     assert only("P002", *delivered).line == place(text_of(delivered)[0], "1600sub2:DefaultValue")[0]
+
+
+def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
+    """6064h of a device that is no drive may be anything; that it is mapped against its own PDOMapping is an error all the same."""
+    no_drive = (
+        "1000:DefaultValue=0x00030191",
+        *not_optional(0x6060, 15),
+        "6064:PDOMapping=0",
+        "6064:DataType=0x0007",
+    )
+    assert {each.rule for each in found(no_drive)} == {"P004"}

@@ -82,13 +82,14 @@ def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, 
 
 
 def _blamed(sheet: Sheet, finding: Finding) -> Finding:
-    """Return the finding of crossed limits at HighLimit, where it is that one which the default contradicts."""
+    """Return the finding of crossed limits at HighLimit, where it is that one which the default (else 0) contradicts."""
     section = sheet.section_of(finding.index or 0, finding.subindex or 0)
     entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
-    if section is None or entry is None or not isinstance(entry.default, Number):
+    if section is None or entry is None:
         return finding
-    low, high = (values.plain(section.entries.get(key, "")) for key in ("lowlimit", "highlimit"))
-    if low is None or high is None or not high < low <= entry.default.value:
+    low = values.plain(section.entries.get("lowlimit", ""))
+    default = entry.default.value if isinstance(entry.default, Number) else 0
+    if low is None or default < low:
         return finding
     line, column = sheet.document.place(section, "highlimit")
     return replace(finding, line=line, column=column)

@@ -9,7 +9,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
 from axisbus.eds.model import Object, Variable
-from axisbus.eds.rules import standard
+from axisbus.eds.rules import drive, standard
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 
 PDOS_OF_A_KIND = 0x200
@@ -124,7 +124,7 @@ def wrong_size(sheet: Sheet) -> Iterator[Hit]:
     for slot in slots(sheet):
         target = _target(sheet, slot)
         bits = _bits(slot.mapped) if target is None else target.bits
-        if bits is None or bits == slot.mapped.bits or _right_by_standard(target, slot.mapped):
+        if bits is None or bits == slot.mapped.bits or _right_by_standard(sheet, target, slot.mapped):
             continue
         kind = f" ({target.data_type.name})" if target is not None else ""
         text = f"maps {slot.mapped.bits} bits of {slot.mapped.index:04X}:{slot.mapped.subindex:02X}, which has {bits}{kind}"
@@ -136,11 +136,11 @@ def _bits(mapped: MappedObject) -> int | None:
     return DataType(mapped.index).bits if mapped.is_dummy else None
 
 
-def _right_by_standard(target: Variable | None, mapped: MappedObject) -> bool:
+def _right_by_standard(sheet: Sheet, target: Variable | None, mapped: MappedObject) -> bool:
     """Whether the mapping is as the standard has it: then the object's type is wrong, and C003 or M002 says so."""
     if target is None:
         return False
-    row = standard.row(target.index, target.subindex)
+    row = drive.row(sheet, target.index, target.subindex)
     return row is not None and any(kind.bits == mapped.bits for kind in row.data_types)
 
 
@@ -148,7 +148,7 @@ def not_mappable(sheet: Sheet) -> Iterator[Hit]:
     """P004."""
     for slot in slots(sheet):
         target = _target(sheet, slot)
-        if target is None or target.pdo_mapping or _mapping_is_the_fault(target):
+        if target is None or target.pdo_mapping or _mapping_is_the_fault(sheet, target):
             continue
         section = sheet.section_of(target.index, target.subindex)
         if section is not None and "pdomapping" not in section.entries:
@@ -158,9 +158,10 @@ def not_mappable(sheet: Sheet) -> Iterator[Hit]:
             yield _on(sheet, slot, f"maps {_name(target)}, whose PDOMapping is 0")
 
 
-def _mapping_is_the_fault(target: Variable) -> bool:
+def _mapping_is_the_fault(sheet: Sheet, target: Variable) -> bool:
     """Whether the standard lets the object be mapped: then its PDOMapping is wrong, and M005 says so."""
-    return target.subindex == 0 and standard.first_axis(target.index) in standard.CYCLIC
+    known = drive.row(sheet, target.index, target.subindex) is not None
+    return known and target.subindex == 0 and standard.first_axis(target.index) in standard.CYCLIC
 
 
 def wrong_direction(sheet: Sheet) -> Iterator[Hit]:
@@ -168,15 +169,15 @@ def wrong_direction(sheet: Sheet) -> Iterator[Hit]:
     for slot in slots(sheet):
         target = _target(sheet, slot)
         allowed = _TO_RPDO if slot.receive else _TO_TPDO
-        if target is None or target.access in allowed or _access_is_the_fault(target, allowed):
+        if target is None or target.access in allowed or _access_is_the_fault(sheet, target, allowed):
             continue
         kind = "an RPDO writes" if slot.receive else "a TPDO reads"
         yield _on(sheet, slot, f"maps {_name(target)}, which is {target.access}; {kind} it")
 
 
-def _access_is_the_fault(target: Variable, allowed: frozenset[str]) -> bool:
+def _access_is_the_fault(sheet: Sheet, target: Variable, allowed: frozenset[str]) -> bool:
     """Whether the standard allows this direction: then the object's access is wrong, and C004 or M004 says so."""
-    row = standard.row(target.index, target.subindex)
+    row = drive.row(sheet, target.index, target.subindex)
     return (
         row is not None and bool(row.access & allowed) and not standard.access_fits(target.access, row.access)
     )
@@ -200,7 +201,7 @@ def _right_bits(sheet: Sheet, slot: Slot) -> int:
     """Return the bits that an entry would take by its target's type where P003 finds fault with it, else those that it takes."""
     target = _target(sheet, slot)
     bits = slot.mapped.bits if target is None or target.bits is None else target.bits
-    return slot.mapped.bits if _right_by_standard(target, slot.mapped) else bits
+    return slot.mapped.bits if _right_by_standard(sheet, target, slot.mapped) else bits
 
 
 def slots_of(sheet: Sheet, receive: bool, entry: Object) -> list[Slot]:
