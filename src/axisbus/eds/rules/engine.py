@@ -45,23 +45,25 @@ LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in f
 
 
 def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
-    """Return what the rules that are ``wanted`` (by id) find, in the order of lines and columns, then of the rules' ids."""
+    """Return what the rules that are ``wanted`` (by id) find, in the order of lines and columns, then of the rules' ids.
+
+    All rules are run, also those that are not wanted: what follows from a finding stays left out where that one is not shown.
+    """
     sheet = Sheet(reading)
-    found = [finding for finding in reading.eds.findings if wanted(finding.rule)]
+    found = list(reading.eds.findings)
     for rule, look in LOOKS.items():
-        if wanted(rule):
-            found += _findings(rules()[rule], look(sheet), wanted(MORE))
-    return tuple(sorted(causes.causes(sheet, found), key=_place))
+        found += _findings(rules()[rule], look(sheet))
+    return tuple(sorted((each for each in causes.causes(sheet, found) if wanted(each.rule)), key=_place))
 
 
-def _findings(rule: Rule, hits: Iterable[Hit], say_more: bool) -> Iterator[Finding]:
+def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[Finding]:
     left_out = 0
     for number, hit in enumerate(dict.fromkeys(hits)):
         if number < MAX_OF_A_RULE:
             yield finding(rule, hit)
         else:
             left_out += 1
-    if left_out and say_more:
+    if left_out:
         yield finding(rules()[MORE], Hit(0, 0, f"{left_out} more findings of {rule.id} are not listed"))
 
 
