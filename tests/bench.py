@@ -251,6 +251,39 @@ def fast_scan() -> None:
     )
 
 
+def grown(size: int) -> str:
+    """Return the generic drive's EDS with as many objects of a maker added as make it this large."""
+    text = (ROOT / "eds" / "generic-cia402.eds").read_text()
+    index = 0x3000
+    while len(text) < size:
+        text += (
+            f"\n[{index:04X}]\nParameterName=Parameter {index:X}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\n"
+            "DefaultValue=5\nLowLimit=0\nHighLimit=100\nPDOMapping=1\n"
+        )
+        index += 1
+    return text
+
+
+def checking() -> None:
+    """All rules over a file of 130 kB, reading included, and ``axisbus eds check`` as a process."""
+    text = grown(130_000)
+    data = text.encode()
+
+    def theirs() -> None:
+        stream = io.StringIO(text)
+        stream.name = "bench.eds"
+        canopen.import_od(stream, 1)
+
+    mine, other = best(lambda: eds.check(reader.read(data, "bench.eds"))), best(theirs)
+    row("EDS of 130 kB read and checked by all rules", f"{mine * 1000:.0f} ms",
+        f"canopen.import_od, no checks {other * 1000:.0f} ms", other / mine, mine < 0.15)  # fmt: skip
+    command = [sys.executable, "-m", "axisbus", "eds", "check", str(ROOT / "eds" / "gim6010-8.eds")]
+    bare = best(lambda: subprocess.run([sys.executable, "-c", "pass"], check=True))
+    process = best(lambda: subprocess.run(command, check=True, capture_output=True))
+    row("axisbus eds check gim6010-8.eds, as a process", f"{process * 1000:.0f} ms",
+        f"python -c pass {bare * 1000:.0f} ms", bare / process, process < 0.4)  # fmt: skip
+
+
 def start_up() -> None:
     """``axisbus --help`` against a bare interpreter."""
 
@@ -271,7 +304,8 @@ def main() -> int:
     """Run all and return the exit code."""
     assert eds is not None
     print(f"{'what':<58}{'figure':>14}   {'baseline in the same run':<44}{'ratio':>9}")
-    for bench in (axis_step, codec, an_hour, reading, corpus, nodes_of_one_type, fast_scan, start_up):
+    benches = (axis_step, codec, an_hour, reading, corpus, nodes_of_one_type, checking, fast_scan, start_up)
+    for bench in benches:
         bench()
     return 1 if missed else 0
 

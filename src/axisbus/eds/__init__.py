@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from axisbus.eds.canopen_text import canopen_text
+from axisbus.eds.checking import check
 from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
 from axisbus.eds.reader import load, loads
 
@@ -28,6 +29,7 @@ __all__ = [
     "Severity",
     "Variable",
     "canopen_text",
+    "check",
     "diff",
     "load",
     "loads",

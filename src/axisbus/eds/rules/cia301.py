@@ -59,6 +59,8 @@ def wrong_object_type(
 ) -> Iterator[Hit]:
     """Yield a hit where an object has another object type than the standard's."""
     entry, head = sheet.eds.objects[index], sheet.heads[index]
+    if not head.entries.get("objecttype"):
+        return  # what is assumed is not the file's mistake; O006 and O031 name it
     if entry.object_type is not wanted and not (
         wanted is ObjectType.VAR and entry.object_type is ObjectType.DOMAIN
     ):
@@ -85,7 +87,7 @@ def data_types(sheet: Sheet) -> Iterator[Hit]:
 def access(sheet: Sheet) -> Iterator[Hit]:
     """C004."""
     for entry, row in _rows(sheet):
-        if row.access and row.access <= standard.READ_ONLY and entry.variable.writable:
+        if entry.says_access and row.access and row.access <= standard.READ_ONLY and entry.variable.writable:
             wanted = " or ".join(sorted(row.access))
             yield sheet.on(
                 entry, "accesstype", f"is {entry.variable.access}, CiA 301 has {wanted} ({row.name})"
@@ -95,7 +97,7 @@ def access(sheet: Sheet) -> Iterator[Hit]:
 def fixed(sheet: Sheet) -> Iterator[Hit]:
     """C021."""
     for entry, row in _rows(sheet):
-        if row.access == {"rw"} and not entry.variable.writable:
+        if row.access == {"rw"} and entry.says_access and not entry.variable.writable:
             yield sheet.on(entry, "accesstype", f"is {entry.variable.access}, CiA 301 has rw ({row.name})")
 
 

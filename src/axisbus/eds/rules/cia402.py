@@ -6,20 +6,12 @@ from collections.abc import Iterator
 
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
-from axisbus.eds.model import Severity
+from axisbus.eds.model import ObjectType, Severity
 from axisbus.eds.rules import standard
 from axisbus.eds.rules.cia301 import wrong_object_type
 from axisbus.eds.rules.drive import axes
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, start_key
 
-# What a master moves in PDOs on every cycle; the PDO attributes of the other objects are not public.
-_CYCLIC = frozenset(
-    (
-        *(o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION, o.MODES_OF_OPERATION_DISPLAY),
-        *(o.POSITION_ACTUAL, o.VELOCITY_ACTUAL, o.TORQUE_ACTUAL),
-        *(o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE),
-    )
-)
 # Reactions that are defined (CiA 402-2 8.4); negative ones are the maker's.
 _REACTIONS = {
     o.ABORT_CONNECTION_OPTION: range(4),
@@ -42,7 +34,7 @@ def data_types(sheet: Sheet) -> Iterator[Hit]:
     """M002."""
     for entry, row in _rows(sheet):
         kind = entry.variable.data_type
-        if row.data_types and kind and kind not in row.data_types:
+        if row.data_types and kind and kind not in row.data_types and _same_shape(sheet, entry):
             wanted = " or ".join(each.name for each in row.data_types)
             yield sheet.on(
                 entry, "datatype", f"is {kind.name}, CiA 402 has {wanted} ({row.name})", _mild(row.sure)
@@ -62,19 +54,19 @@ def object_types(sheet: Sheet) -> Iterator[Hit]:
 def access(sheet: Sheet) -> Iterator[Hit]:
     """M004."""
     for entry, row in _rows(sheet):
-        variable = entry.variable
-        if variable.subindex == 0 and sheet.eds.objects[variable.index].is_record:
-            continue
-        if not standard.access_fits(variable.access, row.access):
+        access = entry.variable.access
+        if entry.says_access and _same_shape(sheet, entry) and not standard.access_fits(access, row.access):
             wanted = " or ".join(sorted(row.access))
-            text = f"is {variable.access}, CiA 402 has {wanted} ({row.name})"
+            text = f"is {access}, CiA 402 has {wanted} ({row.name})"
             yield sheet.on(entry, "accesstype", text, _mild(row.sure))
 
 
 def mappable(sheet: Sheet) -> Iterator[Hit]:
     """M005."""
     for entry, row in _rows(sheet):
-        if row.index in _CYCLIC and row.subindex == 0 and not entry.variable.pdo_mapping:
+        if row.index not in standard.CYCLIC or row.subindex or entry.variable.pdo_mapping:
+            continue
+        if _same_shape(sheet, entry):
             yield sheet.on(entry, "pdomapping", f"cannot be mapped into a PDO ({row.name})")
 
 
@@ -154,6 +146,13 @@ def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
                 row = rows.get((entry.variable.index - axis.offset, entry.variable.subindex))
                 if row is not None:
                     yield entry, row
+
+
+def _same_shape(sheet: Sheet, entry: Described) -> bool:
+    """Whether file and standard agree on whether the object has sub-indices; else M003 says so, and its entries are others."""
+    index = entry.variable.index
+    whole = standard.drive_objects().get(standard.first_axis(index))
+    return whole is None or (whole.object_type is ObjectType.VAR) is not sheet.eds.objects[index].is_record
 
 
 def _mild(sure: bool) -> Severity | None:

@@ -9,23 +9,32 @@ from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.eds.rules import standard
 from axisbus.eds.rules.sheet import Sheet
 from axisbus.eds.rules.standard import PROFILE_AREA
 
 _M = ModeOfOperation
 
-# Objects that serve one mode of operation alone, or one and its cyclic sibling: a file that has none of them does not mean it.
+# Objects that serve one mode of operation, or one and its cyclic sibling: a file that has none of them does not mean it.
 OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.TARGET_POSITION, o.PROFILE_VELOCITY),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
-    _M.PROFILE_VELOCITY: (o.TARGET_VELOCITY,),
+    _M.PROFILE_VELOCITY: (o.TARGET_VELOCITY, o.PROFILE_ACCELERATION, 0x606D, 0x606F, 0x60F8),
     _M.PROFILE_TORQUE: (o.TARGET_TORQUE, o.TORQUE_SLOPE),
     _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS, o.HOMING_ACCELERATION),
     _M.INTERPOLATED_POSITION: (0x60C0, 0x60C1, 0x60C4),
-    _M.CYCLIC_SYNC_POSITION: (o.TARGET_POSITION,),
-    _M.CYCLIC_SYNC_VELOCITY: (o.TARGET_VELOCITY,),
-    _M.CYCLIC_SYNC_TORQUE: (o.TARGET_TORQUE,),
+    _M.CYCLIC_SYNC_POSITION: (o.TARGET_POSITION, o.INTERPOLATION_TIME_PERIOD, 0x60B0),
+    _M.CYCLIC_SYNC_VELOCITY: (o.TARGET_VELOCITY, o.INTERPOLATION_TIME_PERIOD, 0x60B1),
+    _M.CYCLIC_SYNC_TORQUE: (o.TARGET_TORQUE, o.INTERPOLATION_TIME_PERIOD, 0x60B2),
     _M.CYCLIC_SYNC_TORQUE_ANGLE: (0x60EA,),
+}
+# Objects that serve one mode alone, without a cyclic sibling.
+ALONE: Mapping[ModeOfOperation, tuple[int, ...]] = {
+    _M.PROFILE_POSITION: (o.PROFILE_VELOCITY,),
+    _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
+    _M.PROFILE_TORQUE: (o.TORQUE_SLOPE,),
+    _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS),
+    _M.INTERPOLATED_POSITION: (0x60C1,),
 }
 # Objects that show a mode by being there; the cyclic modes have none of their own.
 SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {
@@ -56,6 +65,13 @@ def axes(sheet: Sheet) -> tuple[Axis, ...]:
     count = len(PROFILE_AREA) // o.AXIS_OFFSET
     found = tuple(axis for axis in map(Axis, range(1, count + 1)) if _is_axis(sheet, axis))
     return found or ((Axis(1),) if says_drive(sheet) else ())
+
+
+def row(sheet: Sheet, index: int, subindex: int) -> standard.Row | None:
+    """Return what the standards say of an entry; what CiA 402 says only where the file describes an axis to which it belongs."""
+    if index < PROFILE_AREA.start or any(axis.owns(index) for axis in axes(sheet)):
+        return standard.row(index, subindex)
+    return None
 
 
 def says_drive(sheet: Sheet) -> bool:

@@ -42,10 +42,12 @@ def counts(sheet: Sheet) -> Iterator[Hit]:
     """L003."""
     for section in _lists(sheet):
         given = section.entries.get("supportedobjects")
-        there = sum(1 for _ in _entries(section))
-        if given is not None and values.plain(given) != there:
-            text = f"[{section.name}] says SupportedObjects={short(given)}, but names {there} objects"
-            yield sheet.at(section, "supportedobjects", text)
+        entries = list(_entries(section))
+        there = len(entries)
+        if given is None or values.plain(given) == there or (entries and given == entries[-1].key):
+            continue  # where the last number is right, one between is missing: L004
+        text = f"[{section.name}] says SupportedObjects={short(given)}, but names {there} objects"
+        yield sheet.at(section, "supportedobjects", text)
 
 
 def numbering(sheet: Sheet) -> Iterator[Hit]:
@@ -68,18 +70,47 @@ def no_objects(sheet: Sheet) -> Iterator[Hit]:
 
 def not_described(sheet: Sheet) -> Iterator[Hit]:
     """L005."""
-    for listed in _all(sheet):
-        if listed.target is not None and listed.target not in sheet.eds:
-            text = f"[{listed.section.name}] names {listed.target:04X}, but there is no section [{listed.target:04X}]"
-            yield sheet.at(listed.section, listed.key, text, listed.target)
+    for section in _lists(sheet):
+        unlisted = _unlisted(sheet, section)
+        meant = f"; {unlisted[0]:04X} may be meant" if len(unlisted) == 1 == _slips(sheet, section) else ""
+        for listed in _entries(section):
+            if listed.target is not None and listed.target not in sheet.eds:
+                text = f"[{section.name}] names {listed.target:04X}, but there is no section [{listed.target:04X}]"
+                yield sheet.at(section, listed.key, text + meant, listed.target)
 
 
 def not_listed(sheet: Sheet) -> Iterator[Hit]:
     """L006."""
+    for section in _lists(sheet):
+        unlisted = _unlisted(sheet, section)
+        if len(unlisted) == 1 == _slips(sheet, section):
+            continue  # the one wrong entry of the list stands for it, as L005, L007 or L009 says
+        for index in unlisted:
+            head = sheet.heads[index]
+            yield sheet.at(head, "", f"[{head.name}] is described, but in no list of objects", index)
+
+
+def _unlisted(sheet: Sheet, section: Section) -> list[int]:
+    """Return the objects that belong into a list, and stand in none."""
     listed = {each.target for each in _all(sheet)}
-    for index, section in sheet.heads.items():
-        if index >= _FIRST_OBJECT and index not in listed and sheet.section(_proper(index)) is not None:
-            yield sheet.at(section, "", f"[{section.name}] is described, but in no list of objects", index)
+    name = section.name.lower()
+    return [
+        index
+        for index in sheet.heads
+        if index >= _FIRST_OBJECT and index not in listed and _proper(index) == name
+    ]
+
+
+def _slips(sheet: Sheet, section: Section) -> int:
+    """Return how many entries of a list are no object of the file, or one that is listed before."""
+    seen: set[int] = set()
+    slips = 0
+    for listed in _entries(section):
+        if listed.target is None or listed.target in seen or listed.target not in sheet.eds:
+            slips += 1
+        else:
+            seen.add(listed.target)
+    return slips
 
 
 def listed_twice(sheet: Sheet) -> Iterator[Hit]:

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
+from axisbus.eds.model import Severity
 from axisbus.eds.rules import standard
-from axisbus.eds.rules.drive import Axis, axes, claimed, meant, missing, says_drive, shown
+from axisbus.eds.rules.drive import ALONE, Axis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
 
 _M = ModeOfOperation
@@ -49,9 +50,8 @@ def missing_objects(sheet: Sheet) -> Iterator[Hit]:
             for index in missing(sheet, axis, mode) if meant(sheet, axis, mode) else ():
                 absent.setdefault(index, []).append(mode)
         for index, needing in absent.items():
-            yield _at_claim(
-                sheet, axis, f"{_claims(sheet, axis, needing)}, but {_named(axis, index)} is missing", index
-            )
+            text = f"{_claims(sheet, axis, needing)}, but {_named(axis, index)} is missing"
+            yield _at_claim(sheet, axis, text, index, _mild(index))
         for index in _ONE_OF_SEVERAL if len(modes) > 1 else ():
             if axis.offset + index not in sheet.eds:
                 text = f"6502 claims {len(modes)} modes, but {_named(axis, index)} is missing"
@@ -85,14 +85,27 @@ def no_supported_modes(sheet: Sheet) -> Iterator[Hit]:
     """M006."""
     for axis in axes(sheet):
         index = axis.offset + o.SUPPORTED_DRIVE_MODES
-        if claimed(sheet, axis) is not None:
-            continue
+        section = sheet.section_of(index)
+        if claimed(sheet, axis) is not None or (section is not None and section.entries.get("defaultvalue")):
+            continue  # a default that is no number is V001
         there = index in sheet.eds
         names = ", ".join(short(mode) for mode in shown(sheet, axis)) or "no mode"
         what = "has no default" if there else "is missing"
         text = f"6502 on axis {axis.number} {what}: which modes there are is open; the objects show {names}"
-        section = sheet.heads.get(index) if there else sheet.where_missing(index)
-        yield sheet.at(section, "", text, index)
+        yield sheet.at(section or sheet.where_missing(index), "", text, index)
+
+
+def half_a_mode(sheet: Sheet) -> Iterator[Hit]:
+    """M018."""
+    for axis in axes(sheet):
+        for mode, own in ALONE.items() if claimed(sheet, axis) is None else ():
+            there = [index for index in own if axis.offset + index in sheet.eds]
+            absent = missing(sheet, axis, mode)
+            if there and absent:
+                names = ", ".join(_named(axis, index) for index in absent)
+                first = axis.offset + there[0]
+                text = f"{_named(axis, there[0])} belongs to {short(mode)}, for which {names} would be needed too"
+                yield sheet.at(sheet.heads.get(first), "", text, first)
 
 
 def reserved_bits(sheet: Sheet) -> Iterator[Hit]:
@@ -158,12 +171,21 @@ def _named(axis: Axis, index: int) -> str:
     return f"{axis.offset + index:04X}" + (f" ({whole.name})" if whole is not None else "")
 
 
-def _at_claim(sheet: Sheet, axis: Axis, message: str, index: int | None = None) -> Hit:
+def _mild(index: int) -> Severity | None:
+    """Return a note for an object of which it is not certain that it is mandatory."""
+    whole = standard.drive_objects().get(index)
+    return None if whole is not None and whole.sure else Severity.NOTE
+
+
+def _at_claim(
+    sheet: Sheet, axis: Axis, message: str, index: int | None = None, severity: Severity | None = None
+) -> Hit:
     """Return a hit at the value of 6502h; ``index`` (on the first axis) is what is missing."""
     word = axis.offset + o.SUPPORTED_DRIVE_MODES
     entry = sheet.eds.get(word)
     key = start_key(entry) if entry is not None else ""
-    return sheet.at(sheet.section_of(word), key, message, word if index is None else axis.offset + index)
+    absent = word if index is None else axis.offset + index
+    return sheet.at(sheet.section_of(word), key, message, absent, severity=severity)
 
 
 LOOKS: Looks = {
@@ -176,4 +198,5 @@ LOOKS: Looks = {
     "M011": unsupported_default,
     "M012": usual_objects,
     "M013": no_axis_type,
+    "M018": half_a_mode,
 }

@@ -1,4 +1,4 @@
-"""Rules over the sections of objects and sub-indices: which keys, how many, which names (DS 306 4.6.3.2)."""
+"""Rules over the sections of single values: which keys, which names (DS 306 4.6.3.2)."""
 
 from __future__ import annotations
 
@@ -6,115 +6,29 @@ from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
-from axisbus.eds.model import Number, Object, ObjectType
+from axisbus.eds.model import ObjectType
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
 from axisbus.eds.text import Section
 
 MAX_NAME = 241
-_STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
 _KNOWN_FLAGS = 0b11  # refuse write on download, refuse read on scan (DS 306 4.6.3.3)
-_ERROR_FIELD = 0x1003
+_FIRST_OWN_TYPE = 0x40  # below lie the types of CiA 301 (table 44)
 _ACTIONS = (
     0x1010,
     0x1011,
     *range(0x1F50, 0x1F60),
 )  # a write to these does something: store, restore, program
-_ON_DATA = {  # what belongs to the sub-indices of an object, not to the object
-    "defaultvalue": "DefaultValue",
-    "parametervalue": "ParameterValue",
-    "lowlimit": "LowLimit",
-    "highlimit": "HighLimit",
-    "pdomapping": "PDOMapping",
-}
-_OF_TYPE = {"datatype": "DataType", "accesstype": "AccessType"}
 _LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}
+
+
+def is_communication(index: int) -> bool:
+    """Whether an object is a communication parameter of a PDO, whose sub-index 4 is usually left out."""
+    return 0x1400 <= index <= 0x15FF or 0x1800 <= index <= 0x19FF
 
 
 def is_mapping(index: int) -> bool:
     """Whether an object is a PDO mapping parameter, whose sub-index 0 counts what is mapped."""
     return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
-
-
-def sub_number(sheet: Sheet) -> Iterator[Hit]:
-    """O007."""
-    for entry, head in sheet.records:
-        given = head.entries.get("subnumber", "")
-        there = len(_own_subs(sheet, entry))
-        if given and not _compact(head) and values.plain(given) != there:
-            text = f"[{head.name}] says SubNumber={short(given)}, but has {there} sub-indices"
-            yield sheet.at(head, "subnumber", text, entry.index)
-
-
-def no_sub_number(sheet: Sheet) -> Iterator[Hit]:
-    """O024."""
-    for entry, head in sheet.records:
-        if not head.entries.get("subnumber") and not _compact(head):
-            yield sheet.at(head, "", f"[{head.name}] has sub-indices, but no SubNumber", entry.index)
-
-
-def no_sub_zero(sheet: Sheet) -> Iterator[Hit]:
-    """O008."""
-    for entry, head in sheet.records:
-        if 0 not in entry.subs and not sheet.modular:
-            what = "no sub-index 0" if entry.subs else "no sub-indices"
-            yield sheet.at(head, "", f"[{head.name}] is {_article(entry)}, but has {what}", entry.index)
-
-
-def type_of_sub_zero(sheet: Sheet) -> Iterator[Hit]:
-    """O009."""
-    for entry, _ in sheet.records:
-        count = entry.subs.get(0)
-        section = sheet.subs.get(entry.index, {}).get(0)
-        if count is None or section is None or count.data_type is DataType.UNSIGNED8:
-            continue
-        if section.entries.get("datatype"):  # O002 says that it is missing
-            text = f"[{section.name}] is {count.data_type.name}, a sub-index 0 is UNSIGNED8"
-            yield sheet.at(section, "datatype", text, entry.index, 0)
-
-
-def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
-    """O010."""
-    for entry, _ in sheet.records:
-        section = sheet.subs.get(entry.index, {}).get(0)
-        count = entry.subs.get(0)
-        if (
-            section is None
-            or count is None
-            or not isinstance(count.default, Number)
-            or _counts_itself(sheet, entry)
-        ):
-            continue
-        highest = max(sub for sub in entry.subs if sub != _STRUCTURE)
-        if count.default.value != highest:
-            text = f"[{section.name}] says {count.default.value}, but the highest sub-index is {highest}"
-            yield sheet.at(section, "defaultvalue", text, entry.index, 0)
-
-
-def _counts_itself(sheet: Sheet, entry: Object) -> bool:
-    """Whether sub-index 0 says how many are in use, not how many there are."""
-    return entry.index == _ERROR_FIELD or is_mapping(entry.index) or sheet.modular or entry.subs[0].writable
-
-
-def no_highest(sheet: Sheet) -> Iterator[Hit]:
-    """O025."""
-    for entry, _ in sheet.records:
-        section = sheet.subs.get(entry.index, {}).get(0)
-        if section is not None and not section.entries.get("defaultvalue") and entry.index != _ERROR_FIELD:
-            yield sheet.at(section, "defaultvalue", f"[{section.name}] has no DefaultValue", entry.index, 0)
-
-
-def shared_sub_names(sheet: Sheet) -> Iterator[Hit]:
-    """O014."""
-    for entry, _ in sheet.records:
-        seen: dict[str, int] = {}
-        for subindex in sheet.subs.get(entry.index, {}):
-            name = entry.subs[subindex].name.lower()
-            first = seen.setdefault(name, subindex)
-            if first != subindex and name:
-                section = sheet.subs[entry.index][subindex]
-                text = f"[{section.name}] has the name of sub-index {first:X}: {short(entry.subs[subindex].name)!r}"
-                yield sheet.at(section, "parametername", text, entry.index, subindex)
-                break
 
 
 def shared_names(sheet: Sheet) -> Iterator[Hit]:
@@ -193,47 +107,6 @@ def letters_of_access(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
-    """O022."""
-    for entry, head in sheet.records:
-        if _compact(head):
-            continue
-        named = [name for key, name in _OF_TYPE.items() if head.entries.get(key)]
-        if named:
-            key = named[0].lower()
-            text = f"[{head.name}] is {_article(entry)}: {' and '.join(named)} belong to its sub-indices"
-            yield sheet.at(head, key, text, entry.index)
-
-
-def data_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
-    """O023."""
-    for entry, head in sheet.records:
-        if _compact(head):
-            continue
-        for key, name in _ON_DATA.items():
-            given = head.entries.get(key)
-            if given and not (key == "pdomapping" and given == "0"):
-                text = f"[{head.name}] is {_article(entry)}: {name} belongs to its sub-indices"
-                yield sheet.at(head, key, text, entry.index)
-
-
-def different_types(sheet: Sheet) -> Iterator[Hit]:
-    """O026."""
-    for entry, _ in sheet.records:
-        if entry.object_type is not ObjectType.ARRAY:
-            continue
-        elements = [sub for sub in entry.subs.values() if sub.subindex not in (0, _STRUCTURE)]
-        for element in elements[1:]:
-            if element.data_type is not elements[0].data_type:
-                section = sheet.section_of(entry.index, element.subindex)
-                text = (
-                    f"[{section.name if section else ''}] is {element.data_type.name}, sub-index "
-                    f"{elements[0].subindex:X} of the same ARRAY is {elements[0].data_type.name}"
-                )
-                yield sheet.at(section, "datatype", text, entry.index, element.subindex)
-                break
-
-
 def unguarded_actions(sheet: Sheet) -> Iterator[Hit]:
     """O028."""
     for index in _ACTIONS:
@@ -256,23 +129,21 @@ def unknown_flags(sheet: Sheet) -> Iterator[Hit]:
             )
 
 
-def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
-    """O030."""
-    for entry, _ in sheet.records:
-        for subindex, section in sheet.subs.get(entry.index, {}).items():
-            given = values.plain(section.entries.get("objecttype", ""))
-            if given in (ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT):
-                text = f"[{section.name}] is a sub-index, and cannot be {_an(ObjectType(given))}"
-                yield sheet.at(section, "objecttype", text, entry.index, subindex)
+def no_object_type(sheet: Sheet) -> Iterator[Hit]:
+    """O031."""
+    bare = [entry for entry in sheet.described if not entry.section.entries.get("objecttype")]
+    if bare:
+        more = f"; so have {len(bare) - 1} others" if len(bare) > 1 else ""
+        yield sheet.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
 
 
-def _own_subs(sheet: Sheet, entry: Object) -> list[int]:
-    return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != _STRUCTURE]
-
-
-def _compact(head: Section) -> bool:
-    text = head.entries.get("compactsubobj", "")
-    return bool(text) and values.plain(text) != 0
+def unknown_types(sheet: Sheet) -> Iterator[Hit]:
+    """O032."""
+    for entry in sheet.described:
+        kind = entry.variable.data_type
+        if kind >= _FIRST_OWN_TYPE and kind not in sheet.eds:
+            text = f"DataType={short(entry.text('datatype'))} is of no standard, and the file does not describe it"
+            yield sheet.on(entry, "datatype", text)
 
 
 def _all(sheet: Sheet) -> Iterator[tuple[Section, int, int | None]]:
@@ -283,20 +154,7 @@ def _all(sheet: Sheet) -> Iterator[tuple[Section, int, int | None]]:
             yield section, index, subindex
 
 
-def _article(entry: Object) -> str:
-    return _an(entry.object_type)
-
-
-def _an(kind: ObjectType) -> str:
-    return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"
-
-
 LOOKS: Looks = {
-    "O007": sub_number,
-    "O008": no_sub_zero,
-    "O009": type_of_sub_zero,
-    "O010": highest_sub_index,
-    "O014": shared_sub_names,
     "O015": long_names,
     "O016": mapping_flag,
     "O017": record_keys_on_var,
@@ -304,13 +162,9 @@ LOOKS: Looks = {
     "O019": letters_of_access,
     "O020": no_mapping_flag,
     "O021": empty_names,
-    "O022": type_keys_on_record,
-    "O023": data_keys_on_record,
-    "O024": no_sub_number,
-    "O025": no_highest,
-    "O026": different_types,
     "O027": shared_names,
     "O028": unguarded_actions,
     "O029": unknown_flags,
-    "O030": type_of_sub,
+    "O031": no_object_type,
+    "O032": unknown_types,
 }

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from axisbus.eds import values
+from axisbus.eds.build import ACCESS_TYPES
 from axisbus.eds.model import Eds, Number, Object, Severity, Variable
 from axisbus.eds.reader import Reading
 from axisbus.eds.text import Document, Section
@@ -44,6 +45,12 @@ class Described(NamedTuple):
     def text(self, key: str) -> str:
         """Return what the file writes for ``key`` (in lower case), empty where it says nothing."""
         return self.section.entries.get(key, "")
+
+    @property
+    def says_access(self) -> bool:
+        """Whether the file gives an access; else one is assumed, which no rule should judge (O003 says so)."""
+        words = self.text("accesstype").lower().split()
+        return bool(words) and words[0].rstrip(";") in ACCESS_TYPES
 
 
 class Sheet:

@@ -21,6 +21,20 @@ _FITTING = {  # what a file may say for an access of the standard: process data 
     "wo": frozenset(("wo", *_WRITABLE)),
 }
 
+# What a master moves in PDOs on every cycle; the PDO attributes of the other objects are not public.
+CYCLIC = frozenset(
+    (
+        *(
+            cia402.CONTROLWORD,
+            cia402.STATUSWORD,
+            cia402.MODES_OF_OPERATION,
+            cia402.MODES_OF_OPERATION_DISPLAY,
+        ),
+        *(cia402.POSITION_ACTUAL, cia402.VELOCITY_ACTUAL, cia402.TORQUE_ACTUAL),
+        *(cia402.TARGET_POSITION, cia402.TARGET_VELOCITY, cia402.TARGET_TORQUE),
+    )
+)
+
 
 class Row(NamedTuple):
     """One entry of a standard; empty where it leaves something open. ``sure`` tells whether breaking it is more than a note."""

@@ -7,13 +7,16 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
+from axisbus.eds.model import Severity
 from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
 from axisbus.eds.text import Section
 
 MAX_LINE = 255
+_MAX_FOREIGN = 200  # different keys; to look for what each is like takes long
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _SPACED_KEY = re.compile(r"[^;\[\s=][^=]*?(\s+)=")
+_OTHER_MARKS = ("#", "/", "*", "'")
 _INDENTED_COMMENT = re.compile(r"\s+;")
 
 # Keys of DS 306 4.6.3.2 and 5, with those of its later drafts and of CiA 304.
@@ -45,6 +48,7 @@ DEVICE_KEYS = frozenset(
         *("groupmessaging", "nrofrxpdo", "nroftxpdo", "lss_supported", "compactpdo"),
     )
 )
+_MANDATORY = frozenset(("parametername", "datatype", "accesstype", "subnumber", "supportedobjects"))
 _KEYS: Mapping[str, frozenset[str]] = {
     FILE_INFO: FILE_KEYS,
     DEVICE_INFO: DEVICE_KEYS | RESERVED_DEVICE_KEYS,
@@ -125,22 +129,54 @@ def misspelt_keys(sheet: Sheet) -> Iterator[Hit]:
         meant = _meant(key, _keys_of(section))
         if meant and meant not in section.entries:
             line, _ = sheet.document.place(section, key)
-            yield Hit(line, 1, f"key {key[:40]!r} is not known, {meant!r} may be meant")
+            severity = None if meant in _MANDATORY else Severity.WARNING
+            text = f"key {key[:40]!r} is not known, {meant!r} may be meant"
+            yield Hit(line, 1, text, severity=severity)
 
 
 def _foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
-    """Yield what is no key of DS 306, where the standard knows all keys of the section."""
+    """Yield what is no key of DS 306, where the standard knows all keys of the section; of a file of noise only the first."""
+    seen: set[str] = set()
+    for section, key in _all_foreign_keys(sheet):
+        seen.add(key)
+        if len(seen) > _MAX_FOREIGN:
+            return
+        yield section, key
+
+
+def _all_foreign_keys(sheet: Sheet) -> Iterator[tuple[Section, str]]:
     for name, known in _KEYS.items():
         section = sheet.section(name)
         if section is not None:
             for key in section.entries.keys() - known:
                 if not _may_be_there(name, key):
                     yield section, key
-    for section in (*sheet.heads.values(), *(each for subs in sheet.subs.values() for each in subs.values())):
+    for section in _object_sections(sheet):
         if not section.entries.keys() <= OBJECT_KEYS:
             for key in section.entries:
-                if key not in OBJECT_KEYS:
+                if key not in OBJECT_KEYS and not key.startswith(_OTHER_MARKS):
                     yield section, key
+
+
+def other_comments(sheet: Sheet) -> Iterator[Hit]:
+    """S019."""
+    found = [
+        (section, key)
+        for section in _object_sections(sheet)
+        for key in section.entries
+        if key.startswith(_OTHER_MARKS)
+    ]
+    if found:
+        section, key = found[0]
+        line, _ = sheet.document.place(section, key)
+        text = f"{key[:40]!r} is commented out by {key[:1]!r}, and ';' is the mark{_and_more(found)}"
+        yield Hit(line, 1, text)
+
+
+def _object_sections(sheet: Sheet) -> Iterator[Section]:
+    yield from sheet.heads.values()
+    for subs in sheet.subs.values():
+        yield from subs.values()
 
 
 def _may_be_there(name: str, key: str) -> bool:
@@ -187,4 +223,5 @@ LOOKS: Looks = {
     "S016": unknown_keys,
     "S017": misspelt_keys,
     "S018": control_characters,
+    "S019": other_comments,
 }

@@ -1,0 +1,149 @@
+"""``axisbus eds check``: exactly what is wrong with a file, and where."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import click
+
+from axisbus import __version__
+from axisbus.cli import eds_check_text as text
+from axisbus.cli.common import MISUSE, OK, WRONG, progress_bar, say_error, say_json, say_next
+from axisbus.cli.eds_files import say_lines
+from axisbus.eds import builtin, checking
+from axisbus.eds.model import Finding, Severity
+from axisbus.eds.rules import choice, engine, sarif
+from axisbus.eds.rules.table import rules
+from axisbus.errors import EdsError
+
+_FAILING = {
+    "error": {Severity.ERROR},
+    "warning": {Severity.ERROR, Severity.WARNING},
+    "note": set(Severity),
+}
+_MANY = 10  # files, from where on a bar shows how far it is
+_Found = dict[str, tuple[Finding, ...]]
+
+
+@click.command("check")
+@click.argument("files", nargs=-1)
+@click.option(
+    "--select",
+    multiple=True,
+    metavar="IDS",
+    help="Only these rules: V003, or V for all of V; commas between several.",
+)
+@click.option(
+    "--ignore",
+    multiple=True,
+    metavar="IDS",
+    help="Not these; where both speak of a rule, the longer text counts.",
+)
+@click.option(
+    "--fail-on",
+    type=click.Choice(list(_FAILING)),
+    default="error",
+    show_default=True,
+    help="Exit with 1 from here on.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
+@click.option("--sarif", "as_sarif", is_flag=True, help="Print the findings as SARIF 2.1.0, for code hosts.")
+@click.option("--explain", metavar="ID", help="Explain a rule; nothing is checked.")
+@click.option(
+    "--list", "as_list", is_flag=True, help="List all rules (that are selected); nothing is checked."
+)
+def command(
+    files: tuple[str, ...], select: tuple[str, ...], ignore: tuple[str, ...], fail_on: str,
+    as_json: bool, as_sarif: bool, explain: str | None, as_list: bool,
+) -> int:  # fmt: skip
+    """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') by CiA DS 306, CiA 301 and CiA 402.
+
+    An error makes a tool or the device fail, a warning deviates from the standard, a note is worth knowing. Each finding names
+    file, line and column, the rule, and what to do; --explain tells more about a rule.
+
+    Exit codes: 0 nothing from --fail-on up, 1 something found or a file that cannot be read, 2 wrong use.
+    """
+    wanted = choice.chooser(_ids(select), _ids(ignore))
+    if explain is not None:
+        return _explain(explain)
+    if as_list:
+        return _list(wanted, as_json)
+    if as_json and as_sarif:
+        return _misuse("--json and --sarif exclude each other: give one of them")
+    if not files:
+        return _misuse("no file is given, such as: axisbus eds check drive.eds (or --list, --explain ID)")
+    quiet = as_json or as_sarif
+    found = _check_all(files, wanted, quiet)
+    if as_json:
+        say_json(text.plain(found))
+    elif as_sarif:
+        say_json(sarif.log(found, __version__, Path.cwd()))
+    else:
+        say_lines(text.summary(found))
+        say_next(text.next_step(found))
+    failing = _FAILING[fail_on]
+    return WRONG if any(each.severity in failing for every in found.values() for each in every) else OK
+
+
+def _check_all(files: Iterable[str], wanted: Callable[[str], bool], quiet: bool) -> _Found:
+    """Return what is found in each file; each is printed as soon as it is checked, unless ``quiet``."""
+    found: _Found = {}
+    named = list(_expanded(files))
+    with progress_bar("checking", quiet=not quiet or len(named) < _MANY) as tell:
+        for number, file in enumerate(named, 1):
+            found[file] = _check(file, wanted)
+            if found[file] and not quiet:
+                say_lines(text.lines(file, found[file]))
+            if tell is not None:
+                tell(number, len(named))
+    return found
+
+
+def _check(file: str, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
+    try:
+        return engine.check(checking.reading(builtin.resolve(file, Path())), wanted)
+    except EdsError as error:
+        return (engine.unreadable(error),)
+
+
+def _expanded(files: Iterable[str]) -> Iterator[str]:
+    """Yield each file once, with patterns (where the shell left them) replaced by what they match."""
+    seen = set()
+    for given in files:
+        pattern = glob.has_magic(given) and not Path(given).exists()
+        for file in sorted(glob.glob(given, recursive=True)) if pattern else [given]:
+            if file not in seen:
+                seen.add(file)
+                yield file
+        if pattern and not glob.glob(given, recursive=True):
+            yield given  # no such file, as the finding will say
+
+
+def _explain(rule: str) -> int:
+    found = choice.starting(rule)
+    if len(found) != 1:
+        there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
+        return _misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")
+    say_lines(text.explained(rules()[found[0]]))
+    return OK
+
+
+def _list(wanted: Callable[[str], bool], as_json: bool) -> int:
+    chosen = [rule for rule in rules().values() if wanted(rule.id)]
+    if as_json:
+        say_json({"rules": [text.plain_rule(rule) for rule in chosen]})
+    else:
+        say_lines(text.listed(chosen))
+        say_next("axisbus eds check --explain ID")
+    return OK
+
+
+def _ids(given: Iterable[str]) -> list[str]:
+    return [text for each in given for text in each.split(",")]
+
+
+def _misuse(message: str) -> int:
+    say_error(message)
+    return MISUSE

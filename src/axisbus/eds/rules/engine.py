@@ -1,0 +1,85 @@
+"""All rules run over one reading, and what they find put into order.
+
+The families are modules beside this one; each has a table ``LOOKS`` of functions by rule id, which take a ``Sheet`` and yield
+``Hit``s. What reading meets by itself (``Eds.findings``) comes in the same shape and is added here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+
+from axisbus.eds.model import Finding
+from axisbus.eds.reader import Reading
+from axisbus.eds.rules import (
+    causes,
+    cia301,
+    cia402,
+    compactlists,
+    concise,
+    dcf,
+    deviceinfo,
+    fileinfo,
+    lists,
+    modes,
+    modules,
+    objects,
+    pdo,
+    pdo_parameters,
+    records,
+    text,
+    values,
+)
+from axisbus.eds.rules.sheet import Hit, Look, Sheet
+from axisbus.eds.rules.table import Rule, rules
+from axisbus.errors import EdsError
+
+MAX_OF_A_RULE = 1000  # a file of noise must not fill the screen, nor the memory
+MORE, UNREADABLE = "S099", "S000"
+
+_FAMILIES = (
+    *(text, fileinfo, deviceinfo, lists, objects, records, compactlists, values, pdo, pdo_parameters),
+    *(cia301, cia402, modes, dcf, concise, modules),
+)
+LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
+
+
+def check(reading: Reading, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
+    """Return what the rules that are ``wanted`` (by id) find, in the order of lines and columns, then of the rules' ids.
+
+    All rules are run, also those that are not wanted: what follows from a finding stays left out where that one is not shown.
+    """
+    sheet = Sheet(reading)
+    found = list(reading.eds.findings)
+    for rule, look in LOOKS.items():
+        found += _findings(rules()[rule], look(sheet))
+    return tuple(sorted((each for each in causes.causes(sheet, found) if wanted(each.rule)), key=_place))
+
+
+def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[Finding]:
+    left_out = 0
+    for number, hit in enumerate(dict.fromkeys(hits)):
+        if number < MAX_OF_A_RULE:
+            yield finding(rule, hit)
+        else:
+            left_out += 1
+    if left_out:
+        yield finding(rules()[MORE], Hit(0, 0, f"{left_out} more findings of {rule.id} are not listed"))
+
+
+def finding(rule: Rule, hit: Hit) -> Finding:
+    """Return a hit with what the table says of its rule."""
+    severity = rule.severity if hit.severity is None else hit.severity
+    return Finding(rule.id, severity, hit.line, hit.column, hit.message, rule.remedy, hit.index, hit.subindex)
+
+
+def _place(found: Finding) -> tuple[int, int, str]:
+    return found.line, found.column, found.rule
+
+
+def unreadable(error: EdsError) -> Finding:
+    """Return the finding that stands for a file which cannot be checked at all."""
+    observed = f": {error.observed}" if error.observed else ""
+    message = error.message.removeprefix(f"{error.file}: ")
+    found = finding(rules()[UNREADABLE], Hit(0, 0, f"{message}{observed}"))
+    return replace(found, remedy=error.remedy) if error.remedy else found

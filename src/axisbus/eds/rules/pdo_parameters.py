@@ -1,0 +1,137 @@
+"""Rules over the parameters of PDOs: types, transmission types and COB-IDs (CiA 301 7.5.2.35, 7.5.2.37)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds.model import Number, Variable
+from axisbus.eds.rules.pdo import MAX_ENTRIES, PDOS_OF_A_KIND, communications, maps
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
+
+_PARAMETERS = {
+    1: DataType.UNSIGNED32,
+    2: DataType.UNSIGNED8,
+    3: DataType.UNSIGNED16,
+    4: DataType.UNSIGNED8,
+    5: DataType.UNSIGNED16,
+    6: DataType.UNSIGNED8,
+}
+_NEEDED = {1: "the COB-ID", 2: "the transmission type"}
+_RESERVED_TYPES = {
+    True: range(241, 254),
+    False: range(241, 252),
+}  # by direction: receive, transmit (tables 69, 72)
+# Identifiers that no PDO may have (CiA 301 table 41).
+_RESTRICTED = (
+    range(0x080),
+    range(0x101, 0x181),
+    range(0x581, 0x600),
+    range(0x601, 0x680),
+    range(0x6E0, 0x700),
+    range(0x701, 0x800),
+)
+
+
+def parameter_types(sheet: Sheet) -> Iterator[Hit]:
+    """P009."""
+    for _, entry in communications(sheet):
+        for subindex, kind in _PARAMETERS.items():
+            sub = entry.subs.get(subindex)
+            if sub is not None:
+                yield from _type(sheet, sub, kind)
+    for _, entry in maps(sheet):
+        for subindex, sub in entry.subs.items():
+            if 1 <= subindex <= MAX_ENTRIES:
+                yield from _type(sheet, sub, DataType.UNSIGNED32)
+
+
+def standard_type(index: int, subindex: int) -> DataType:
+    """Return the data type that CiA 301 gives a sub-index (not 0) of a communication or mapping parameter."""
+    mapping = any(first <= index < first + PDOS_OF_A_KIND for first in (o.RPDO_MAPPING, o.TPDO_MAPPING))
+    return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
+
+
+def _type(sheet: Sheet, sub: Variable, kind: DataType) -> Iterator[Hit]:
+    if sub.data_type is not kind and sub.data_type:
+        section = sheet.section_of(sub.index, sub.subindex)
+        text = f"[{sub.index:04X}sub{sub.subindex:X}] is {sub.data_type.name}, CiA 301 has {kind.name}"
+        yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
+
+
+def missing_parameters(sheet: Sheet) -> Iterator[Hit]:
+    """P011."""
+    for _, entry in communications(sheet):
+        head = sheet.heads.get(entry.index)
+        for subindex, what in _NEEDED.items():
+            if subindex not in entry.subs and entry.subs and head is not None:
+                text = f"[{entry.index:04X}] has no sub-index {subindex}, {what}"
+                yield sheet.at(head, "", text, entry.index, subindex)
+
+
+def reserved_types(sheet: Sheet) -> Iterator[Hit]:
+    """P012."""
+    for receive, entry in communications(sheet):
+        sub = entry.subs.get(2)
+        kind = number_of(sub) if sub is not None else None
+        if sub is not None and kind in _RESERVED_TYPES[receive]:
+            section = sheet.section_of(entry.index, 2)
+            text = f"[{entry.index:04X}sub2] has transmission type {kind}, which is reserved"
+            yield sheet.at(section, start_key(sub), text, entry.index, 2)
+
+
+def restricted_ids(sheet: Sheet) -> Iterator[Hit]:
+    """P013."""
+    for _, sub, value in _valid_cob_ids(sheet):
+        bad = next((identifier for identifier in _identifiers(value) if _is_restricted(identifier)), None)
+        if bad is not None:
+            name = f"[{sub.index:04X}sub1]"
+            text = f"{name} gives the COB-ID 0x{bad:X}, which CiA 301 keeps for another service"
+            yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
+
+
+def shared_ids(sheet: Sheet) -> Iterator[Hit]:
+    """P014."""
+    seen: dict[tuple[int, bool], int] = {}
+    for _, sub, value in _valid_cob_ids(sheet):
+        key = value.value & cob.ID_MASK_29, value.plus_node_id
+        first = seen.setdefault(key, sub.index)
+        if first != sub.index:
+            text = f"[{sub.index:04X}sub1] has the COB-ID of [{first:04X}sub1]"
+            yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
+
+
+def _valid_cob_ids(sheet: Sheet) -> Iterator[tuple[bool, Variable, Number]]:
+    """Yield the identifiers of the PDOs that exist after power-up, with whether it is an RPDO."""
+    for receive, entry in communications(sheet):
+        sub = entry.subs.get(1)
+        value = start_value(sub) if sub is not None else None
+        if (
+            sub is not None
+            and value is not None
+            and not value.value & cob.INVALID
+            and value.value & cob.ID_MASK_29
+        ):
+            yield receive, sub, value
+
+
+def _identifiers(value: Number) -> tuple[int, ...]:
+    base = value.value & cob.ID_MASK_29
+    return (base + 1, base + 127) if value.plus_node_id else (base,)
+
+
+@lru_cache(maxsize=256)
+def _is_restricted(identifier: int) -> bool:
+    return any(identifier in block for block in _RESTRICTED)
+
+
+LOOKS: Looks = {
+    "P009": parameter_types,
+    "P011": missing_parameters,
+    "P012": reserved_types,
+    "P013": restricted_ids,
+    "P014": shared_ids,
+}

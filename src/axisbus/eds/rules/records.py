@@ -1,0 +1,219 @@
+"""Rules over objects with sub-indices: how many there are, their names and types (DS 306 4.6.3.2, CiA 301 7.4.4)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.eds import values
+from axisbus.eds.model import Number, Object, ObjectType, Severity
+from axisbus.eds.rules.objects import is_communication, is_mapping
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+from axisbus.eds.text import Section
+
+_STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
+_ERROR_FIELD = 0x1003
+_ON_DATA = {  # what belongs to the sub-indices of an object, not to the object
+    "defaultvalue": "DefaultValue",
+    "parametervalue": "ParameterValue",
+    "lowlimit": "LowLimit",
+    "highlimit": "HighLimit",
+    "pdomapping": "PDOMapping",
+}
+_OF_TYPE = {"datatype": "DataType", "accesstype": "AccessType"}
+
+
+def sub_number(sheet: Sheet) -> Iterator[Hit]:
+    """O007."""
+    for entry, head in sheet.records:
+        given = head.entries.get("subnumber", "")
+        there = len(_own_subs(sheet, entry))
+        number = values.plain(given)
+        if not given or _compact(head) or number == there:
+            continue
+        if 0 not in entry.subs and number == there + 1:
+            continue  # it counts sub-index 0, which O008 misses
+        text = f"[{head.name}] says SubNumber={short(given)}, but has {there} sub-indices"
+        yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
+
+
+def _gap(sheet: Sheet, entry: Object) -> str:
+    """Name the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other."""
+    highest = _default_of_sub_zero(entry) or 0
+    absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
+    known = len(absent) == 1 and _one_is_missing(sheet, entry) and not is_communication(entry.index)
+    return f"; sub-index {absent[0]:X} seems to be missing" if known else ""
+
+
+def _one_is_missing(sheet: Sheet, entry: Object) -> bool:
+    """Whether SubNumber counts one sub-index more than there are."""
+    given = values.plain(sheet.heads[entry.index].entries.get("subnumber", ""))
+    return given == len(_own_subs(sheet, entry)) + 1
+
+
+def _default_of_sub_zero(entry: Object) -> int | None:
+    count = entry.subs.get(0)
+    return count.default.value if count is not None and isinstance(count.default, Number) else None
+
+
+def no_sub_number(sheet: Sheet) -> Iterator[Hit]:
+    """O024."""
+    for entry, head in _plain_records(sheet):
+        if not head.entries.get("subnumber"):
+            yield sheet.at(head, "", f"[{head.name}] has sub-indices, but no SubNumber", entry.index)
+
+
+def no_sub_zero(sheet: Sheet) -> Iterator[Hit]:
+    """O008."""
+    for entry, head in sheet.records:
+        if 0 not in entry.subs and not sheet.modular:
+            what = "no sub-index 0" if entry.subs else "no sub-indices"
+            key = "objecttype" if _seems_a_var(entry, head) else ""
+            yield sheet.at(head, key, f"[{head.name}] is {_article(entry)}, but has {what}", entry.index)
+
+
+def _seems_a_var(entry: Object, head: Section) -> bool:
+    """Whether all but the ObjectType is that of a single value; then O008 says so, and the other rules of records are silent."""
+    return not entry.subs and "datatype" in head.entries and "subnumber" not in head.entries
+
+
+def type_of_sub_zero(sheet: Sheet) -> Iterator[Hit]:
+    """O009."""
+    for entry, _ in sheet.records:
+        count = entry.subs.get(0)
+        section = sheet.subs.get(entry.index, {}).get(0)
+        if count is None or section is None or count.data_type is DataType.UNSIGNED8:
+            continue
+        if section.entries.get("datatype"):  # O002 says that it is missing
+            text = f"[{section.name}] is {count.data_type.name}, a sub-index 0 is UNSIGNED8"
+            yield sheet.at(section, "datatype", text, entry.index, 0)
+
+
+def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
+    """O010."""
+    for entry, _ in sheet.records:
+        section = sheet.subs.get(entry.index, {}).get(0)
+        count = _default_of_sub_zero(entry)
+        if section is None or count is None or _counts_itself(sheet, entry):
+            continue
+        highest = max(sub for sub in entry.subs if sub != _STRUCTURE)
+        missing = count > highest and _one_is_missing(sheet, entry)  # of which O007 speaks
+        if count != highest and not missing:
+            in_use = entry.subs[0].writable and count < highest
+            text = f"[{section.name}] says {count}, but the highest sub-index is {highest}"
+            severity = Severity.NOTE if in_use else None
+            yield sheet.at(section, "defaultvalue", text, entry.index, 0, severity)
+
+
+def _counts_itself(sheet: Sheet, entry: Object) -> bool:
+    """Whether sub-index 0 says how many are in use, not how many there are."""
+    return entry.index == _ERROR_FIELD or is_mapping(entry.index) or sheet.modular
+
+
+def no_highest(sheet: Sheet) -> Iterator[Hit]:
+    """O025."""
+    for entry, _ in sheet.records:
+        section = sheet.subs.get(entry.index, {}).get(0)
+        if section is not None and not section.entries.get("defaultvalue") and entry.index != _ERROR_FIELD:
+            yield sheet.at(section, "defaultvalue", f"[{section.name}] has no DefaultValue", entry.index, 0)
+
+
+def shared_sub_names(sheet: Sheet) -> Iterator[Hit]:
+    """O014."""
+    for entry, _ in sheet.records:
+        seen: dict[str, int] = {}
+        for subindex in sheet.subs.get(entry.index, {}):
+            name = entry.subs[subindex].name.lower()
+            first = seen.setdefault(name, subindex)
+            if first != subindex and name:
+                section = sheet.subs[entry.index][subindex]
+                text = f"[{section.name}] has the name of sub-index {first:X}: {short(entry.subs[subindex].name)!r}"
+                yield sheet.at(section, "parametername", text, entry.index, subindex)
+                break
+
+
+def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
+    """O022."""
+    for entry, head in _plain_records(sheet):
+        named = [name for key, name in _OF_TYPE.items() if head.entries.get(key)]
+        if named:
+            key = named[0].lower()
+            text = f"[{head.name}] is {_article(entry)}: {' and '.join(named)} belong to its sub-indices"
+            yield sheet.at(head, key, text, entry.index)
+
+
+def data_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
+    """O023."""
+    for entry, head in _plain_records(sheet):
+        for key, name in _ON_DATA.items():
+            given = head.entries.get(key)
+            if given and not (key == "pdomapping" and given == "0"):
+                text = f"[{head.name}] is {_article(entry)}: {name} belongs to its sub-indices"
+                yield sheet.at(head, key, text, entry.index)
+
+
+def different_types(sheet: Sheet) -> Iterator[Hit]:
+    """O026."""
+    for entry, _ in sheet.records:
+        if entry.object_type is not ObjectType.ARRAY:
+            continue
+        elements = [
+            sub for sub in entry.subs.values() if sub.subindex not in (0, _STRUCTURE) and sub.data_type
+        ]
+        if len({element.data_type for element in elements}) < 2:
+            continue
+        usual = Counter(element.data_type for element in elements).most_common(1)[0][0]
+        odd = next(element for element in elements if element.data_type is not usual)
+        section = sheet.section_of(entry.index, odd.subindex)
+        if section is not None:
+            text = f"[{section.name}] is {odd.data_type.name}, other elements of the ARRAY are {usual.name}"
+            yield sheet.at(section, "datatype", text, entry.index, odd.subindex)
+
+
+def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
+    """O030."""
+    for entry, _ in sheet.records:
+        for subindex, section in sheet.subs.get(entry.index, {}).items():
+            given = values.plain(section.entries.get("objecttype", ""))
+            if given in (ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT):
+                text = f"[{section.name}] is a sub-index, and cannot be {_an(ObjectType(given))}"
+                yield sheet.at(section, "objecttype", text, entry.index, subindex)
+
+
+def _plain_records(sheet: Sheet) -> Iterator[tuple[Object, Section]]:
+    for entry, head in sheet.records:
+        if not _compact(head) and not _seems_a_var(entry, head):
+            yield entry, head
+
+
+def _own_subs(sheet: Sheet, entry: Object) -> list[int]:
+    return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != _STRUCTURE]
+
+
+def _compact(head: Section) -> bool:
+    text = head.entries.get("compactsubobj", "")
+    return bool(text) and values.plain(text) != 0
+
+
+def _article(entry: Object) -> str:
+    return _an(entry.object_type)
+
+
+def _an(kind: ObjectType) -> str:
+    return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"
+
+
+LOOKS: Looks = {
+    "O007": sub_number,
+    "O008": no_sub_zero,
+    "O009": type_of_sub_zero,
+    "O010": highest_sub_index,
+    "O014": shared_sub_names,
+    "O022": type_keys_on_record,
+    "O023": data_keys_on_record,
+    "O024": no_sub_number,
+    "O025": no_highest,
+    "O026": different_types,
+    "O030": type_of_sub,
+}

@@ -1,0 +1,141 @@
+"""Each rule finds the smallest breach of it, on the right line and column, and leaves the nearest other thing alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+from rule_base import BASE, edited, place
+from rule_cases import AXIS_TYPE, CASES, DCF, SECOND_AXIS, Case, Edit, not_optional, without
+
+from axisbus.eds import Finding, Severity, check, reader
+from axisbus.eds.rules import engine
+from axisbus.eds.rules.table import rules
+
+WITHOUT_A_CASE = {"S000", "S099"}  # of unreadable files and of too many findings: below
+
+
+def text_of(edits: Iterable[Edit]) -> tuple[str, bytes]:
+    """Return the edited base, as text and as bytes."""
+    text, data = BASE, b""
+    for edit in edits:
+        if isinstance(edit, str):
+            text = edited(edit, text=text)
+        else:
+            made = edit(text)
+            if isinstance(made, bytes):
+                data = made
+            else:
+                text = made
+    return text, data or text.encode("latin-1")
+
+
+def found(edits: Iterable[Edit]) -> list[Finding]:
+    text, data = text_of(edits)
+    name = "test.dcf" if "FileName=test.dcf" in text else "test.eds"
+    return list(check(reader.read(data, name)))
+
+
+def test_the_base_is_clean() -> None:
+    assert found(()) == []
+
+
+def test_every_rule_has_a_case_and_code() -> None:
+    assert {case.rule for case in CASES} | WITHOUT_A_CASE == set(rules())
+    assert engine.LOOKS.keys() <= rules().keys()
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.rule)
+def test_a_breach_is_found_at_its_place(case: Case) -> None:
+    text, _ = text_of(case.bad)
+    hits = [each for each in found(case.bad) if each.rule == case.rule]
+    assert hits, [f"{each.line} {each.rule} {each.message}" for each in found(case.bad)]
+    assert [(each.line, each.column) for each in hits] == [place(text, case.at)]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.rule)
+def test_what_is_near_a_breach_is_left_alone(case: Case) -> None:
+    assert [each for each in found(case.near) if each.rule == case.rule] == []
+
+
+def only(rule: str, *edits: Edit) -> Finding:
+    (hit,) = [each for each in found(edits) if each.rule == rule]
+    return hit
+
+
+def test_what_the_standard_leaves_open_is_a_note() -> None:
+    assert only("V006", "1014:DefaultValue=$NodeID+0x80").severity is Severity.NOTE
+    assert only("V006", "1014:DefaultValue=0x80+$NODEID").severity is Severity.WARNING
+    assert only("V001", "2005:DataType=0x000C", "2005:DefaultValue=365 43200000").severity is Severity.NOTE
+
+
+def test_what_is_not_certain_in_the_table_is_a_note() -> None:
+    """The sign of 6086h is not certain from what is public, that of 6064h is."""
+    assert only("M002", "6086:DataType=0x0006").severity is Severity.NOTE
+    assert only("M002", "6064:DataType=0x0007").severity is Severity.WARNING
+
+
+def test_crossed_limits_are_told_at_the_limit_that_the_default_contradicts() -> None:
+    text = edited("2000:HighLimit=0")  # 1 to 9, default 5
+    assert (only("V004", "2000:HighLimit=0").line, 11) == place(text, "2000:HighLimit")
+    without_default = ("2000:HighLimit=-1", "2000:LowLimit=0", "2000:DefaultValue", "2000:DataType=0x0004")
+    assert (only("V004", *without_default).line, 11) == place(text_of(without_default)[0], "2000:HighLimit")
+    text = edited("2000:LowLimit=10")
+    assert (only("V004", "2000:LowLimit=10").line, 10) == place(text, "2000:LowLimit")
+
+
+def test_a_wrong_type_is_one_finding_not_one_for_each_value_that_does_not_fit_it() -> None:
+    edits = ("607A:DataType=0x0005", "607A:DefaultValue=-5")  # LowLimit is -1000
+    assert [each.rule for each in found(edits)] == ["M002"]
+
+
+def test_a_value_that_is_wrong_under_either_type_is_told_beside_the_type() -> None:
+    edits = ("607A:DataType=0x0005", "607A:DefaultValue=far")
+    assert {each.rule for each in found(edits)} == {"M002", "V001"}
+
+
+def test_a_misspelt_key_is_one_finding_and_an_error_where_the_key_is_mandatory() -> None:
+    edits = (
+        without(
+            "[2000]\nParameterName=Gain\nObjectType=0x7\nDataType",
+            "[2000]\nParameterName=Gain\nObjectType=0x7\nDataTyp",
+        ),
+    )
+    assert [(each.rule, each.severity) for each in found(edits)] == [("S017", Severity.ERROR)]
+    edits = (without("LowLimit=1\nHigh", "LowLimt=1\nHigh"),)
+    assert [(each.rule, each.severity) for each in found(edits)] == [("S017", Severity.WARNING)]
+
+
+def test_the_missing_sub_index_is_named() -> None:
+    assert only("O007", "-2003sub2").message.endswith("has 3 sub-indices; sub-index 2 seems to be missing")
+
+
+def test_the_object_that_a_list_meant_is_named() -> None:
+    (hit,) = found(("ManufacturerObjects:6=0x2050",))
+    assert (hit.rule, hit.message.rpartition("; ")[2]) == ("L005", "2005 may be meant")
+
+
+def test_modes_are_shown_by_their_objects_where_the_file_does_not_claim_any() -> None:
+    assert only("M006", "6502:DefaultValue").message.endswith("the objects show pp")
+
+
+def test_objects_of_a_second_axis_are_checked_like_those_of_the_first() -> None:
+    assert only("M002", *SECOND_AXIS, *AXIS_TYPE, "6841:DataType=0x0003").index == 0x6841
+
+
+def test_a_dcf_is_checked_as_configured_and_as_delivered() -> None:
+    configured = (*DCF, "1600sub2:ParameterValue=0x20990020")
+    assert only("P002", *configured).line == place(text_of(configured)[0], "1600sub2:ParameterValue")[0]
+    delivered = (*DCF, "1600sub2:ParameterValue=0x20000020", "1600sub2:DefaultValue=0x20990020")
+    assert only("P002", *delivered).line == place(text_of(delivered)[0], "1600sub2:DefaultValue")[0]
+
+
+def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
+    """6064h of a device that is no drive may be anything; that it is mapped against its own PDOMapping is an error all the same."""
+    no_drive = (
+        "1000:DefaultValue=0x00030191",
+        *not_optional(0x6060, 15),
+        "6064:PDOMapping=0",
+        "6064:DataType=0x0007",
+    )
+    assert {each.rule for each in found(no_drive)} == {"P004"}
