@@ -107,8 +107,9 @@ class Upload(Dialogue):
     def _ask_block(self) -> Frames:
         self._way = Way.BLOCK
         self._on = self._block_initiated
-        switch_below = SEGMENT * 2  # a server may answer so few bytes normally
-        return (self._request(0xA4, bytes([self._block_size, switch_below])),)
+        return (
+            self._request(0xA4, bytes([self._block_size, 0])),
+        )  # 0: no wish to go over to the normal transfer
 
     def _block_initiated(self, frame: bytes) -> Frames | None:
         if not self._is_ours(frame):
