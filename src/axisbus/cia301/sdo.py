@@ -32,6 +32,7 @@ NO_BLOCK = frozenset(
     {codes.UNKNOWN_COMMAND, codes.TIMED_OUT}
 )  # answers to a block's initiation that hold for every object
 _NO_MULTIPLEXER = b"\0\0\0"
+_ROUNDING = 1e-9  # seconds; sums of floats do not meet the time-out exactly
 
 
 class Way(Enum):
@@ -118,7 +119,7 @@ class Dialogue:
             NoAnswer: the time is up.
         """
         self._waited += dt
-        if self._waited < self._timeout:
+        if self._waited < self._timeout - _ROUNDING:
             return ()
         self._waited = 0.0
         return self._silence()
