@@ -148,6 +148,17 @@ class SdoClient:
         self.cancel()
         self._line.close()
 
+    def beside(self, cob_ids: tuple[int, int]) -> SdoClient:
+        """Return another client of the same node on an SDO channel of its own (see ``bus.sdo_channels``); sends nothing."""
+        return SdoClient(
+            self._channel,
+            self.node_id,
+            self.dictionary.eds,
+            timeout=self.timeout,
+            tries=self.tries,
+            cob_ids=cob_ids,
+        )
+
     # -- values -------------------------------------------------------------------------------------------------------------------
 
     def read(
