@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Callable, Iterator
 
 from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo_transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode
@@ -24,15 +25,17 @@ _BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED3
 _LARGEST_RECORD = 64
 
 
-def stored_eds(sdo: SdoClient) -> bytes | None:
+def stored_eds(sdo: SdoClient, progress: Progress | None = None) -> bytes | None:
     """Return the EDS that the device keeps in 1021h, None where it has none; blocks for a long transfer.
+
+    ``progress(done, all)`` counts its bytes.
 
     Raises:
         EdsError: it is stored in a format that is not known (1022h).
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     try:
-        data = sdo.upload(STORED_EDS)
+        data = sdo.upload(STORED_EDS, progress=progress)
     except SdoAbort:
         return None
     kind = _format(sdo)

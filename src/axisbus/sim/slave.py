@@ -178,14 +178,18 @@ class Slave:
 
     @property
     def next_answer(self) -> float | None:
-        """When the next SDO request is to be answered; None where none waits."""
-        return self._requests[0][0] if self._requests else None
+        """When the next SDO request is to be answered; None where none waits, or the node is away."""
+        return self._requests[0][0] if self._requests and self._is_there else None
 
     def serve(self, now: float) -> None:
         """Answer the SDO requests that are due at ``now``."""
-        while self._requests and now >= self._requests[0][0]:
+        while self._requests and self._is_there and now >= self._requests[0][0]:
             _, number, data = self._requests.popleft()
             self._answer(number, data, now)
+
+    @property
+    def _is_there(self) -> bool:
+        return not self.device.dials.dead and self.device.nmt is not NmtState.INITIALISING
 
     def _forget_routes(self, _value: int) -> None:
         self._version = -1
