@@ -14,16 +14,16 @@ import threading
 import time
 from collections.abc import Iterator
 
+from axisbus.bus import sdo_errors
 from axisbus.bus.channel import Channel, require_other_thread
 from axisbus.bus.sdo_transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo_value import checked_bytes
-from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
-from axisbus.cia301.sdo import Garbled, Refused, Way
-from axisbus.cia301.sdo_session import BROKEN_DIALOGUE, Request, Session
-from axisbus.eds.dictionary import Dictionary
+from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo_session import Request, Session
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
-from axisbus.errors import ArgumentError, Interrupted, SdoAbort, SdoError, SdoTimeout
+from axisbus.errors import ArgumentError
 
 TIMEOUT = 0.5
 TRIES = 3
@@ -244,70 +244,13 @@ class SdoClient:
         try:
             carry_out(self._line, call, session, progress)
         except Cancelled:
-            raise self._cancelled(request) from None
+            raise sdo_errors.cancelled(self.node_id, self._entry(request), request) from None
         finally:
             self._late, self._no_block = session.late, session.no_block
         if session.failure is not None:
-            raise self._error(request, session)
+            entry, health = self._entry(request), self._channel.health()
+            raise sdo_errors.failed(self.node_id, entry, request, session, health)
         return session.data
 
-    # -- errors -------------------------------------------------------------------------------------------------------------------
-
-    def _doing(self, request: Request) -> str:
-        index, subindex, data = request[:3]
-        what = f"node {self.node_id}: {'reading' if data is None else 'writing'} {self.dictionary.entry(index, subindex)}"
-        if data is None:
-            return what
-        return f"{what} = {data.hex(' ')}" if len(data) <= 8 else f"{what} = {len(data)} bytes"
-
-    def _refused(self, request: Request, code: int) -> SdoAbort:
-        return SdoAbort(
-            f"{self._doing(request)} was refused",
-            node=self.node_id,
-            index=request.index,
-            subindex=request.subindex,
-            code=code,
-            observed=f"abort code {abort.describe(code)}",
-            remedy=abort.explain(code).hint,
-        )
-
-    def _error(self, request: Request, session: Session) -> SdoError:
-        failure = session.failure
-        if isinstance(failure, Refused) and failure.code not in BROKEN_DIALOGUE:
-            return self._refused(request, failure.code)
-        if isinstance(failure, Refused):
-            broken = f"the node aborted with {abort.describe(failure.code)}"
-        else:
-            broken = str(failure) if isinstance(failure, Garbled) else ""
-        return self._failed(request, broken, session.strays)
-
-    def _failed(self, request: Request, broken: str, strays: list[bytes]) -> SdoError:
-        doing = self._doing(request)
-        if broken:
-            return SdoError(
-                f"{doing} failed in {request.tries} attempts",
-                node=self.node_id,
-                index=request.index,
-                subindex=request.subindex,
-                observed=broken,
-                remedy="check that no other program talks SDO with this node",
-            )
-        return SdoTimeout(
-            f"{doing} got no answer in {request.tries} attempts of {request.timeout:g} s",
-            node=self.node_id,
-            index=request.index,
-            subindex=request.subindex,
-            observed=_what_came(strays, self._channel.health()),
-            remedy="check the node's power, node ID and bitrate, the wiring, and that it is not in NMT stopped",
-        )
-
-    def _cancelled(self, request: Request) -> Interrupted:
-        return Interrupted(
-            f"{self._doing(request)} was cut short", observed="something more urgent took over"
-        )
-
-
-def _what_came(strays: list[bytes], health: str) -> str:
-    if strays:
-        return f"{len(strays)} frames that answer something else, the last: {strays[-1].hex(' ')}"
-    return health or "no frame from its SDO server"
+    def _entry(self, request: Request) -> Entry:
+        return self.dictionary.entry(request.index, request.subindex)
