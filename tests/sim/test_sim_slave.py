@@ -155,7 +155,7 @@ def test_sdo_segmented_both_ways():
         ("2f40600006000000", "8040600013000706"),  # too short
         ("2340600006000000", "8040600012000706"),  # too long
         ("2f60600002000000", "8060600030000906"),  # a mode that it does not have
-        ("c600100000000000", "8000100001000405"),  # block download
+        ("c600100000000000", "8000100002000106"),  # read-only, in blocks too
         ("6000000000000000", "8000000001000405"),  # a segment of nothing
         ("0000000000000000", "8000000001000405"),
         ("e000000000000000", "8000000001000405"),  # an unknown command
@@ -181,8 +181,9 @@ def test_sdo_toggle_and_abort_end_a_transfer():
     assert wire.sdo("6000000000000000") == "8008100001000405"
 
 
-def test_a_block_upload_is_answered_by_a_normal_one():
-    assert Wire().run(0.1).sdo("a000100010000000") == "4300100092010200"
+def test_a_block_upload_of_few_bytes_is_answered_by_a_normal_one():
+    """The client says that it would rather have up to 4 bytes in a normal transfer."""
+    assert Wire().run(0.1).sdo("a000100010040000") == "4300100092010200"
 
 
 def test_sdo_dials_delay_silence_and_abort():

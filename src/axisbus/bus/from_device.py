@@ -9,6 +9,7 @@ from dataclasses import replace
 from datetime import datetime
 
 from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo_transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode
@@ -30,15 +31,17 @@ _CONSTANT = frozenset((0x6502, 0x67FF))  # of the profile area: what a value rea
 _NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))
 
 
-def stored_eds(sdo: SdoClient) -> bytes | None:
+def stored_eds(sdo: SdoClient, progress: Progress | None = None) -> bytes | None:
     """Return the EDS that the device keeps in 1021h, None where it has none; blocks for a long transfer.
+
+    ``progress(done, all)`` counts its bytes.
 
     Raises:
         EdsError: it is stored in a format that is not known (1022h).
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     try:
-        data = sdo.upload(STORED_EDS)
+        data = sdo.upload(STORED_EDS, progress=progress)
     except SdoAbort:
         return None
     kind = _format(sdo)

@@ -2,10 +2,9 @@
 
 Theory of operation
 -------------------
-One lock per client: transfers of several threads queue up behind it. Each call makes up to ``tries`` whole transfers. After one
-that got no answer an abort is sent, and before the next one a *barrier*: the mandatory object 1000h is read, and whatever comes
-before its answer belongs to the past. A server answers in order, so the late answer to a request that was given up can never be
-taken for the answer to a later one, not even to the same object.
+One lock per client: transfers of several threads queue up behind it. Each call is one ``Session``, which makes up to ``tries``
+attempts, and no answer that comes too late is ever taken for another one's (see ``axisbus.cia301.sdo_session``). Between two calls
+the client remembers what may still be answered, and whether the server has shown that it does not know block transfers.
 """
 
 from __future__ import annotations
@@ -14,35 +13,22 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
-from typing import NamedTuple
 
+from axisbus.bus import sdo_errors
 from axisbus.bus.channel import Channel, require_other_thread
-from axisbus.bus.sdo_transfer import Call, Cancelled, Garbled, Line, NoAnswer, Refused, Transfer
+from axisbus.bus.sdo_transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo_value import checked_bytes
-from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
-from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
-from axisbus.eds.dictionary import Dictionary
+from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo_session import Request, Session
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
-from axisbus.errors import ArgumentError, Interrupted, SdoAbort, SdoError, SdoTimeout
+from axisbus.errors import ArgumentError
 
 TIMEOUT = 0.5
 TRIES = 3
 URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to give way
 _URGENT_TURN = 0.01
-
-# Aborts that say the dialogue broke, not that the server minds the request: worth another try.
-_BROKEN_DIALOGUE = frozenset({0x0503_0000, 0x0504_0000, 0x0504_0001})
-
-
-class _Request(NamedTuple):
-    """What a call asks for: ``data`` None reads."""
-
-    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
-    subindex: int
-    data: bytes | None
-    timeout: float
-    tries: int
 
 
 class SdoClient:
@@ -60,17 +46,23 @@ class SdoClient:
         *,
         timeout: float = TIMEOUT,
         tries: int = TRIES,
+        cob_ids: tuple[int, int] | None = None,
     ) -> None:
-        """``timeout`` is for one answer, in seconds; ``tries`` counts whole transfers."""
+        """``timeout`` is for one answer, in seconds; ``tries`` counts whole transfers.
+
+        ``cob_ids`` are client to server and server to client, for an additional SDO channel (``bus.sdo_channels``); None: the
+        predefined ones.
+        """
         self.node_id = node_id
         self.dictionary = Dictionary(eds, node_id)
         self.timeout = timeout
         self.tries = tries
         self._channel = channel
-        self._line = Line(channel, node_id)
+        self._line = Line(channel, node_id, *(cob_ids or (None, None)))
         self._lock = threading.Lock()
         self._calls: list[Call] = []
         self._late: tuple[int, int] | None = None  # the object of a request that may still be answered
+        self._no_block = False  # whether the server has shown that it does not know block transfers
 
     # -- bytes --------------------------------------------------------------------------------------------------------------------
 
@@ -82,10 +74,14 @@ class SdoClient:
         timeout: float | None = None,
         tries: int | None = None,
         call: Call | None = None,
+        way: Way = Way.AUTO,
+        progress: Progress | None = None,
     ) -> bytes:
-        """Read an object's bytes (CiA 301 7.2.4.3.5); blocks.
+        """Read an object's bytes (CiA 301 7.2.4.3.5, in blocks 7.2.4.3.12); blocks.
 
         ``timeout`` (seconds) and ``tries`` replace the client's own. ``call`` is a handle made before, by which to ``cancel`` it.
+        ``way`` AUTO goes over to blocks where the server announces 256 bytes or more. ``progress(done, all)`` is called in this
+        thread with the bytes that have come and the bytes announced (None: they were not); it starts again with each attempt.
 
         Raises:
             SdoAbort: the server refused.
@@ -95,8 +91,8 @@ class SdoClient:
             AdapterError: the channel failed.
             StateError: called in the receive thread.
         """
-        request = _Request(index, subindex, None, timeout or self.timeout, tries or self.tries)
-        return self._run(request, call)
+        request = Request(index, subindex, None, timeout or self.timeout, tries or self.tries, way)
+        return self._run(request, call, progress)
 
     def download(
         self,
@@ -106,13 +102,18 @@ class SdoClient:
         *,
         timeout: float | None = None,
         call: Call | None = None,
+        way: Way = Way.AUTO,
+        progress: Progress | None = None,
     ) -> None:
-        """Write an object's bytes (CiA 301 7.2.4.3.3); blocks. An empty value goes in a segmented transfer.
+        """Write an object's bytes (CiA 301 7.2.4.3.3, in blocks 7.2.4.3.8); blocks. An empty value goes in a segmented transfer.
+
+        ``way`` AUTO takes blocks for 256 bytes and more. ``progress(done, all)`` counts the bytes that the server has confirmed.
 
         Raises:
             as ``upload``.
         """
-        self._run(_Request(index, subindex, bytes(data), timeout or self.timeout, self.tries), call)
+        request = Request(index, subindex, bytes(data), timeout or self.timeout, self.tries, way)
+        self._run(request, call, progress)
 
     def download_urgent(self, index: int, subindex: int, data: bytes) -> None:
         """Write up to 4 bytes at once: a running transfer is aborted, and nothing is awaited before the frame is sent.
@@ -123,7 +124,7 @@ class SdoClient:
             as ``upload``.
         """
         require_other_thread(self._channel, "an SDO transfer")
-        request = _Request(index, subindex, bytes(data), self.timeout, self.tries)
+        request = Request(index, subindex, bytes(data), self.timeout, self.tries)
         locked = self._take_lock_from_others()
         try:
             with self._calling(Call(urgent=True)) as call:
@@ -146,6 +147,17 @@ class SdoClient:
         """End a running transfer and stop listening; harmless when repeated."""
         self.cancel()
         self._line.close()
+
+    def beside(self, cob_ids: tuple[int, int]) -> SdoClient:
+        """Return another client of the same node on an SDO channel of its own (see ``bus.sdo_channels``); sends nothing."""
+        return SdoClient(
+            self._channel,
+            self.node_id,
+            self.dictionary.eds,
+            timeout=self.timeout,
+            tries=self.tries,
+            cob_ids=cob_ids,
+        )
 
     # -- values -------------------------------------------------------------------------------------------------------------------
 
@@ -206,10 +218,10 @@ class SdoClient:
 
     # -- the way of a call --------------------------------------------------------------------------------------------------------
 
-    def _run(self, request: _Request, call: Call | None) -> bytes:
+    def _run(self, request: Request, call: Call | None, progress: Progress | None) -> bytes:
         require_other_thread(self._channel, "an SDO transfer")
         with self._calling(call or Call()) as known, self._lock:
-            return self._attempts(known, request)
+            return self._attempts(known, request, progress)
 
     @contextlib.contextmanager
     def _calling(self, call: Call) -> Iterator[Call]:
@@ -227,98 +239,18 @@ class SdoClient:
                 return True
         return False  # the frame matters more than the order of answers
 
-    def _attempts(self, call: Call, request: _Request) -> bytes:
-        strays: list[bytes] = []
-        broken = ""
-        for attempt in range(request.tries):
-            try:
-                if attempt or not call.urgent:
-                    self._barrier(call, request.timeout)
-                return self._attempt(call, request, strays)
-            except NoAnswer:
-                broken = ""
-            except Garbled as error:
-                broken = str(error)
-            except Cancelled:
-                raise self._cancelled(request) from None
-            except Refused as error:
-                broken = f"the node aborted with {abort.describe(error.code)}"
-                if error.code not in _BROKEN_DIALOGUE:
-                    raise self._refused(request, error.code) from None
-        raise self._failed(request, broken, strays)
-
-    def _attempt(self, call: Call, request: _Request, strays: list[bytes]) -> bytes:
-        self._line.empty()
-        index, subindex, data, timeout, _ = request
-        transfer = Transfer(self._line, call, index, subindex, timeout)
+    def _attempts(self, call: Call, request: Request, progress: Progress | None = None) -> bytes:
+        session = Session(request, late=self._late, no_block=self._no_block, urgent=call.urgent)
         try:
-            if data is None:
-                return transfer.upload(index, subindex)
-            transfer.download(index, subindex, data)
-            return b""
-        except (NoAnswer, Cancelled, Garbled) as error:
-            if transfer.give_up(abort.TIMED_OUT if isinstance(error, NoAnswer) else abort.GENERAL):
-                self._late = (index, subindex)
-            raise
+            carry_out(self._line, call, session, progress)
+        except Cancelled:
+            raise sdo_errors.cancelled(self.node_id, self._entry(request), request) from None
         finally:
-            strays.extend(transfer.strays)
+            self._late, self._no_block = session.late, session.no_block
+        if session.failure is not None:
+            entry, health = self._entry(request), self._channel.health()
+            raise sdo_errors.failed(self.node_id, entry, request, session, health)
+        return session.data
 
-    def _barrier(self, call: Call, timeout: float) -> None:
-        """Let pass what may still come for a request that was given up (see the theory of operation)."""
-        if self._late is None:
-            return
-        index = ERROR_REGISTER if self._late == (DEVICE_TYPE, 0) else DEVICE_TYPE
-        with contextlib.suppress(Refused, Garbled):  # an answer, and that is all it is asked for
-            Transfer(self._line, call, index, 0, timeout).upload(index, 0)
-        self._late = None
-
-    # -- errors -------------------------------------------------------------------------------------------------------------------
-
-    def _doing(self, request: _Request) -> str:
-        index, subindex, data, *_ = request
-        what = f"node {self.node_id}: {'reading' if data is None else 'writing'} {self.dictionary.entry(index, subindex)}"
-        if data is None:
-            return what
-        return f"{what} = {data.hex(' ')}" if len(data) <= 8 else f"{what} = {len(data)} bytes"
-
-    def _refused(self, request: _Request, code: int) -> SdoAbort:
-        return SdoAbort(
-            f"{self._doing(request)} was refused",
-            node=self.node_id,
-            index=request.index,
-            subindex=request.subindex,
-            code=code,
-            observed=f"abort code {abort.describe(code)}",
-            remedy=abort.explain(code).hint,
-        )
-
-    def _failed(self, request: _Request, broken: str, strays: list[bytes]) -> SdoError:
-        doing = self._doing(request)
-        if broken:
-            return SdoError(
-                f"{doing} failed in {request.tries} attempts",
-                node=self.node_id,
-                index=request.index,
-                subindex=request.subindex,
-                observed=broken,
-                remedy="check that no other program talks SDO with this node",
-            )
-        return SdoTimeout(
-            f"{doing} got no answer in {request.tries} attempts of {request.timeout:g} s",
-            node=self.node_id,
-            index=request.index,
-            subindex=request.subindex,
-            observed=_what_came(strays, self._channel.health()),
-            remedy="check the node's power, node ID and bitrate, the wiring, and that it is not in NMT stopped",
-        )
-
-    def _cancelled(self, request: _Request) -> Interrupted:
-        return Interrupted(
-            f"{self._doing(request)} was cut short", observed="something more urgent took over"
-        )
-
-
-def _what_came(strays: list[bytes], health: str) -> str:
-    if strays:
-        return f"{len(strays)} frames that answer something else, the last: {strays[-1].hex(' ')}"
-    return health or "no frame from its SDO server"
+    def _entry(self, request: Request) -> Entry:
+        return self.dictionary.entry(request.index, request.subindex)

@@ -23,7 +23,6 @@ from axisbus.errors import ArgumentError, BusError, Interrupted, LimitError, Sdo
 
 QUEUE_LIMIT = 256
 CLOSE_PATIENCE = 2.0
-OUT_OF_MEMORY = 0x0504_0005
 WRONG_TYPE = 0x0607_0010
 INVALID_VALUE = 0x0609_0030
 
@@ -69,7 +68,7 @@ class SdoWorker:
                 self._start()
                 self._wanted.notify()
         if not accepted:
-            job.done(None, OUT_OF_MEMORY)
+            job.done(None, abort.OUT_OF_MEMORY)
 
     def urgent(self, job: Job) -> None:
         """Run ``job`` before all others but earlier urgent ones; does not block.

@@ -72,8 +72,8 @@ def say_next(text: str) -> None:
 
 
 @contextmanager
-def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
-    """Offer ``tell(done, all)``, which draws a bar on standard error, on a terminal only."""
+def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, int | None], None] | None]:
+    """Offer ``tell(done, all)``, which draws a bar on standard error, on a terminal only; where ``all`` is None it stands still."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -81,8 +81,10 @@ def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, 
     with bar:
         shown = 0
 
-        def tell(done: int, total: int) -> None:
+        def tell(done: int, total: int | None) -> None:
             nonlocal shown
+            if total is None:
+                return
             now = done * 1000 // max(1, total)
             bar.update(now - shown)
             shown = now

@@ -43,7 +43,10 @@ def command(
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
         device = stack.enter_context(Node(bus, node))
-        data = None if only_skeleton else stored_eds(device.sdo)
+        data = None
+        if not only_skeleton:
+            with progress_bar("reading its EDS") as tell_bytes:
+                data = stored_eds(device.sdo, tell_bytes)
         if data is not None:
             what = "the EDS that the drive stores"
         else:

@@ -92,6 +92,11 @@ class NodeDials:
     dead: the node is silent and deaf, as with a cut cable (its motors go on as told until its own watchdog notices)
     sdo_delay: seconds from a request to its answer (longer than the client waits: an answer that comes too late)
     sdo_silent: SDO requests are not answered, and not carried out
+    sdo_lost: numbers of the SDO frames that get lost, both directions counted together from 1 in ``sdo_frames``
+    sdo_frames: how many SDO frames have passed; may be set back
+    sdo_block: whether the node knows block transfers
+    sdo_block_size: segments that it takes without confirming, 1 to 127
+    sdo_checksum: whether it can do the checksum of a block transfer
     sdo_aborts: abort code by (index, subindex), for reading and writing
     sdo_write_aborts: the same, for writing only
     heartbeat_stops: no more heartbeats; the node goes on otherwise
@@ -106,6 +111,11 @@ class NodeDials:
     dead: bool = False
     sdo_delay: float = 0.0
     sdo_silent: bool = False
+    sdo_lost: set[int] = field(default_factory=set)
+    sdo_frames: int = 0
+    sdo_block: bool = True
+    sdo_block_size: int = 127
+    sdo_checksum: bool = True
     sdo_aborts: dict[tuple[int, int], int] = field(default_factory=dict)
     sdo_write_aborts: dict[tuple[int, int], int] = field(default_factory=dict)
     heartbeat_stops: bool = False
@@ -115,6 +125,11 @@ class NodeDials:
     reboot_time: float = 0.05
     reboot_on_store: bool = False
     lss: LssDials = field(default_factory=LssDials)
+
+    def sdo_loses(self) -> bool:
+        """Count one SDO frame and say whether it gets lost."""
+        self.sdo_frames += 1
+        return self.sdo_frames in self.sdo_lost
 
     def refusal(self, index: int, subindex: int, *, writing: bool) -> int | None:
         """Return the abort code with which an SDO request is refused, None where it is not."""

@@ -2,13 +2,15 @@
 
 Theory of operation
 -------------------
-The timer thread steps every device about each ``period`` seconds of the monotonic clock and sends what is due; the receive thread
+The timer thread steps every device about each ``period`` seconds of the monotonic clock and sends what is due; between two steps it
+wakes for SDO answers whose time has come, so that a delay of 2 ms is one of 2 ms. The receive thread
 of ``canopen`` hands frames to the slaves and sends their answers. One lock keeps the two apart; nothing sleeps under it. When the
 process was held up for longer than ``_CATCH_UP``, the plants stand still for the rest instead of catching up in one jump.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Sequence
@@ -65,7 +67,9 @@ class StandIns:
         if bitrate is not None:
             self._options["bitrate"] = bitrate
         self._period = period
-        self._stop = threading.Event()
+        self._stop = False
+        self._wake = threading.Event()
+        self._alarm = 0.0  # when the timer thread means to wake, by the monotonic clock
         self._thread = threading.Thread(target=self._run, name=f"stand-ins on {channel}", daemon=True)
         self._lost = 0.0
         self._last = 0.0
@@ -121,21 +125,40 @@ class StandIns:
                     if node.slave.listens_to(can_id):
                         node.slave.on_frame(can_id, data, now, remote=remote)
                 self._send()
+                if self._next_answer() < self._alarm:
+                    self._wake.set()
         except Exception as error:  # noqa: BLE001 - a thread has nobody to raise to: close() hands it on
             self._fail(error)
 
     def _run(self) -> None:
         due = time.monotonic()
         try:
-            while not self._stop.wait(max(0.0, due - time.monotonic())):
-                due = max(due + self._period, time.monotonic())
+            while not self._stop:
                 with self.lock:
-                    now = self._now()
-                    for node in self.nodes:
-                        node.slave.step(now)
-                    self._send()
+                    stepping = time.monotonic() >= due
+                    if stepping:
+                        due = max(due + self._period, time.monotonic())
+                    self._advance(stepping)
+                    self._alarm = min(due, self._next_answer())
+                self._wake.wait(max(0.0, self._alarm - time.monotonic()))
+                self._wake.clear()
         except Exception as error:  # noqa: BLE001 - as in receive
             self._fail(error)
+
+    def _advance(self, stepping: bool) -> None:
+        """Step all devices, or only answer what is due."""
+        now = self._now()
+        for node in self.nodes:
+            if stepping:
+                node.slave.step(now)
+            else:
+                node.slave.serve(now)
+        self._send()
+
+    def _next_answer(self) -> float:
+        """Return when the next SDO answer is due, by the monotonic clock."""
+        due = [node.slave.next_answer for node in self.nodes]
+        return min((time for time in due if time is not None), default=math.inf) + self._lost
 
     def _now(self) -> float:
         """Return the plants' time: the monotonic clock without what was lost."""
@@ -153,10 +176,12 @@ class StandIns:
 
     def _fail(self, error: Exception) -> None:
         self._error = self._error or error
-        self._stop.set()
+        self._stop = True
+        self._wake.set()
 
     def _shut(self) -> None:
-        self._stop.set()
+        self._stop = True
+        self._wake.set()
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
         self.network.disconnect()

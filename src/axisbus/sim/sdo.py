@@ -1,7 +1,7 @@
-"""The SDO server of a node (CiA 301 7.2.4): expedited and segmented, one transfer at a time.
+"""The SDO server of a node (CiA 301 7.2.4): expedited, segmented and in blocks, one transfer at a time.
 
-A block upload is answered by a normal one, which CiA 301 lets a server do; a block download is refused. A segment that belongs to
-no transfer is refused too. Nothing here waits: when an answer leaves is the slave's affair.
+A block upload of few bytes is answered by a normal one, which CiA 301 lets a server do. A segment that belongs to no transfer is
+refused. Nothing here waits: when an answer leaves is the slave's affair.
 """
 
 from __future__ import annotations
@@ -9,9 +9,11 @@ from __future__ import annotations
 from axisbus.errors import SdoAbort
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import LENGTH, Dictionary
+from axisbus.sim.sdo_block import BlockAbort, BlockDownload, BlockUpload
 
 TOGGLE = 0x0503_0000
 UNKNOWN_COMMAND = 0x0504_0001
+BLOCK_PATIENCE = 1.0  # seconds of silence after which a block transfer is forgotten
 
 
 class _Abort(Exception):
@@ -21,12 +23,13 @@ class _Abort(Exception):
 
 
 class SdoServer:
-    """Answers requests; holds the segmented transfer under way."""
+    """Answers requests; holds the transfer under way."""
 
     def __init__(self, dictionary: Dictionary, dials: NodeDials) -> None:
         self._dictionary = dictionary
         self._dials = dials
         self._multiplexer = b"\0\0\0"
+        self._heard = 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -35,33 +38,50 @@ class SdoServer:
         self._download: bytearray | None = None
         self._announced: int | None = None
         self._toggle = 0
+        self._block_down: BlockDownload | None = None
+        self._block_up: BlockUpload | None = None
 
-    def request(self, data: bytes) -> bytes | None:
-        """Return the answer to a frame of 8 bytes; None where there is none to give."""
+    def request(self, data: bytes, now: float = 0.0) -> list[bytes]:
+        """Return the answers to a frame of 8 bytes that came at ``now`` (seconds): mostly one, in a block none or many."""
         if len(data) != 8:
-            return None
-        command = data[0] >> 5
+            return []
+        if now - self._heard > BLOCK_PATIENCE:
+            self._block_down = self._block_up = None
+        self._heard = now
         try:
-            if command == 0:
-                return self._download_segment(data)
-            if command == 3:
-                return self._upload_segment(data)
-            if command == 4:
-                self.reset()
-                return None
-            self.reset()
-            self._multiplexer = bytes(data[1:4])
-            if command == 1:
-                return self._start_download(data)
-            if command == 2 or (command == 5 and data[0] & 0x03 == 0):
-                return self._start_upload()
-            raise _Abort(UNKNOWN_COMMAND)
-        except _Abort as abort:
-            code = abort.code
-        except SdoAbort as abort:
+            return self._answer(data)
+        except (_Abort, BlockAbort, SdoAbort) as abort:
             code = abort.code
         self.reset()
-        return b"\x80" + self._multiplexer + code.to_bytes(4, "little")
+        return [b"\x80" + self._multiplexer + code.to_bytes(4, "little")]
+
+    def _answer(self, data: bytes) -> list[bytes]:
+        command = data[0] >> 5
+        if data[0] == 0x80:
+            self.reset()
+            return []
+        if self._block_down is not None:
+            return self._download_block(data)
+        if command == 5 and data[0] & 3 and self._block_up is not None:
+            return self._upload_block(data)
+        if command == 0:
+            return [self._download_segment(data)]
+        if command == 3:
+            return [self._upload_segment(data)]
+        return [self._initiate(command, data)]
+
+    def _initiate(self, command: int, data: bytes) -> bytes:
+        self.reset()
+        self._multiplexer = bytes(data[1:4])
+        if command == 1:
+            return self._start_download(data)
+        if command == 2:
+            return self._start_upload()
+        if command == 5 and data[0] & 3 == 0 and self._dials.sdo_block:
+            return self._start_block_upload(data)
+        if command == 6 and data[0] & 1 == 0 and self._dials.sdo_block:
+            return self._start_block_download(data)
+        raise _Abort(UNKNOWN_COMMAND)
 
     @property
     def _object(self) -> tuple[int, int]:
@@ -84,6 +104,43 @@ class SdoServer:
         header = (request[0] & 0x10) | (7 - len(part)) << 1 | (0 if rest else 1)
         self._upload = rest if rest else None
         return bytes([header]) + part.ljust(7, b"\0")
+
+    def _start_block_upload(self, request: bytes) -> bytes:
+        index, subindex = self._object
+        self._forced(index, subindex, writing=False)
+        data = self._dictionary.upload(index, subindex)
+        if len(data) <= request[5]:
+            return self._start_upload()
+        checksum = self._dials.sdo_checksum
+        self._block_up = BlockUpload(data, request[4], checksum and bool(request[0] & 4))
+        return bytes([0xC2 | checksum << 2]) + self._multiplexer + len(data).to_bytes(4, "little")
+
+    def _upload_block(self, data: bytes) -> list[bytes]:
+        assert self._block_up is not None
+        answer = self._block_up.take(data)
+        if self._block_up.finished:
+            self._block_up = None
+        return answer
+
+    def _start_block_download(self, request: bytes) -> bytes:
+        index, subindex = self._object
+        self._forced(index, subindex, writing=True)
+        self._dictionary.admit(index, subindex)
+        announced = int.from_bytes(request[4:8], "little") if request[0] & 2 else None
+        checksum = self._dials.sdo_checksum
+        self._block_down = BlockDownload(self._dials, announced, checksum and bool(request[0] & 4))
+        return (
+            bytes([0xA0 | checksum << 2]) + self._multiplexer + bytes([self._dials.sdo_block_size, 0, 0, 0])
+        )
+
+    def _download_block(self, data: bytes) -> list[bytes]:
+        assert self._block_down is not None
+        answer = self._block_down.take(data)
+        if self._block_down.data is not None:
+            whole = self._block_down.data
+            self._block_down = None
+            self._dictionary.download(*self._object, whole)
+        return answer
 
     def _start_download(self, request: bytes) -> bytes:
         index, subindex = self._object

@@ -22,6 +22,7 @@ Frame = tuple[int, bytes]
 _HEARTBEAT = 0x700
 _LSS_REQUEST, _LSS_ANSWER = 0x7E5, 0x7E4
 _SHORT_PDO = 0x8210
+_NO_CHANNEL = 1 << 31
 
 
 class TransmitState:
@@ -40,9 +41,11 @@ class Slave:
 
     def __init__(self, device: Device) -> None:
         self.device = device
-        self._server = SdoServer(device.dictionary, device.dials)
+        self._servers = {
+            number: SdoServer(device.dictionary, device.dials) for number in _sdo_channels(device)
+        }
         self._frames: list[Frame] = []
-        self._requests: deque[tuple[float, bytes]] = deque()
+        self._requests: deque[tuple[float, int, bytes]] = deque()  # when due, SDO channel, frame
         self._pending: dict[int, tuple[Pdo, bytes]] = {}  # RPDOs that wait for SYNC
         self._sent: dict[int, TransmitState] = {}
         self._heard: dict[int, float] = {}  # RPDO number: when it came
@@ -55,6 +58,9 @@ class Slave:
         self._next_heartbeat = 0.0
         self._boot_ups = 0
         self._nmt = device.nmt
+        for number in self._servers:
+            for sub in (1, 2):
+                device.dictionary.on_write((0x1200 + number) << 8 | sub, self._forget_routes)
         self._index_routes()
 
     def listens_to(self, can_id: int) -> bool:
@@ -102,7 +108,7 @@ class Slave:
         self._announce_boot(now)
         if device.nmt is NmtState.INITIALISING:
             return
-        self._serve(now)
+        self.serve(now)
         self._beat(now)
         self._watch_deadlines(now)
         self._after(now)
@@ -128,14 +134,17 @@ class Slave:
         self._late.clear()
         if self._nmt in (NmtState.STOPPED, NmtState.INITIALISING):
             self._requests.clear()
-            self._server.reset()
+            for server in self._servers.values():
+                server.reset()
 
     def _index_routes(self) -> None:
         device = self.device
         self._version = device.pdos.version
         sync = device.dictionary.get_int(0x1005, 0, 0x80) & 0x7FF
         routes: dict[int, Callable[[bytes, float], None]] = {sync: self._on_sync, 0: self._on_nmt}
-        routes[0x600 + device.node_id] = self._on_sdo
+        for number in self._servers:
+            if (ids := self._sdo_ids(number)) is not None:
+                routes[ids[0]] = self._sdo_handler(number)
         for pdo in device.pdos.receive:
             if pdo.valid:
                 routes.setdefault(pdo.cob_id, self._rpdo_handler(pdo))
@@ -182,24 +191,52 @@ class Slave:
 
     # SDO.
 
-    def _on_sdo(self, data: bytes, now: float) -> None:
+    @property
+    def next_answer(self) -> float | None:
+        """When the next SDO request is to be answered; None where none waits, or the node is away."""
+        return self._requests[0][0] if self._requests and self._is_there else None
+
+    def serve(self, now: float) -> None:
+        """Answer the SDO requests that are due at ``now``."""
+        while self._requests and self._is_there and now >= self._requests[0][0]:
+            _, number, data = self._requests.popleft()
+            self._answer(number, data, now)
+
+    @property
+    def _is_there(self) -> bool:
+        return not self.device.dials.dead and self.device.nmt is not NmtState.INITIALISING
+
+    def _forget_routes(self, _value: int) -> None:
+        self._version = -1
+
+    def _sdo_ids(self, number: int) -> tuple[int, int] | None:
+        """Return request and answer identifier of an SDO channel (0 is the predefined one); None where it is not valid."""
+        if number == 0:
+            return 0x600 + self.device.node_id, 0x580 + self.device.node_id
+        request, answer = (
+            self.device.dictionary.get_int(0x1200 + number, sub, _NO_CHANNEL) & 0xFFFF_FFFF for sub in (1, 2)
+        )
+        valid = not (request | answer) & _NO_CHANNEL and request and answer
+        return (request & 0x7FF, answer & 0x7FF) if valid else None
+
+    def _sdo_handler(self, number: int) -> Callable[[bytes, float], None]:
+        return lambda data, now: self._on_sdo(number, data, now)
+
+    def _on_sdo(self, number: int, data: bytes, now: float) -> None:
         device = self.device
-        if device.nmt is NmtState.STOPPED or device.dials.sdo_silent:
+        dials = device.dials
+        if device.nmt is NmtState.STOPPED or dials.sdo_silent or dials.sdo_loses():
             return
-        delay = device.dials.sdo_delay
-        if delay <= 0.0 and not self._requests:
-            self._answer(data)
+        if dials.sdo_delay <= 0.0 and not self._requests:
+            self._answer(number, data, now)
         else:
-            self._requests.append((now + delay, data))
+            self._requests.append((now + dials.sdo_delay, number, data))
 
-    def _serve(self, now: float) -> None:
-        while self._requests and now >= self._requests[0][0]:
-            self._answer(self._requests.popleft()[1])
-
-    def _answer(self, data: bytes) -> None:
-        answer = self._server.request(data)
-        if answer is not None:
-            self._frames.append((0x580 + self.device.node_id, answer))
+    def _answer(self, number: int, data: bytes, now: float) -> None:
+        ids = self._sdo_ids(number)
+        for answer in self._servers[number].request(data, now):
+            if ids is not None and not self.device.dials.sdo_loses():
+                self._frames.append((ids[1], answer))
 
     # PDO and SYNC.
 
@@ -282,3 +319,9 @@ class Slave:
                 continue
             message = code.to_bytes(2, "little") + bytes([register]) + data
             self._frames.append((cob_id & 0x7FF, message[:2] if device.dials.emcy_short else message))
+
+
+def _sdo_channels(device: Device) -> list[int]:
+    """Return the numbers of the SDO channels: 0, the predefined one, and those of 1201h to 127Fh that the node has."""
+    dictionary = device.dictionary
+    return [0, *(number for number in range(1, 128) if dictionary.has(0x1200 + number, 1))]

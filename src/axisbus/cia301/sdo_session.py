@@ -1,0 +1,187 @@
+"""One SDO request over all its attempts, as a pure state machine of dialogues.
+
+Theory of operation
+-------------------
+An attempt that got no answer, or a garbled one, is ended by an abort. Before the next one comes a *barrier*: the mandatory object
+1000h is read, and whatever arrives before its answer belongs to the past. A server answers in order, so the late answer to a
+request that was given up can never be taken for the answer to a later one, not even to the same object. A barrier that is not
+answered has used up its attempt. What the next request must know is left in ``late`` and ``no_block``.
+
+Many bytes travel in blocks where the server knows them. When a block transfer has broken down, the last attempt goes the normal
+way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from axisbus.cia301 import abort as codes
+from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
+from axisbus.cia301.sdo import BLOCK_FROM, NO_BLOCK, Frames, Garbled, NoAnswer, Refused, Way
+from axisbus.cia301.sdo_download import Download
+from axisbus.cia301.sdo_upload import Upload
+
+# Aborts that say the dialogue broke, not that the server minds the request: worth another try.
+BROKEN_DIALOGUE = frozenset(
+    {
+        codes.TOGGLE,
+        codes.TIMED_OUT,
+        codes.UNKNOWN_COMMAND,
+        codes.WRONG_BLOCK_SIZE,
+        codes.WRONG_SEQUENCE,
+        codes.WRONG_CHECKSUM,
+    }
+)
+STRAYS = 64  # that are kept
+
+
+class Request(NamedTuple):
+    """What is asked for: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` counts whole transfers."""
+
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    subindex: int
+    data: bytes | None
+    timeout: float
+    tries: int
+    way: Way = Way.AUTO
+
+
+class Session:
+    """One request on its way; holds state: the dialogue that runs, and what went wrong so far.
+
+    ``done`` says that it has ended; then ``failure`` tells how (None: well), and ``data`` holds what was read.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        *,
+        late: tuple[int, int] | None = None,
+        no_block: bool = False,
+        urgent: bool = False,
+    ) -> None:
+        """``late`` is the object of an earlier request that may still be answered; ``urgent``: the first attempt has no barrier."""
+        self.late = late
+        self.no_block = no_block
+        self.done = False
+        self.data = b""
+        self.failure: NoAnswer | Garbled | Refused | None = None
+        self.strays: list[bytes] = []
+        self._request = request
+        self._urgent = urgent
+        self._attempt = 0
+        self._barrier: Upload | None = None
+        self._dialogue = self._made()
+
+    @property
+    def remaining(self) -> float:
+        """Seconds that may still pass without an answer."""
+        return self._current.remaining
+
+    @property
+    def progress(self) -> tuple[int, int | None]:
+        """Bytes done in this attempt, and bytes in all (None: not known)."""
+        return self._dialogue.progress
+
+    def start(self) -> Frames:
+        """Return the first frames."""
+        return self._step(self._begin_attempt)
+
+    def receive(self, frame: bytes, dt: float = 0.0) -> Frames:
+        """Take a frame that came ``dt`` seconds after the last call; return what to send. Never raises."""
+        return self._step(lambda: self._current.receive(frame, dt))
+
+    def elapse(self, dt: float) -> Frames:
+        """Let ``dt`` seconds pass; return what to send. Never raises."""
+        return self._step(lambda: self._current.elapse(dt))
+
+    def give_up(self) -> Frames:
+        """End it because nobody wants it any more; return the abort, where there is anything to abort."""
+        self.done = True
+        return self._abandoned(codes.GENERAL) if self._current.begun else ()
+
+    @property
+    def _current(self) -> Upload | Download:
+        return self._barrier or self._dialogue
+
+    def _step(self, act: Callable[[], Frames]) -> Frames:
+        try:
+            frames = act()
+        except NoAnswer as silence:
+            return (*self._abandoned(codes.TIMED_OUT), *self._again(silence))
+        except Garbled as garbled:
+            return (*self._abandoned(garbled.code), *self._again(garbled))
+        except Refused as refused:
+            return self._refused(refused)
+        return (*frames, *self._finish()) if self._current.done else frames
+
+    def _refused(self, refused: Refused) -> Frames:
+        if self._barrier is not None:
+            return self._passed_barrier()  # an answer, and that is all it was asked for
+        if refused.code in BROKEN_DIALOGUE:
+            return self._again(refused)
+        return self._ended(refused)
+
+    def _finish(self) -> Frames:
+        if self._barrier is not None:
+            return self._passed_barrier()
+        self.no_block = self.no_block or self._dialogue.block_refused in NO_BLOCK
+        if isinstance(self._dialogue, Upload):
+            self.data = self._dialogue.data
+        return self._ended(None)
+
+    def _ended(self, failure: NoAnswer | Garbled | Refused | None) -> Frames:
+        self._keep_strays()
+        self.done, self.failure = True, failure
+        return ()
+
+    # -- attempts and barriers -----------------------------------------------------------------------------------------------------
+
+    def _begin_attempt(self) -> Frames:
+        self._dialogue = self._made()
+        if self.late is None or (self._urgent and self._attempt == 0):
+            return self._dialogue.start()
+        index = ERROR_REGISTER if self.late == (DEVICE_TYPE, 0) else DEVICE_TYPE
+        self._barrier = Upload(index, 0, self._request.timeout)
+        return self._barrier.start()
+
+    def _passed_barrier(self) -> Frames:
+        self._keep_strays()
+        self._barrier = self.late = None
+        return self._dialogue.start()
+
+    def _again(self, failure: NoAnswer | Garbled | Refused) -> Frames:
+        self._keep_strays()
+        self._barrier = None
+        self._attempt += 1
+        if self._attempt >= self._request.tries:
+            return self._ended(failure)
+        return self._begin_attempt()
+
+    def _abandoned(self, code: int) -> Frames:
+        if self._barrier is None:
+            self.late = (self._request.index, self._request.subindex)
+        return (self._current.abort(code),)
+
+    def _keep_strays(self) -> None:
+        self.strays = (self.strays + self._current.strays)[-STRAYS:]
+        self._current.strays.clear()
+
+    def _made(self) -> Upload | Download:
+        index, subindex, data, timeout = self._request[:4]
+        if data is None:
+            return Upload(index, subindex, timeout, self._way())
+        return Download(index, subindex, data, timeout, self._way())
+
+    def _way(self) -> Way:
+        """Choose how the data travels; what was asked for goes before what was learnt."""
+        request = self._request
+        if request.way is not Way.AUTO:
+            return request.way
+        last_resort = 0 < self._attempt == request.tries - 1
+        if self.no_block or last_resort:
+            return Way.NORMAL
+        if request.data is None:
+            return Way.AUTO
+        return Way.BLOCK if len(request.data) >= BLOCK_FROM else Way.NORMAL

@@ -1,0 +1,196 @@
+"""Reading an object as a pure state machine: expedited, in segments, or in blocks.
+
+Theory of operation
+-------------------
+``Way.AUTO`` asks normally; where the server announces many bytes, that transfer is aborted and asked for again in blocks. Where the
+server refuses the block or is silent to it, the normal transfer follows.
+
+In a block the server sends up to 127 segments unconfirmed. We keep those that come in order; at the end of the sub-block the last
+good number is confirmed, and the server goes on from there. Where the end of a sub-block is lost, silence is answered with the
+confirmation of what has come. That is safe only if something has come (else it might confirm the sub-block before for a second
+time) and if a checksum and a size will tell in the end; in every other case the attempt is given up.
+"""
+
+from __future__ import annotations
+
+from axisbus.cia301 import abort as codes
+from axisbus.cia301.sdo import (
+    BLOCK_FROM,
+    LARGEST_BLOCK,
+    SEGMENT,
+    Dialogue,
+    Frames,
+    Garbled,
+    Way,
+    check_toggle,
+    checksum,
+)
+
+
+class Upload(Dialogue):
+    """One attempt at reading; ``data`` holds what has come, all of it when ``done``."""
+
+    def __init__(
+        self,
+        index: int,
+        subindex: int,
+        timeout: float,
+        way: Way = Way.NORMAL,
+        block_size: int = LARGEST_BLOCK,
+    ) -> None:
+        """``block_size`` is how many segments we take without confirming, 1 to 127."""
+        super().__init__(index, subindex, timeout)
+        self.size: int | None = None  # as announced
+        self._way = way
+        self._buffer = bytearray()
+        self._toggle = 0
+        self._block_size = block_size
+        self._has_checksum = False
+        self._good = 0  # last segment of this sub-block that came in order
+        self._confirmed = 0
+        self._complete = False
+        self._insisted = False
+
+    @property
+    def data(self) -> bytes:
+        """What has come."""
+        return bytes(self._buffer)
+
+    @property
+    def progress(self) -> tuple[int, int | None]:
+        """Bytes that have come, and bytes announced (None: they were not)."""
+        done = len(self._buffer)
+        return (done if self.size is None else min(done, self.size)), self.size
+
+    def _begin(self) -> Frames:
+        return self._ask_block() if self._way is Way.BLOCK else self._ask()
+
+    # -- the normal transfer (7.2.4.3.5, 7.2.4.3.6) --------------------------------------------------------------------------------
+
+    def _ask(self) -> Frames:
+        self._on = self._initiated
+        return (self._request(0x40),)
+
+    def _initiated(self, frame: bytes) -> Frames | None:
+        if frame[0] & 0xE0 != 0x40 or not self._is_ours(frame):
+            return None
+        expedited, sized = frame[0] & 0x02, frame[0] & 0x01
+        if expedited:
+            self._buffer += frame[4 : 8 - (frame[0] >> 2 & 0x03 if sized else 0)]
+            self.size = len(self._buffer)
+            self._end()
+            return ()
+        self.size = int.from_bytes(frame[4:8], "little") if sized else None
+        if self._way is Way.AUTO and (self.size or 0) >= BLOCK_FROM:
+            return (self.abort(codes.GENERAL), *self._ask_block())
+        self._on = self._segment
+        return (self._request_segment(),)
+
+    def _request_segment(self) -> bytes:
+        return bytes([0x60 | self._toggle]) + bytes(7)
+
+    def _segment(self, frame: bytes) -> Frames | None:
+        if frame[0] & 0xE0 != 0x00:
+            return None
+        check_toggle(frame, self._toggle)
+        self._toggle ^= 0x10
+        self._buffer += frame[1 : 8 - (frame[0] >> 1 & 0x07)]
+        self._check_not_more(0)
+        if not frame[0] & 0x01:
+            return (self._request_segment(),)
+        self._check_size()
+        self._end()
+        return ()
+
+    # -- the block transfer (7.2.4.3.12 to 7.2.4.3.15) -----------------------------------------------------------------------------
+
+    def _ask_block(self) -> Frames:
+        self._way = Way.BLOCK
+        self._on = self._block_initiated
+        return (
+            self._request(0xA4, bytes([self._block_size, 0])),
+        )  # 0: no wish to go over to the normal transfer
+
+    def _block_initiated(self, frame: bytes) -> Frames | None:
+        if not self._is_ours(frame):
+            return None
+        if frame[0] & 0xE0 == 0x40:  # the server prefers the normal transfer
+            self._way = Way.NORMAL
+            return self._initiated(frame)
+        if frame[0] & 0xE1 != 0xC0:
+            return None
+        self._has_checksum = bool(frame[0] & 0x04)
+        self.size = int.from_bytes(frame[4:8], "little") if frame[0] & 0x02 else None
+        self._on = self._block_segment
+        return (b"\xa3" + bytes(7),)
+
+    def _block_segment(self, frame: bytes) -> Frames | None:
+        number, last = frame[0] & 0x7F, frame[0] & 0x80
+        if not 1 <= number <= self._block_size:
+            return None
+        if number == self._good + 1:
+            self._good, self._complete, self._insisted = number, bool(last), False
+            self._buffer += frame[1:8]
+            self._check_not_more(SEGMENT - 1)
+        return self._confirm() if last or number == self._block_size else ()
+
+    def _confirm(self) -> Frames:
+        self._count_futile(self._good)
+        self._confirmed, self._good = self._good, 0
+        if self._complete:
+            self._on = self._block_ended
+        return (self._confirmation(),)
+
+    def _confirmation(self) -> bytes:
+        return bytes([0xA2, self._confirmed, self._block_size]) + bytes(5)
+
+    def _block_ended(self, frame: bytes) -> Frames | None:
+        if frame[0] & 0xE3 != 0xC1:
+            return None
+        self._trim(frame[0] >> 2 & 0x07, int.from_bytes(frame[1:3], "little"))
+        self._check_size()
+        self._end()
+        return (b"\xa1" + bytes(7),)
+
+    def _trim(self, unused: int, expected: int) -> None:
+        """Cut off what the last segment does not use; where size and checksum agree against the server's ``unused``, they win."""
+        data = bytes(self._buffer[: len(self._buffer) - unused])
+        if self._has_checksum and checksum(data) != expected:
+            data = bytes(self._buffer[: self.size])
+            if self.size is None or checksum(data) != expected:
+                raise Garbled("the checksum does not match the data", codes.WRONG_CHECKSUM)
+        self._buffer[:] = data
+
+    # -- what goes wrong -----------------------------------------------------------------------------------------------------------
+
+    def _aborted(self, code: int) -> Frames:
+        return self._without_block(code) if self._on == self._block_initiated else super()._aborted(code)
+
+    def _silence(self) -> Frames:
+        if self._on == self._block_initiated:
+            return (self.abort(codes.TIMED_OUT), *self._without_block(codes.TIMED_OUT))
+        if not self._insisted and self._may_insist():
+            self._insisted = True
+            return self._confirm() if self._on == self._block_segment else (self._confirmation(),)
+        return super()._silence()
+
+    def _may_insist(self) -> bool:
+        """Whether silence may be answered with the last confirmation (see the theory of operation)."""
+        if self._on == self._block_ended:
+            return True
+        checked = self._has_checksum and self.size is not None
+        return self._on == self._block_segment and self._good > 0 and checked
+
+    def _without_block(self, code: int) -> Frames:
+        """A refused initiation has changed nothing: the normal transfer will say what the server really minds."""
+        self.block_refused = code
+        self._way = Way.NORMAL
+        return self._ask()
+
+    def _check_not_more(self, padding: int) -> None:
+        if self.size is not None and len(self._buffer) > self.size + padding:
+            raise Garbled(f"more than the {self.size} bytes came that were announced", codes.TOO_LONG)
+
+    def _check_size(self) -> None:
+        if self.size is not None and len(self._buffer) != self.size:
+            raise Garbled(f"{len(self._buffer)} bytes came, {self.size} were announced", codes.TOO_SHORT)

@@ -1,0 +1,244 @@
+"""The SDO client with many bytes: in blocks over a channel, given up, cut short, and beside a second channel."""
+
+from __future__ import annotations
+
+import random
+import threading
+from collections.abc import Iterable
+
+import pytest
+from bus_peer import FakeBus, Frame
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo_channels import SdoChannel, open_channel, read_client, set_server
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.sdo import Way
+from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
+from axisbus.errors import ArgumentError, Interrupted, SdoError, SdoTimeout
+from axisbus.sim.device import Device
+from axisbus.sim.slave import Slave
+
+NODE = 5
+FILE = 0x2100
+DATA = random.Random(7).randbytes(3000)
+GENERAL_ABORT = "8000210000000008"
+
+ROWS = [
+    (0x1000, 0, DataType.UNSIGNED32, "ro", 0x00020192),
+    (0x1001, 0, DataType.UNSIGNED8, "ro", 0),
+    (0x1200, 0, DataType.UNSIGNED8, "ro", 2),
+    (0x1201, 0, DataType.UNSIGNED8, "ro", 3),
+    (0x1201, 1, DataType.UNSIGNED32, "rw", 1 << 31),
+    (0x1201, 2, DataType.UNSIGNED32, "rw", 1 << 31),
+    (0x1201, 3, DataType.UNSIGNED8, "rw", 0),
+    (0x1280, 0, DataType.UNSIGNED8, "ro", 3),
+    (0x1280, 1, DataType.UNSIGNED32, "rw", 0x605),
+    (0x1280, 2, DataType.UNSIGNED32, "rw", 0x585),
+    (0x1280, 3, DataType.UNSIGNED8, "rw", 9),
+    (0x6040, 0, DataType.UNSIGNED16, "rw", 0),
+    (0x2000, 0, DataType.UNSIGNED16, "rw", 0x1234),
+    (FILE, 0, DataType.DOMAIN, "rw", None),
+]
+
+
+def device() -> Device:
+    objects: dict[int, dict[int, Variable]] = {}
+    for index, sub, kind, access, default in ROWS:
+        value = None if default is None else Number(default)
+        objects.setdefault(index, {})[sub] = Variable(index, sub, f"{index:04X}", kind, access, value)
+    made = {
+        index: Object(index, f"{index:04X}", ObjectType.RECORD if len(subs) > 1 else ObjectType.VAR, subs)
+        for index, subs in objects.items()
+    }
+    return Device(Eds("by hand", made, {}), NODE)
+
+
+class StandIn:
+    """A stand-in on the fake bus that answers at once."""
+
+    def __init__(self, fake: FakeBus) -> None:
+        self.device = device()
+        self.slave = Slave(self.device)
+        self.slave.step(0.0)
+        self.slave.step(1.0)
+        self.slave.take_frames()
+        fake.peers.append(self)
+
+    def __call__(self, can_id: int, data: bytes, remote: bool) -> Iterable[Frame]:
+        self.slave.on_frame(can_id, data, 1.0, remote=remote)
+        return self.slave.take_frames()
+
+    @property
+    def content(self) -> object:
+        return self.device.dictionary.values[FILE << 8]
+
+
+@pytest.fixture
+def stand_in(fake: FakeBus) -> StandIn:
+    return StandIn(fake)
+
+
+@pytest.fixture
+def sdo(channel: Channel, stand_in: StandIn) -> SdoClient:
+    return SdoClient(channel, NODE, timeout=5.0)
+
+
+@pytest.fixture
+def hasty(channel: Channel, stand_in: StandIn) -> SdoClient:
+    return SdoClient(channel, NODE, timeout=0.25, tries=5)
+
+
+def asked(fake: FakeBus) -> list[str]:
+    """What was initiated on 2100h: the command bytes."""
+    return [data[:1].hex() for data in fake.frames(0x605) if data[1:4] == b"\x00\x21\x00" and data[0] != 0x80]
+
+
+def test_many_bytes_travel_in_blocks_and_few_do_not(sdo: SdoClient, fake: FakeBus, stand_in: StandIn) -> None:
+    sdo.download(FILE, 0, DATA)
+    assert stand_in.content == DATA
+    assert sdo.upload(FILE) == DATA
+    assert asked(fake) == ["c6", "40", "a4"]
+    fake.sent.clear()
+    sdo.download(FILE, 0, DATA[:255])
+    assert sdo.upload(FILE) == DATA[:255]
+    assert asked(fake) == ["21", "40"]
+
+
+def test_a_node_without_blocks_is_asked_for_them_once(
+    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+) -> None:
+    stand_in.device.dials.sdo_block = False
+    for _ in range(2):
+        sdo.download(FILE, 0, DATA)
+        assert sdo.upload(FILE) == DATA
+    assert asked(fake) == ["c6", "21", "40", "21", "40"]
+
+
+@pytest.mark.parametrize(
+    ("way", "lost"),
+    [(Way.NORMAL, 1), (Way.NORMAL, 60), (Way.BLOCK, 2), (Way.BLOCK, 3), (Way.BLOCK, 129), (Way.BLOCK, 130)],
+)
+def test_a_lost_frame_costs_time_and_nothing_else(
+    hasty: SdoClient, stand_in: StandIn, way: Way, lost: int
+) -> None:
+    dials = stand_in.device.dials
+    dials.sdo_lost = {lost}
+    hasty.download(FILE, 0, DATA, way=way)
+    assert stand_in.content == DATA
+    assert dials.sdo_frames > lost
+    dials.sdo_frames = 0
+    assert hasty.upload(FILE, way=way) == DATA
+
+
+def test_a_node_that_falls_silent_in_a_block_is_a_time_out(hasty: SdoClient, stand_in: StandIn) -> None:
+    stand_in.device.dials.sdo_lost = set(range(100, 100_000))
+    with pytest.raises(SdoTimeout, match="2100h:00"):
+        hasty.download(FILE, 0, DATA)
+    assert stand_in.content == b""
+
+
+def test_a_server_that_never_confirms_a_segment_is_an_sdo_error(channel: Channel, fake: FakeBus) -> None:
+    answers = {0xC6: "a40021007f000000", 0x40: "4300100092010200"}
+
+    def peer(can_id: int, data: bytes, _: bool) -> list[Frame]:
+        last = (data[0] & 0x80 and data[0] not in (0x80, 0xC6)) or data[0] == 0x7F
+        answer = "a2007f0000000000" if last else answers.get(data[0])
+        return [(0x585, bytes.fromhex(answer))] if can_id == 0x605 and answer else []
+
+    fake.peers.append(peer)
+    client = SdoClient(channel, NODE, timeout=5.0, tries=1)
+    with pytest.raises(SdoError, match="failed in 1 attempts") as caught:
+        client.download(FILE, 0, DATA, way=Way.BLOCK)
+    assert "no segment arrived" in caught.value.observed
+    assert fake.frames(0x605)[-1].hex() == "8000210003000405"
+
+
+def test_cancel_in_a_block_tells_the_node_and_the_next_transfer_is_right(
+    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+) -> None:
+    with pytest.raises(Interrupted):
+        sdo.download(FILE, 0, DATA, progress=lambda _done, _all: sdo.cancel())
+    assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
+    assert stand_in.content == b""
+    assert sdo.read(0x2000) == 0x1234
+
+
+def test_an_urgent_write_goes_before_the_rest_of_a_block(
+    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+) -> None:
+    """A quick stop of a drive without a mapped controlword, while its firmware is written."""
+    urgent = threading.Thread(target=lambda: sdo.download_urgent(0x6040, 0, b"\x02\x00"))
+
+    def stop(_done: int, _all: int | None) -> None:
+        if urgent.ident is None:
+            urgent.start()
+
+    with pytest.raises(Interrupted):
+        sdo.download(FILE, 0, DATA * 20, progress=stop)
+    urgent.join(5)
+    assert stand_in.device.dictionary.values[0x6040 << 8] == 0x02
+    sent = [frame.hex() for frame in fake.frames(0x605)]
+    assert sent.index("2b40600002000000") == sent.index(GENERAL_ABORT) + 1
+
+
+def test_progress_counts_bytes(sdo: SdoClient) -> None:
+    seen: list[tuple[int, int | None]] = []
+    sdo.download(FILE, 0, DATA, progress=lambda done, all_: seen.append((done, all_)))
+    assert seen == [(0, 3000), (889, 3000), (1778, 3000), (2667, 3000), (3000, 3000)]
+    seen.clear()
+    sdo.upload(FILE, way=Way.NORMAL, progress=lambda done, all_: seen.append((done, all_)))
+    assert seen[:3] == [(0, 3000), (7, 3000), (14, 3000)]
+    assert seen[-1] == (3000, 3000)
+
+
+# -- additional channels
+
+
+def test_an_additional_channel_is_set_up_by_the_rules_and_used(
+    sdo: SdoClient, fake: FakeBus, stand_in: StandIn
+) -> None:
+    wanted = SdoChannel(0x655, 0x5D5, partner=127)
+    assert set_server(sdo, 1, wanted) == wanted
+    writes = [data.hex() for data in fake.frames(0x605) if data[0] & 0xE0 == 0x20]
+    assert writes == [
+        "2301120155060080",  # invalid first
+        "23011202d5050080",
+        "2f0112037f000000",
+        "2301120155060000",
+        "23011202d5050000",
+    ]
+    second = open_channel(sdo, 1)
+    second.download(FILE, 0, DATA)
+    assert stand_in.content == DATA
+    assert second.read(0x2000) == 0x1234
+    assert fake.frames(0x655)[0].hex() == "c6002100b80b0000"
+    second.close()
+
+
+def test_both_channels_at_once_do_not_mix(sdo: SdoClient, stand_in: StandIn) -> None:
+    set_server(sdo, 1, SdoChannel(0x655, 0x5D5))
+    second = open_channel(sdo, 1)
+    sdo.download(FILE, 0, DATA)
+    got: list[bytes] = []
+    reader = threading.Thread(target=lambda: got.extend(second.upload(FILE) for _ in range(5)))
+    reader.start()
+    mine = [sdo.upload(FILE) for _ in range(5)]
+    reader.join(20)
+    second.close()
+    assert mine == got == [DATA] * 5
+
+
+def test_a_client_channel_is_read(sdo: SdoClient) -> None:
+    assert read_client(sdo, 0) == SdoChannel(0x605, 0x585, partner=9)
+
+
+@pytest.mark.parametrize("pair", [(0, 0x5D5), (0x655, 0x800), (0x655, 0x655)])
+def test_identifiers_that_cannot_be_are_refused_before_anything_is_sent(
+    sdo: SdoClient, fake: FakeBus, pair: tuple[int, int]
+) -> None:
+    with pytest.raises(ArgumentError, match="cannot be an identifier"):
+        set_server(sdo, 1, SdoChannel(*pair))
+    with pytest.raises(ArgumentError, match="0 is no SDO channel"):
+        set_server(sdo, 0, SdoChannel(0x655, 0x5D5))
+    assert fake.sent == []

@@ -1,0 +1,109 @@
+"""A client's session and the stand-in's server on a wire in virtual time: any frame can be lost or late."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+
+from sim_eds import make_eds
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo_session import Request, Session
+from axisbus.sim.dials import NodeDials
+from axisbus.sim.dictionary import Dictionary
+from axisbus.sim.sdo import SdoServer
+
+FILE = (0x2100, 0)
+TIMEOUT = 0.5
+
+
+class SdoWire:
+    """One server with a domain 2100h. ``fate(number, frame)`` is the seconds that a frame takes, None where it gets lost.
+
+    Frames of both directions are counted from 1; each direction keeps its order. Frames that are under way when a session ends are
+    still there for the next one.
+    """
+
+    def __init__(self, content: bytes = b"") -> None:
+        rows = [
+            (0x1000, 0, DataType.UNSIGNED32, "ro", 0x00020192),
+            (0x1001, 0, DataType.UNSIGNED8, "ro", 0),
+            (*FILE, DataType.DOMAIN, "rw", None),
+        ]
+        self.dials = NodeDials()
+        self.dictionary = Dictionary(make_eds(rows), 5)
+        self.server = SdoServer(self.dictionary, self.dials)
+        self.content = content
+        self.fate: Callable[[int, bytes], float | None] = lambda _number, _frame: 0.0
+        self.frames: list[tuple[str, bytes]] = []
+        self.now = 0.0
+        self._to_server: deque[tuple[float, bytes]] = deque()
+        self._to_client: deque[tuple[float, bytes]] = deque()
+        self._late: tuple[int, int] | None = None
+
+    @property
+    def content(self) -> bytes:
+        return bytes(self.dictionary.values[FILE[0] << 8])
+
+    @content.setter
+    def content(self, data: bytes) -> None:
+        self.dictionary.values[FILE[0] << 8] = data
+
+    def upload(self, way: Way = Way.BLOCK, tries: int = 3) -> Session:
+        return self.run(Request(*FILE, None, TIMEOUT, tries, way))
+
+    def download(self, data: bytes, way: Way = Way.BLOCK, tries: int = 3) -> Session:
+        return self.run(Request(*FILE, data, TIMEOUT, tries, way))
+
+    def run(self, request: Request) -> Session:
+        session = Session(request, late=self._late)
+        self._send(session.start())
+        heard = self.now
+        while not session.done:
+            deadline = heard + session.remaining
+            if self._server_is_next(deadline):
+                self._serve()
+            elif self._to_client and self._to_client[0][0] <= deadline:
+                due, frame = self._to_client.popleft()
+                self.now = max(self.now, due)
+                self._send(session.receive(frame, self.now - heard))
+                heard = self.now
+            else:
+                self.now = deadline
+                self._send(session.elapse(self.now - heard))
+                heard = self.now
+        self._late = session.late
+        return session
+
+    def settle(self) -> None:
+        """Let the server have all that is under way to it."""
+        while self._to_server:
+            self._serve()
+
+    def said(self, way: str) -> list[str]:
+        """All frames of one direction ("<" are the server's) as hexadecimal text."""
+        return [frame.hex() for direction, frame in self.frames if direction == way]
+
+    def _server_is_next(self, deadline: float) -> bool:
+        if not self._to_server:
+            return False
+        due = self._to_server[0][0]
+        return due <= deadline and (not self._to_client or due <= self._to_client[0][0])
+
+    def _serve(self) -> None:
+        due, frame = self._to_server.popleft()
+        self.now = max(self.now, due)
+        for answer in self.server.request(frame, self.now):
+            self._travel("<", answer, self._to_client)
+
+    def _send(self, frames: Iterable[bytes]) -> None:
+        for frame in frames:
+            self._travel(">", frame, self._to_server)
+
+    def _travel(self, way: str, frame: bytes, pipe: deque[tuple[float, bytes]]) -> None:
+        self.frames.append((way, frame))
+        delay = self.fate(len(self.frames), frame)
+        if delay is not None:
+            arrival = self.now + delay
+            pipe.append((max(arrival, pipe[-1][0]) if pipe else arrival, frame))
