@@ -85,7 +85,7 @@ def _within_reach(core: AxisCore, target: int, handle: Handle) -> int:
 def _check_limits(core: AxisCore, position: int, handle: Handle) -> None:
     limits, units = core.parameters.limits.position, core.parameters.units.position
     value = units.to_units(position)
-    if limits is not None and not limits[0] <= value <= limits[1]:
+    if core.bounded and limits is not None and not limits[0] <= value <= limits[1]:
         raise LimitError(
             f"{handle.name}: would end beyond the position limits",
             observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",

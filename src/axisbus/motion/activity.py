@@ -22,12 +22,14 @@ class Activity(ABC):
     """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
 
     ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the axis
-    goes on moving. Only one that ``clears_error`` leads out of ErrorStop.
+    goes on moving. Only one that ``clears_error`` leads out of ErrorStop. ``ramp`` is what a halt brakes it with, in position
+    increments per s² (None: not known).
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
+    ramp: float | None = None
 
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:

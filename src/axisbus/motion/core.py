@@ -84,6 +84,11 @@ class AxisCore:
         """Whether the drive may be left alone: it never was commanded, is not driven, or is known to have been stopped."""
         return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
 
+    @property
+    def bounded(self) -> bool:
+        """Whether the position limits hold: where homing is required they promise nothing before it."""
+        return self.homed or not self.parameters.homing.required
+
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
     def step(self, inputs: Inputs) -> Outputs:
@@ -150,7 +155,8 @@ class AxisCore:
                 self._fault(image)
             return
         if finding is None and self.powered and self.ladder is None:
-            finding = self.supervision.power(image, self.state)
+            ramp = None if self.activity is None else self.activity.ramp
+            finding = self.supervision.power(image, self.state, bounded=self.bounded, ramp=ramp)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:

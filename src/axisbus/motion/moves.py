@@ -16,6 +16,8 @@ from axisbus.motion.setpoint import Phase, SetPoint
 
 _WINDOW_FLOOR = 20  # increments
 _WINDOW_SHARE = 0.02  # of the move's distance
+_VELOCITY_FLOOR = 2  # velocity increments
+_VELOCITY_SHARE = 0.05  # of the velocity asked for
 
 
 class Prepare:
@@ -194,6 +196,7 @@ class VelocityMove(Activity):
 
     def __init__(self, profile: Profile, parameters: AxisParameters, prepare: Prepare) -> None:
         """``profile.velocity`` is signed here: the direction."""
+        self.ramp = profile.ramp
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare
@@ -220,11 +223,23 @@ class VelocityMove(Activity):
         self._prepare.cancel(order)
 
     def _in_velocity(self, image: Image) -> bool:
-        """Bit 10 in a word received well after the new target went out, or the measured velocity itself."""
-        assert self._commanded_at is not None
+        """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
+
+        More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off, and a drive
+        with a wide window (606Dh) says *reached* of a blocked one.
+        """
         target, velocity = self._profile.velocity, image.velocity
-        if velocity is not None:
-            return abs(velocity - target) <= max(2, abs(target) * 0.05)
+        if velocity is None:
+            return self._says_reached(image)
+        off = abs(velocity - target)
+        if not target:
+            return off <= _VELOCITY_FLOOR or image.standstill
+        close = max(_VELOCITY_FLOOR, abs(target) * _VELOCITY_SHARE)
+        return off < abs(target) / 2 and (off <= close or self._says_reached(image))
+
+    def _says_reached(self, image: Image) -> bool:
+        """Bit 10, in a word received well after the new target went out."""
+        assert self._commanded_at is not None
         if (
             image.statusword is None
             or image.statusword_stamp < self._commanded_at + self._parameters.timing.settle
