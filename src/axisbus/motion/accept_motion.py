@@ -7,7 +7,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.activity import ModeSwitch, Transfers, require_position
+from axisbus.motion.activity import Lead, ModeSwitch, Transfers, require_position
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import Gate
@@ -189,8 +189,16 @@ def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
     return Prepare(
-        ModeSwitch(mode, core.parameters), Transfers(writes, core.parameters, OPTIONAL_PROFILE), gate
+        ModeSwitch(mode, core.parameters, _lead(core)),
+        Transfers(writes, core.parameters, OPTIONAL_PROFILE),
+        gate,
     )
+
+
+def _lead(core: AxisCore) -> Lead | None:
+    """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
+    follow = core.activity if core.ladder is None else core.ladder.follow
+    return follow.step if isinstance(follow, Follow) and not follow.at_rest else None
 
 
 def require_motion(core: AxisCore, handle: Handle) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from axisbus.cia301 import abort
@@ -109,18 +109,24 @@ class Transfers:
             self.values[index, subindex] = reply.value
 
 
+Lead = Callable[[Image, Order], object]
+
+
 class ModeSwitch:
     """Brings the drive into a mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
 
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
-    enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one).
+    enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that follows a
+    trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
     """
 
-    __slots__ = ("_deadline", "_mode", "_parameters", "_reference")
+    __slots__ = ("_deadline", "_lead", "_mode", "_parameters", "_reference")
 
-    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters) -> None:
+    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
+        """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
         self._mode = mode
         self._parameters = parameters
+        self._lead = lead
         self._deadline: float | None = None
         self._reference: int | None = None
 
@@ -142,6 +148,8 @@ class ModeSwitch:
             return True  # a drive without 6061h has one mode, and is in it
         order.mode = self._mode
         preload(order, self._reference)
+        if self._lead is not None:
+            self._lead(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
             order.target_torque = image.torque  # what holds the load now; 0 would let it fall
         if image.now > self._deadline:

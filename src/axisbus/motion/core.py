@@ -323,12 +323,18 @@ class AxisCore:
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message)
             return
         resetting = self.activity is not None and self.activity.clears_error
-        cyclic = isinstance(self.activity, Follow) and not self.activity.at_rest
-        self.fail(error, Rung.QUICK_STOP if cyclic else Rung.HALT)  # a target that stays behind is no ramp
+        self.fail(error, Rung.QUICK_STOP if self._runs_on_targets else Rung.HALT)
         if resetting:
             self.tripped = (
                 None  # the failure itself has been told; that it stays is no reason to stop others again
             )
+
+    @property
+    def _runs_on_targets(self) -> bool:
+        """Whether the axis moves from target to target: without a next one it is jolted, and only a quick stop is a ramp."""
+        if isinstance(self.activity, Follow):
+            return not self.activity.at_rest
+        return self.image.mode == Follow.mode and not self.image.standstill
 
     # -- stopping ----------------------------------------------------------------------------------------------------
 

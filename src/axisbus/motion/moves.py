@@ -225,8 +225,8 @@ class VelocityMove(Activity):
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
 
-        More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off, and a drive
-        with a wide window (606Dh) says *reached* of a blocked one.
+        More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off,
+        and a drive with a wide window (606Dh) says *reached* of a blocked one.
         """
         target, velocity = self._profile.velocity, image.velocity
         if velocity is None:
