@@ -185,13 +185,25 @@ def test_after_homing_and_set_position_the_reference_is_loaded_again():
     assert set(watch.targets) <= {-1, 0, 1}  # the drive's own count begins at home
 
 
-def test_offsets_of_another_program_are_taken_back_before_a_cyclic_mode():
+def test_offsets_of_another_program_are_taken_back_before_a_trajectory():
     r = rig().enabled()
-    if 0x60B0 not in r.core.parameters.objects:
-        pytest.skip("the generic drive has no position offset")
     r.device.write(0x60B0, 0, 30_000)
     watch = Watch(r)
     r.axis.follow(Trapezoid(0.0, 1.0, 50.0, 500.0)).wait(5)
     r.run(PERIOD)
     assert watch.travel[1] <= 1_010
     assert r.device.read(0x60B0, 0) == 0
+
+
+def test_offsets_of_another_program_move_nothing_when_a_drive_is_enabled_in_a_cyclic_mode():
+    r = rig()
+    for index in (0x60B0, 0x60B1, 0x60B2):
+        r.device.write(index, 0, 300)
+    stale(r.drive, CSP)
+    r.drive.dials.modes_refused = frozenset({PP})
+    watch = Watch(r)
+    r.axis.enable().wait(5)
+    r.run(0.5)
+    assert r.drive.mode_display == CSP
+    assert watch.displacement == 0.0
+    assert [r.device.read(index, 0) for index in (0x60B0, 0x60B1, 0x60B2)] == [0, 0, 0]

@@ -96,7 +96,6 @@ class AxisCore:
         image, order = self.image, self.order
         image.update(inputs)
         self.tripped = None
-        order.clear()
         self.history.note(image)
         self._supervise(image)
         self._let_go(image)
@@ -112,7 +111,9 @@ class AxisCore:
         self.halted = order.halt
         if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
             self.last_target = order.target_position
-        return order.outputs(image.state)
+        outputs = order.outputs(image.state)
+        order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
+        return outputs
 
     def snapshot(self) -> Snapshot:
         """Return what other threads may see of this axis."""

@@ -76,7 +76,7 @@ class StopLadder:
         """``follow``: the trajectory that is being followed, if any; it is braked along its path."""
         self._parameters = parameters
         self._then = then
-        self.follow = follow
+        self._follow = follow
         self._deadline: float | None = None
         self._since = 0.0  # when the present rung began
         self._disabling = False
@@ -88,6 +88,11 @@ class StopLadder:
         self.late: list[str] = []  # the times of cell.toml that have passed: further down than was asked for
         self.blind = False  # the statusword was gone when a halt was asked for
         self.spared = False  # the power was left on because of the load
+
+    @property
+    def follow(self) -> Follow | None:
+        """The trajectory that is being braked along, if any."""
+        return self._follow
 
     @property
     def descended(self) -> bool:
@@ -149,8 +154,8 @@ class StopLadder:
 
     def _halt_in_mode(self, image: Image, order: Order) -> bool:
         """Ask for a halt the way the mode wants it; return whether the axis stands."""
-        if self.follow is not None and image.mode == self.follow.mode:
-            stands = self._brake_along(self.follow, image, order)
+        if self._follow is not None and image.mode == self._follow.mode:
+            stands = self._brake_along(self._follow, image, order)
             if stands is not None:
                 return stands
         if image.mode in _TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
@@ -168,7 +173,7 @@ class StopLadder:
                 return None
             follow.step(image, order)
         except AxisbusError:  # a position that is gone, a limit in the way: the drive's own halt is left
-            self.follow = None
+            self._follow = None
             return None
         return follow.at_rest and self._standing(image)
 

@@ -13,6 +13,7 @@ from axisbus.errors import DriveError, ModeError, StaleError, StateError, Transi
 from axisbus.motion.activity import Activity, preload, require_position
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.image import Image
+from axisbus.motion.interpolation import no_offsets
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 
@@ -29,6 +30,13 @@ RESTING_MODES = (
 # In these the drive stands until a set-point, velocity or torque is given to it.
 _WAITS_FOR_COMMAND = frozenset(
     {ModeOfOperation.PROFILE_POSITION, ModeOfOperation.PROFILE_VELOCITY, ModeOfOperation.PROFILE_TORQUE}
+)
+_ADDS_OFFSETS = frozenset(
+    {
+        ModeOfOperation.CYCLIC_SYNC_POSITION,
+        ModeOfOperation.CYCLIC_SYNC_VELOCITY,
+        ModeOfOperation.CYCLIC_SYNC_TORQUE,
+    }
 )
 
 
@@ -117,6 +125,7 @@ class Enable(Activity):
         self._mode = self._others.pop(0) if candidates else None
         self._tried = list(candidates[:1])
         self._walk = StateWalk(parameters)
+        self._offsets = no_offsets(parameters)
         self._gate = gate
         self._mode_deadline: float | None = None
         self._confirm_deadline: float | None = None
@@ -131,7 +140,11 @@ class Enable(Activity):
         self._preload(image, order)
         if self._found_enabled is None:
             self._found_enabled = image.state is State.OPERATION_ENABLED
-        if self._step is _EnableStep.MODE and self._mode_settled(image):
+        if (
+            self._step is _EnableStep.MODE
+            and self._mode_settled(image)
+            and self._offsets_settled(image, order)
+        ):
             self._step = _EnableStep.SWITCH_ON
         if self._step is _EnableStep.MODE:
             order.goal = image.state if image.state in TARGETS else None
@@ -198,6 +211,16 @@ class Enable(Activity):
         self._mode, self._mode_deadline = self._others.pop(0), None
         self._tried.append(self._mode)
         return False
+
+    def _offsets_settled(self, image: Image, order: Order) -> bool:
+        """A cyclic mode adds its offsets to the target from the first SYNC on: they are taken back before there is power."""
+        if self._mode not in _ADDS_OFFSETS or image.state in ENERGISED:
+            return True
+        return self._offsets.step(image, order)
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._offsets.cancel(order)
 
     @property
     def _has_one_mode(self) -> bool:
