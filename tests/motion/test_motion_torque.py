@@ -46,6 +46,13 @@ def test_the_handle_is_done_when_the_torque_is_there():
     assert r.drive.torque == pytest.approx(-100, abs=11)
 
 
+def test_a_small_torque_is_not_there_before_it_acts():
+    """0.08 N·m are 8 per mille: within the tolerance of nothing at all."""
+    r = rig(motor=FREE, limits=Limits()).enabled()
+    r.axis.torque_control(0.08, slope=0.1).wait(3)
+    assert r.drive.torque >= 5
+
+
 def test_without_a_slope_the_default_counts_and_without_that_the_drive_s_own():
     r = rig(motor=FREE, limits=Limits(), defaults=Defaults(torque_slope=3.0)).enabled()
     watch = Watch(r)

@@ -186,6 +186,15 @@ def test_a_blocked_motor_misses_its_velocity_in_time_and_the_axis_is_halted():
     assert r.drive.controlword & HALT
 
 
+@pytest.mark.parametrize("velocity", [10.0, -10.0, 0.0])
+def test_the_ramp_from_the_velocity_before_counts_into_the_deadline(velocity):
+    """From 400 deg/s at 100 deg/s² it takes four seconds, however slow the new velocity is."""
+    r = rig().enabled()
+    r.axis.move_velocity(400.0).wait(5)
+    r.axis.move_velocity(velocity, acceleration=100.0).wait(20)
+    assert speed(r) == pytest.approx(velocity, abs=0.6)
+
+
 def test_the_caller_s_timeout_replaces_the_deadline():
     r = rig().enabled()
     start = r.now

@@ -14,16 +14,11 @@ from axisbus.motion.gate import Gate
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
 from axisbus.motion.jog import Jog
-from axisbus.motion.moves import (
-    OPTIONAL_PROFILE,
-    PositionMove,
-    Prepare,
-    TorqueMove,
-    VelocityMove,
-    profile_writes,
-)
+from axisbus.motion.moves import PositionMove
+from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
+from axisbus.motion.turning import TorqueMove, VelocityMove
 from axisbus.units import INT32_HALF
 
 _M = ModeOfOperation

@@ -183,6 +183,14 @@ def preload(order: Order, reference: int | None) -> None:
     order.target_torque = 0
 
 
+def present_speed(image: Image, parameters: AxisParameters) -> float:
+    """Return the speed in position increments per second; 0 where it is not known."""
+    units = parameters.units
+    if image.velocity is None or not units.ratio_known:
+        return 0.0
+    return abs(units.velocity.to_units(image.velocity) * units.position.factor)
+
+
 def object_text(index: int, subindex: int = 0) -> str:
     """Return an object's number and name, such as ``6081h profile velocity``."""
     name = objects.names().get(index, "")

@@ -24,6 +24,7 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError, Interrupted, Replaced, Stopped
 from axisbus.motion.activity import Activity
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
+from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status, end_as
 from axisbus.motion.image import Image
@@ -31,7 +32,6 @@ from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.power import Enable
 from axisbus.motion.setpoint import SetPoint
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState

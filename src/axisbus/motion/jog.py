@@ -7,8 +7,8 @@ from axisbus.errors import Stopped
 from axisbus.motion.activity import Activity
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.image import Image
-from axisbus.motion.moves import VelocityMove
 from axisbus.motion.order import Order
+from axisbus.motion.turning import VelocityMove
 
 
 class Jog(Activity):
