@@ -81,6 +81,16 @@ def test_bit_4_stays_high_through_the_search_and_falls_afterwards():
     assert watch.words == [0x0F, 0x1F, 0x0F]
 
 
+def test_bit_4_is_low_for_two_cycles_in_homing_mode_before_it_rises():
+    """In the mode before it meant something else: only low in homing mode and then high is an edge for certain."""
+    r = rig(motor=MACHINE, homing=SEARCH).enabled()
+    watch = Watch(r)
+    r.axis.home(37).wait(5)
+    asked = [item.t for item in watch.sent if item.outputs.mode == 6][-1]  # until 6061h shows it
+    rises = next(item.t for item in watch.sent if (item.outputs.controlword or 0) & BIT_4)
+    assert rises - asked >= 2.5 * PERIOD
+
+
 def test_the_speeds_of_the_search_are_those_of_the_cell():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     watch = Watch(r)
