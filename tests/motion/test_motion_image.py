@@ -9,10 +9,12 @@ from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply
 from axisbus.cia402.state import State
+from axisbus.errors import SetPointError
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.setpoint import SetPoint
 
 T = 0.01
 HALF, SPAN = 2**31, 2**32
@@ -189,6 +191,39 @@ def test_targets_are_wrapped_and_wishes_last_one_cycle():
     order.clear()
     assert order.outputs(State.OPERATION_ENABLED) == Outputs(0x0F)
     assert order.request(0x6081, 0, 5) != number
+
+
+# Set-point.
+
+
+def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
+    """A drive may take bit 12 back by itself, or the word was on its way already: bit 10 in it spoke of the move before."""
+    img, order, point = fresh_image(), Order(), SetPoint(5_000, "x", 1.0)
+
+    def cycle(now: float, word: int, stamp: float) -> tuple[bool, int]:
+        img.update(Inputs(now, True, Sample(word, stamp), None, None, None, None, None))
+        order.clear()
+        return point.step(img, order), order.bits
+
+    assert cycle(0.00, 0x0427, 0.000) == (False, 0x30)  # bit 12 is low: target and bits 4 and 5 go out
+    assert order.target_position == 5_000
+    assert cycle(0.01, 0x0427, 0.009) == (False, 0x30)
+    assert cycle(0.02, 0x1427, 0.019) == (False, 0)  # acknowledged: bit 4 goes low now, at 0.02
+    assert cycle(0.03, 0x0427, 0.020) == (False, 0)  # received before that
+    assert cycle(0.04, 0x0427, 0.031) == (True, 0)
+
+
+def test_a_set_point_is_not_offered_while_the_old_acknowledge_stands():
+    img, order, point = fresh_image(), Order(), SetPoint(5_000, "x", 1.0)
+    for number in range(100):
+        seen(img, number * T, statusword=0x1427)
+        order.clear()
+        assert not point.step(img, order)
+        assert order.bits == 0
+        assert not point.begun
+    seen(img, 1.5, statusword=0x1427)
+    with pytest.raises(SetPointError, match="handshake"):
+        point.step(img, order)
 
 
 # Ladder.
