@@ -156,6 +156,21 @@ def test_no_change_of_mode_lets_a_loaded_axis_sag(first, second):
     assert watch.travel[0] >= start - 60
 
 
+@pytest.mark.parametrize("pause", [1, 2, 3, 5, 8, 11])
+def test_a_mode_that_was_asked_for_and_is_not_wanted_any_more_is_taken_back(pause):
+    """The drive still shows pp, but 6060h holds pv already: it would change in the middle of the move."""
+    r = rig().enabled()
+    r.drive.dials.mode_delay = 0.12
+    r.axis.move_velocity(0.0)
+    r.run(pause * PERIOD)
+    watch = Watch(r)
+    r.axis.move_absolute(20.0).wait(5)
+    r.run(0.2)
+    assert watch.modes == [PP]
+    assert r.drive.mode_display == PP
+    assert r.drive.position == 20_000
+
+
 def test_a_load_does_not_fall_while_torque_mode_is_entered_and_left():
     r = rig(motor=LOAD, limits=Limits(), holds_load=HoldsLoad.TORQUE)
     r.drive.start_enabled(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import ClassVar
@@ -120,13 +121,14 @@ class ModeSwitch:
     trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
     """
 
-    __slots__ = ("_deadline", "_lead", "_mode", "_parameters", "_reference")
+    __slots__ = ("_deadline", "_lead", "_mode", "_parameters", "_reference", "_sure_from")
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
         """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
         self._mode = mode
         self._parameters = parameters
         self._lead = lead
+        self._sure_from = -math.inf
         self._deadline: float | None = None
         self._reference: int | None = None
 
@@ -144,8 +146,8 @@ class ModeSwitch:
         if self._deadline is None:
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
-        if image.mode == self._mode or not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
-            return True  # a drive without 6061h has one mode, and is in it
+        if self._is_shown(image, order):
+            return True
         order.mode = self._mode
         preload(order, self._reference)
         if self._lead is not None:
@@ -156,6 +158,16 @@ class ModeSwitch:
             order.mode = image.mode  # not to be taken later, when nobody expects it
             raise self._refused(image)
         return False
+
+    def _is_shown(self, image: Image, order: Order) -> bool:
+        """Whether 6061h shows the mode, and no other one that was asked for before is still on its way."""
+        if not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
+            return True  # a drive without 6061h has one mode, and is in it
+        if image.mode != self._mode:
+            return False
+        if order.asked_mode not in (None, self._mode):
+            self._sure_from = image.now + 2.5 * self._parameters.scan_period  # until the drive has heard us
+        return image.now >= self._sure_from
 
     def _refused(self, image: Image) -> ModeError:
         asked = f"{int(self._mode)} ({modes.short(self._mode)})"
