@@ -179,6 +179,20 @@ def test_after_homing_the_axis_moves_in_the_new_count_and_nothing_jumps():
     assert watch.travel[1] <= watch.rows[0].position + 2
 
 
+def test_an_axis_that_was_past_the_wrap_of_integer32_counts_from_home_again():
+    r = rig(motor=MotorParams(start_position=2.0**31 - 10_000))
+    r.device.write(0x607D, 1, 0)
+    r.device.write(0x607D, 2, 0)  # no software limits
+    r.enabled()
+    r.axis.move_relative(30.0).wait(5)
+    assert r.axis.position > 2**31 / 1000
+    r.axis.home(37).wait(5)
+    r.run(0.1)
+    assert r.axis.position == 0.0
+    r.axis.move_absolute(5.0).wait(5)
+    assert r.drive.position == pytest.approx(5_000, abs=60)
+
+
 def test_a_home_offset_of_the_drive_is_what_home_reads_as():
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     r.device.write(0x607C, 0, 5_000)
