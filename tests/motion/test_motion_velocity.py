@@ -233,6 +233,38 @@ def test_a_gentle_ramp_is_counted_as_gentle_as_it_is():
     assert 580.0 < watch.travel[1] / 1000 <= 600.0
 
 
+@pytest.mark.parametrize("late", [0.5, 0.8, 3.2])
+def test_a_frame_that_was_taken_late_from_the_adapter_is_no_overspeed(late):
+    """Late by ``late`` periods, with SYNCs left out meanwhile: the next position comes a moment later and far away."""
+    r = rig(limits=Limits(position=(-1000.0, 1000.0), velocity=120.0)).enabled()
+    r.axis.move_velocity(100.0).wait(3)
+    port = r.ports["x"]
+    read, frozen = port.read, []
+
+    def jittery(now):
+        inputs = read(now)
+        number = round(now / PERIOD) % 20
+        if number < 1 + int(late):  # nothing new: the receive thread does not run
+            return inputs._replace(position=frozen[-1])
+        sample = inputs.position
+        if number == 1 + int(late):  # and now it stamps an old position with the present time
+            sample = frozen[-1]._replace(
+                value=frozen[-1].value + 1_000, stamp=sample.stamp + (late % 1) * PERIOD
+            )
+        frozen.append(sample)
+        return inputs._replace(position=sample)
+
+    for _ in range(40):
+        frozen.append(read(r.now).position)
+        if round(r.now / PERIOD) % 20 == 10:
+            break
+        r.run(PERIOD)
+    port.read = jittery
+    r.run(3.0)
+    assert r.axis.error is None
+    assert r.axis.state is AxisState.CONTINUOUS_MOTION
+
+
 def test_an_axis_outside_its_limits_may_turn_back_but_not_farther_out():
     r = rig(
         limits=Limits(position=(-90.0, 90.0), velocity=400.0), motor=MotorParams(start_position=120_000.0)
