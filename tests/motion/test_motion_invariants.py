@@ -26,11 +26,12 @@ from axisbus.errors import Replaced
 from axisbus.motion import commands as c
 from axisbus.motion.accept import accept
 from axisbus.motion.core import AxisCore
+from axisbus.motion.enable import Enable
 from axisbus.motion.handle import NOBODY, Handle
 from axisbus.motion.homing import HomingJob
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.parameters import Homing, StopTimes, Timing, Units
-from axisbus.motion.power import Coast, Enable
+from axisbus.motion.power import Coast
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid

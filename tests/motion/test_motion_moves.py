@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from decimal import Decimal
+from fractions import Fraction
 from itertools import pairwise
 
 import pytest
@@ -441,6 +443,21 @@ def test_before_homing_absolute_moves_are_refused_where_homing_is_required():
     r.axis.move_absolute(1.0).wait(3)
 
 
+def test_numbers_of_a_numerical_library_are_numbers_and_other_things_are_not():
+    class Scalar(float):
+        """As numpy's float64 is; its other scalars are registered as real numbers, as Fraction is."""
+
+    r = rig().enabled()
+    r.axis.move_absolute(Scalar(2.0)).wait(3)
+    r.axis.move_relative(Fraction(3, 2), velocity=Fraction(50)).wait(3)
+    assert at(r, 3.5)
+    for wrong in ("5", None, [5.0], 1 + 2j, Decimal("nan")):
+        with pytest.raises(ArgumentError, match="no finite number"):
+            r.axis.move_absolute(wrong)
+        with pytest.raises(ArgumentError, match="no finite number"):
+            r.axis.set_position(wrong)
+
+
 def test_a_missing_default_is_told_and_never_guessed():
     r = rig(defaults=Defaults()).enabled()
     with pytest.raises(ArgumentError, match="velocity is missing"):
@@ -536,6 +553,25 @@ def test_an_object_that_is_not_answered_fails_the_move_in_time():
     with pytest.raises(DriveError, match="did not answer"):
         r.axis.move_absolute(10.0).wait(10)
     assert r.now - start == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize("how", ["move_velocity", "halt", "policy"])
+def test_what_an_interrupted_move_still_has_queued_is_cancelled(how):
+    r = rig("xy", port={"sdo_time": 0.5}).enabled()
+    watch = Watch(r)
+    r.axes["x"].move_absolute(10.0)
+    r.run(0.1)
+    if how == "move_velocity":
+        r.axes["x"].move_velocity(5.0)
+    elif how == "halt":
+        r.axes["x"].halt()
+    else:
+        r.drive_of("y").fault(0x2310)
+    r.run(0.1)
+    asked = [request.id for item in watch.sent for request in item.outputs.sdo if request.index != 0x603F][:4]
+    taken_back = [number for item in watch.sent for number in item.outputs.cancel]
+    assert taken_back == asked
+    assert all(item.outputs.target_position is None for item in watch.sent[-3:])
 
 
 # Arriving.

@@ -12,11 +12,12 @@ from axisbus.motion import accept_motion as motion
 from axisbus.motion import commands as c
 from axisbus.motion.core import AxisCore
 from axisbus.motion.diagnosis import first_observation
+from axisbus.motion.enable import RESTING_MODES, Enable
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.handle import Handle
 from axisbus.motion.ladder import Rung, Then
 from axisbus.motion.parameters import HoldsLoad
-from axisbus.motion.power import RESTING_MODES, Coast, Enable, Reset
+from axisbus.motion.power import Coast, Reset
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stopping import StopKind
 

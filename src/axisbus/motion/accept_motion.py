@@ -7,23 +7,18 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.activity import ModeSwitch, Transfers, require_position
+from axisbus.motion.activity import Lead, ModeSwitch, Transfers, require_position
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import Gate
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
 from axisbus.motion.jog import Jog
-from axisbus.motion.moves import (
-    OPTIONAL_PROFILE,
-    PositionMove,
-    Prepare,
-    TorqueMove,
-    VelocityMove,
-    profile_writes,
-)
+from axisbus.motion.moves import PositionMove
+from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
+from axisbus.motion.turning import TorqueMove, VelocityMove
 from axisbus.units import INT32_HALF
 
 _M = ModeOfOperation
@@ -85,7 +80,7 @@ def _within_reach(core: AxisCore, target: int, handle: Handle) -> int:
 def _check_limits(core: AxisCore, position: int, handle: Handle) -> None:
     limits, units = core.parameters.limits.position, core.parameters.units.position
     value = units.to_units(position)
-    if limits is not None and not limits[0] <= value <= limits[1]:
+    if core.bounded and limits is not None and not limits[0] <= value <= limits[1]:
         raise LimitError(
             f"{handle.name}: would end beyond the position limits",
             observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
@@ -189,8 +184,16 @@ def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
     return Prepare(
-        ModeSwitch(mode, core.parameters), Transfers(writes, core.parameters, OPTIONAL_PROFILE), gate
+        ModeSwitch(mode, core.parameters, _lead(core)),
+        Transfers(writes, core.parameters, OPTIONAL_PROFILE),
+        gate,
     )
+
+
+def _lead(core: AxisCore) -> Lead | None:
+    """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
+    follow = core.activity if core.ladder is None else core.ladder.follow
+    return follow.step if isinstance(follow, Follow) and not follow.at_rest else None
 
 
 def require_motion(core: AxisCore, handle: Handle) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from axisbus.cia301 import abort
@@ -22,12 +23,14 @@ class Activity(ABC):
     """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
 
     ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the axis
-    goes on moving. Only one that ``clears_error`` leads out of ErrorStop.
+    goes on moving. Only one that ``clears_error`` leads out of ErrorStop. ``ramp`` is what a halt brakes it with, in position
+    increments per s² (None: not known).
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
+    ramp: float | None = None
 
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:
@@ -107,18 +110,25 @@ class Transfers:
             self.values[index, subindex] = reply.value
 
 
+Lead = Callable[[Image, Order], object]
+
+
 class ModeSwitch:
     """Brings the drive into a mode of operation and waits until 6061h shows it; the targets are preloaded meanwhile.
 
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
-    enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one).
+    enabled), velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that follows a
+    trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
     """
 
-    __slots__ = ("_deadline", "_mode", "_parameters", "_reference")
+    __slots__ = ("_deadline", "_lead", "_mode", "_parameters", "_reference", "_sure_from")
 
-    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters) -> None:
+    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
+        """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
         self._mode = mode
         self._parameters = parameters
+        self._lead = lead
+        self._sure_from = -math.inf
         self._deadline: float | None = None
         self._reference: int | None = None
 
@@ -136,16 +146,28 @@ class ModeSwitch:
         if self._deadline is None:
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
-        if image.mode == self._mode or not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
-            return True  # a drive without 6061h has one mode, and is in it
+        if self._is_shown(image, order):
+            return True
         order.mode = self._mode
         preload(order, self._reference)
+        if self._lead is not None:
+            self._lead(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
             order.target_torque = image.torque  # what holds the load now; 0 would let it fall
         if image.now > self._deadline:
             order.mode = image.mode  # not to be taken later, when nobody expects it
             raise self._refused(image)
         return False
+
+    def _is_shown(self, image: Image, order: Order) -> bool:
+        """Whether 6061h shows the mode, and no other one that was asked for before is still on its way."""
+        if not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY):
+            return True  # a drive without 6061h has one mode, and is in it
+        if image.mode != self._mode:
+            return False
+        if order.asked_mode not in (None, self._mode):
+            self._sure_from = image.now + 2.5 * self._parameters.scan_period  # until the drive has heard us
+        return image.now >= self._sure_from
 
     def _refused(self, image: Image) -> ModeError:
         asked = f"{int(self._mode)} ({modes.short(self._mode)})"
@@ -171,6 +193,14 @@ def preload(order: Order, reference: int | None) -> None:
     order.target_position = reference
     order.target_velocity = 0
     order.target_torque = 0
+
+
+def present_speed(image: Image, parameters: AxisParameters) -> float:
+    """Return the speed in position increments per second; 0 where it is not known."""
+    units = parameters.units
+    if image.velocity is None or not units.ratio_known:
+        return 0.0
+    return abs(units.velocity.to_units(image.velocity) * units.position.factor)
 
 
 def object_text(index: int, subindex: int = 0) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from numbers import Real
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import ArgumentError, LimitError
@@ -125,7 +126,7 @@ class Group:
         return min(value for value in known if value is not None)
 
     def _positive(self, name: str, what: str, value: float) -> None:
-        if not math.isfinite(value) or value <= 0:
+        if not isinstance(value, Real) or not math.isfinite(value) or value <= 0:
             raise LimitError(
                 f"{self.name}.{name}: {what} {value!r} must be a finite number above 0",
                 remedy=f"give the {what} of the path, a magnitude in the axes' unit",

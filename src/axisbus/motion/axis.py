@@ -258,7 +258,7 @@ class Axis:
         The master keeps the difference; the drive's own position and limits do not change.
         """
         name = f"set_position({shown(position)} {self.unit})"
-        self._request(name).finite("position", position)
+        position = self._request(name).finite("position", position)
         return self._submit(name, c.SetPosition(self._parameters.units.position.to_increments(position)))
 
     def follow(self, trajectory: Trajectory) -> Handle:
@@ -310,7 +310,7 @@ class Axis:
         """Return the target of an absolute move in user increments, checked as ``move_absolute`` does; for groups."""
         self._require_homed(name)
         request = self._request(name)
-        request.finite("position", position)
+        position = request.finite("position", position)
         modulo, scale = self._parameters.units.modulo, self._parameters.units.position
         if modulo is None:
             return request.target(position)

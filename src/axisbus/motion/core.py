@@ -24,6 +24,7 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError, Interrupted, Replaced, Stopped
 from axisbus.motion.activity import Activity
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
+from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status, end_as
 from axisbus.motion.image import Image
@@ -31,7 +32,6 @@ from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.power import Enable
 from axisbus.motion.setpoint import SetPoint
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
@@ -84,6 +84,11 @@ class AxisCore:
         """Whether the drive may be left alone: it never was commanded, is not driven, or is known to have been stopped."""
         return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
 
+    @property
+    def bounded(self) -> bool:
+        """Whether the position limits hold: where homing is required they promise nothing before it."""
+        return self.homed or not self.parameters.homing.required
+
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
     def step(self, inputs: Inputs) -> Outputs:
@@ -91,7 +96,6 @@ class AxisCore:
         image, order = self.image, self.order
         image.update(inputs)
         self.tripped = None
-        order.clear()
         self.history.note(image)
         self._supervise(image)
         self._let_go(image)
@@ -107,7 +111,9 @@ class AxisCore:
         self.halted = order.halt
         if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
             self.last_target = order.target_position
-        return order.outputs(image.state)
+        outputs = order.outputs(image.state)
+        order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
+        return outputs
 
     def snapshot(self) -> Snapshot:
         """Return what other threads may see of this axis."""
@@ -150,7 +156,8 @@ class AxisCore:
                 self._fault(image)
             return
         if finding is None and self.powered and self.ladder is None:
-            finding = self.supervision.power(image, self.state)
+            ramp = None if self.activity is None else self.activity.ramp
+            finding = self.supervision.power(image, self.state, bounded=self.bounded, ramp=ramp)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:
@@ -317,12 +324,18 @@ class AxisCore:
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message)
             return
         resetting = self.activity is not None and self.activity.clears_error
-        cyclic = isinstance(self.activity, Follow) and not self.activity.at_rest
-        self.fail(error, Rung.QUICK_STOP if cyclic else Rung.HALT)  # a target that stays behind is no ramp
+        self.fail(error, Rung.QUICK_STOP if self._runs_on_targets else Rung.HALT)
         if resetting:
             self.tripped = (
                 None  # the failure itself has been told; that it stays is no reason to stop others again
             )
+
+    @property
+    def _runs_on_targets(self) -> bool:
+        """Whether the axis moves from target to target: without a next one it is jolted, and only a quick stop is a ramp."""
+        if isinstance(self.activity, Follow):
+            return not self.activity.at_rest
+        return self.image.mode == Follow.mode and not self.image.standstill
 
     # -- stopping ----------------------------------------------------------------------------------------------------
 

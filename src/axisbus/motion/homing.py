@@ -59,7 +59,7 @@ class HomingRun(Activity):
         self._transfers = Transfers(job.writes(parameters), parameters)
         self._step = _Step.PREPARE
         self._since = 0.0
-        self._seen_low = False
+        self._seen_low = 0  # bits of the statusword that were low since the edge
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive reports home attained and stands.
@@ -94,20 +94,19 @@ class HomingRun(Activity):
     def _search(self, image: Image) -> bool:
         word = image.statusword
         if word is not None and image.statusword_stamp > self._since:
-            if word & sw.HOMING_ERROR and self._settled(image):
+            self._seen_low |= ~word
+            if word & sw.HOMING_ERROR and self._settled(image, sw.HOMING_ERROR):
                 raise self._error(image, "the drive reports a homing error (statusword bit 13)")
             attained = word & sw.HOMING_ATTAINED and word & sw.TARGET_REACHED
-            if not word & sw.HOMING_ATTAINED:
-                self._seen_low = True
-            if attained and self._settled(image):
+            if attained and self._settled(image, sw.HOMING_ATTAINED):
                 return True
         if image.now > self._since + self._job.timeout:
             raise self._error(image, f"home was not found within {self._job.timeout:g} s")
         return False
 
-    def _settled(self, image: Image) -> bool:
-        """The bits speak of this run: they have been seen low, or (home in place) stand some time after the edge."""
-        return self._seen_low or image.now > self._since + self._parameters.timing.settle
+    def _settled(self, image: Image, bit: int) -> bool:
+        """The bit speaks of this run: it has been seen low, or (home in place) stands some time after the edge."""
+        return bool(self._seen_low & bit) or image.now > self._since + self._parameters.timing.settle
 
     def _error(self, image: Image, why: str) -> HomingError:
         name, method = self._parameters.name, self._job.method

@@ -7,8 +7,8 @@ from axisbus.errors import Stopped
 from axisbus.motion.activity import Activity
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.image import Image
-from axisbus.motion.moves import VelocityMove
 from axisbus.motion.order import Order
+from axisbus.motion.turning import VelocityMove
 
 
 class Jog(Activity):
@@ -18,6 +18,7 @@ class Jog(Activity):
     goes_on = True
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:
+        self.ramp = move.ramp
         self._move = move
         self._profile = command.profile
         self._until = image.now + (command.life or 0.0)

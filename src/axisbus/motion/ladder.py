@@ -90,9 +90,14 @@ class StopLadder:
         self.spared = False  # the power was left on because of the load
 
     @property
+    def follow(self) -> Follow | None:
+        """The trajectory that is being braked along, if any."""
+        return self._follow
+
+    @property
     def descended(self) -> bool:
-        """Whether it came further down than was asked for."""
-        return bool(self.late) or self.blind
+        """Whether it came further down than was asked for, or (for the load's sake) not as far as it should have."""
+        return bool(self.late) or self.blind or self.spared
 
     @property
     def takes_power(self) -> bool:

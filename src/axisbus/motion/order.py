@@ -21,14 +21,15 @@ _HOLD = {
 
 
 class Order:
-    """One cycle's wishes; holds state across cycles only in ``goal`` and the request counter.
+    """One cycle's wishes; holds state across cycles only in ``goal``, ``asked_mode`` and the request counter.
 
     ``goal`` is the power-stage state wanted (None: nothing is asked of the drive, no frame holds a controlword). ``word`` overrides
-    the planner for one cycle. Positions are unwrapped increments.
+    the planner for one cycle. ``asked_mode`` is what we set 6060h to last (None: never). Positions are unwrapped increments.
     """
 
     __slots__ = (
         "_next_id",
+        "asked_mode",
         "bits",
         "cancel",
         "goal",
@@ -45,6 +46,7 @@ class Order:
     def __init__(self) -> None:
         self._next_id = 0
         self.goal: State | None = None
+        self.asked_mode: int | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -86,6 +88,8 @@ class Order:
     def outputs(self, state: State) -> Outputs:
         """Return the values for the port."""
         target = self.target_position
+        if self.mode is not None:
+            self.asked_mode = self.mode
         return Outputs(
             self.controlword(state),
             self.mode,

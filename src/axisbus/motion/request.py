@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
@@ -13,7 +14,7 @@ from axisbus.units import Scale
 
 def shown(value: object) -> str:
     """Return a number as a call would show it; what is no number, as Python does."""
-    return f"{value:g}" if isinstance(value, (int, float)) else repr(value)
+    return f"{float(value):g}" if isinstance(value, Real) else repr(value)
 
 
 class Request:
@@ -31,21 +32,22 @@ class Request:
 
     def finite(self, what: str, value: float, unit: str | None = None) -> float:
         """Return ``value``, which must be a finite number."""
-        if not isinstance(value, (int, float)) or not math.isfinite(value):
+        if not isinstance(value, Real) or not math.isfinite(value):
             raise ArgumentError(
                 f"{self.text}: {what} {value!r} is no finite number",
                 remedy=f"give {what} as a number in {self._unit if unit is None else unit}, and look where this value was computed",
             )
-        return value
+        return float(value)
 
     def positive(self, what: str, value: float, unit: str | None = None) -> float:
         """Return ``value``, which must be above 0."""
-        if self.finite(what, value, unit) <= 0:
+        magnitude = self.finite(what, value, unit)
+        if magnitude <= 0:
             raise ArgumentError(
-                f"{self.text}: {what} {value:g} must be above 0",
+                f"{self.text}: {what} {magnitude:g} must be above 0",
                 remedy=f"give {what} as a magnitude in {self._unit if unit is None else unit}",
             )
-        return value
+        return magnitude
 
     def timeout(self, value: float | None) -> float | None:
         """Return a time in seconds, which may be left out."""
@@ -70,10 +72,11 @@ class Request:
     def torque(self, torque: float) -> int:
         """Return a torque (N·m, signed) in 0.1 % of rated torque."""
         limit = self._parameters.limits.torque
-        if limit is not None and abs(self.finite("torque", torque, "N·m")) > limit:
+        torque = self.finite("torque", torque, "N·m")
+        if limit is not None and abs(torque) > limit:
             raise self._beyond("torque", torque, "N·m", "max_torque", limit)
         return self._fits(
-            round(self.finite("torque", torque, "N·m") / self._rated_torque * 1000),
+            round(torque / self._rated_torque * 1000),
             DataType.INTEGER16,
             "6071h",
         )
@@ -135,7 +138,8 @@ class Request:
         timeout: float | None = None,
     ) -> Profile:
         """Return the profile of a signed velocity."""
-        self._check_velocity(self.finite("velocity", velocity, f"{self._unit}/s"))
+        velocity = self.finite("velocity", velocity, f"{self._unit}/s")
+        self._check_velocity(velocity)
         scale = self._parameters.units.velocity
         raw = self._fits(scale.to_increments(velocity), DataType.INTEGER32, "60FFh")
         return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)

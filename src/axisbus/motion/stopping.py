@@ -108,6 +108,13 @@ def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
             observed=seen,
             remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then look why the drive does not obey",
         )
+    if ladder.spared:
+        return DriveError(
+            f"{name}: stands, but its drive did not do the quick stop",
+            axis=name,
+            observed=seen,
+            remedy=f"look why the drive does not obey, or raise quick_stop_time in [axes.{name}.stop]; it is still energised",
+        )
     if not ladder.late:
         return None  # only the statusword was missing, and what had to happen has happened
     return DriveError(

@@ -65,8 +65,13 @@ class Supervision:
         """Whether the node's position may be another one than before."""
         return not image.operational and image.nmt in _RESTARTED
 
-    def power(self, image: Image, state: AxisState) -> Finding | None:
-        """Return what endangers an axis that we have enabled and that is not being stopped."""
+    def power(
+        self, image: Image, state: AxisState, *, bounded: bool = True, ramp: float | None = None
+    ) -> Finding | None:
+        """Return what endangers an axis that we have enabled and that is not being stopped.
+
+        ``bounded`` and ``ramp``: see ``Guard.danger``.
+        """
         if state is AxisState.ERRORSTOP:
             return self._unknown(image)
         if state not in _POWERED:
@@ -75,7 +80,7 @@ class Supervision:
             self._gap(image)
             or self._unknown(image)
             or self._dropped(image, state)
-            or self._danger(image, state)
+            or self._danger(image, state, bounded, ramp)
         )
 
     def _gap(self, image: Image) -> Finding | None:
@@ -115,8 +120,8 @@ class Supervision:
             Rung.QUICK_STOP,
         )
 
-    def _danger(self, image: Image, state: AxisState) -> Finding | None:
-        danger = self._guard.danger(image, state)
+    def _danger(self, image: Image, state: AxisState, bounded: bool, ramp: float | None) -> Finding | None:
+        danger = self._guard.danger(image, state, bounded=bounded, ramp=ramp)
         return None if danger is None else Finding(danger)
 
     def _lost_error(self, image: Image) -> NodeError:

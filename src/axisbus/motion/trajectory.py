@@ -96,7 +96,9 @@ class Sampled:
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; before and after, the ends."""
-        where = min(max(t / self.step, 0.0), len(self.positions) - 1.0)
+        if t >= self.duration:  # exactly the last point, whatever the division would round to
+            return self.positions[-1]
+        where = max(t / self.step, 0.0)
         index = min(int(where), len(self.positions) - 2)
         share = where - index
         return self.positions[index] * (1.0 - share) + self.positions[index + 1] * share

@@ -1,0 +1,229 @@
+"""Enabling the power stage of one axis in a mode that stands still (MC_Power)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+from axisbus.cia402 import modes, objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import ENERGISED, TARGETS, State
+from axisbus.errors import DriveError, ModeError, StateError
+from axisbus.motion.activity import Activity, preload, require_position
+from axisbus.motion.gate import OPEN, Gate
+from axisbus.motion.image import Image
+from axisbus.motion.interpolation import no_offsets
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.walk import StateWalk, word_text
+
+# The mode that a drive is enabled in: the first that it has, from the one that stands still most surely.
+RESTING_MODES = (
+    ModeOfOperation.PROFILE_POSITION,
+    ModeOfOperation.CYCLIC_SYNC_POSITION,
+    ModeOfOperation.PROFILE_VELOCITY,
+    ModeOfOperation.CYCLIC_SYNC_VELOCITY,
+    ModeOfOperation.PROFILE_TORQUE,
+)
+
+
+# In these the drive stands until a set-point, velocity or torque is given to it.
+_WAITS_FOR_COMMAND = frozenset(
+    {ModeOfOperation.PROFILE_POSITION, ModeOfOperation.PROFILE_VELOCITY, ModeOfOperation.PROFILE_TORQUE}
+)
+_ADDS_OFFSETS = frozenset(
+    {
+        ModeOfOperation.CYCLIC_SYNC_POSITION,
+        ModeOfOperation.CYCLIC_SYNC_VELOCITY,
+        ModeOfOperation.CYCLIC_SYNC_TORQUE,
+    }
+)
+
+
+class _EnableStep(Enum):
+    MODE = 1
+    SWITCH_ON = 2
+    ENABLE = 3
+
+
+class Enable(Activity):
+    """MC_Power(TRUE): choose a resting mode, preload every target, walk to *operation enabled*.
+
+    The targets follow the actual position until the drive is enabled, so that nothing jumps in whatever mode it wakes up.
+    """
+
+    def __init__(
+        self, parameters: AxisParameters, candidates: Sequence[ModeOfOperation], gate: Gate = OPEN
+    ) -> None:
+        """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other."""
+        self._parameters = parameters
+        self._others = list(candidates)
+        self._mode = self._others.pop(0) if candidates else None
+        self._tried = list(candidates[:1])
+        self._walk = StateWalk(parameters)
+        self._offsets = no_offsets(parameters)
+        self._gate = gate
+        self._mode_deadline: float | None = None
+        self._confirm_deadline: float | None = None
+        self._stand_deadline: float | None = None
+        self._enabled = False
+        self._found_enabled: bool | None = None
+        self._step = _EnableStep.MODE
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the drive is enabled, in the resting mode."""
+        self._refuse(image)
+        self._preload(image, order)
+        if self._found_enabled is None:
+            self._found_enabled = image.state is State.OPERATION_ENABLED
+        if (
+            self._step is _EnableStep.MODE
+            and self._mode_settled(image)
+            and self._offsets_settled(image, order)
+        ):
+            self._step = _EnableStep.SWITCH_ON
+        if self._step is _EnableStep.MODE:
+            order.goal = image.state if image.state in TARGETS else None
+            return False
+        if self._step is _EnableStep.SWITCH_ON and not self._switched_on(image, order):
+            return False
+        self._step = _EnableStep.ENABLE
+        if not self._walk.step(image, order, State.OPERATION_ENABLED):
+            self._check_kept(image)
+            return False
+        self._enabled = True
+        return self._confirmed(image) and self._braked(image, order)
+
+    def _braked(self, image: Image, order: Order) -> bool:
+        """Whether a drive that was found moving has come to rest: its halt brakes it on its own ramp, whatever moved it."""
+        if not self._found_enabled or image.standstill or image.position is None:
+            return True
+        order.halt = True
+        if self._stand_deadline is None:
+            self._stand_deadline = image.now + self._parameters.stop_times.halt
+        if image.now > self._stand_deadline:
+            raise DriveError(
+                f"{self._parameters.name}: was found moving, and does not halt",
+                axis=self._parameters.name,
+                observed=f"no standstill {self._parameters.stop_times.halt:g} s after the halt bit was set",
+                remedy="look for another master that commands it; the axis was stopped by the harder rungs of its ladder",
+            )
+        return False
+
+    def _refuse(self, image: Image) -> None:
+        if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            raise StateError(
+                f"{self._parameters.name}: cannot be enabled, the drive is in state {image.state.value!r}",
+                observed=word_text(image),
+                remedy="reset first: axis.reset()",
+            )
+
+    def _preload(self, image: Image, order: Order) -> None:
+        if image.state in ENERGISED:
+            preload(order, image.reference)
+        elif self._needs_position:
+            preload(order, require_position(image, self._parameters.name, "enabling"))
+        else:
+            preload(order, None)
+        order.mode = self._mode
+
+    @property
+    def _needs_position(self) -> bool:
+        """A drive that has no 6064h at all is enabled in a mode that takes no position by itself."""
+        return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in _WAITS_FOR_COMMAND
+
+    def _mode_settled(self, image: Image) -> bool:
+        """A drive may show its mode only when enabled (6061h = 0 until then); any other mode must have gone."""
+        if self._mode is None or image.mode == self._mode or self._has_one_mode:
+            return True
+        if self._mode_deadline is None:
+            self._mode_deadline = image.now + self._parameters.timing.mode
+        if image.now <= self._mode_deadline:
+            return False
+        if image.mode in (None, ModeOfOperation.NONE):
+            return True
+        if not self._others:
+            raise self._mode_refused(image)
+        self._mode, self._mode_deadline = self._others.pop(0), None
+        self._tried.append(self._mode)
+        return False
+
+    def _offsets_settled(self, image: Image, order: Order) -> bool:
+        """A cyclic mode adds its offsets to the target from the first SYNC on: they are taken back before there is power."""
+        if self._mode not in _ADDS_OFFSETS or image.state in ENERGISED:
+            return True
+        return self._offsets.step(image, order)
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._offsets.cancel(order)
+
+    @property
+    def _has_one_mode(self) -> bool:
+        """A drive without 6061h has one mode, and is in it."""
+        return not self._parameters.has(objects.MODES_OF_OPERATION_DISPLAY)
+
+    def _switched_on(self, image: Image, order: Order) -> bool:
+        """Wait for the others of a group in *switched on*; the last step is then taken in one SYNC.
+
+        A drive that is energised already keeps its power: from *quick stop active* it takes transition 16, once it stands.
+        """
+        if image.state is State.QUICK_STOP_ACTIVE and not self._stands(image, order):
+            return False
+        if image.state not in ENERGISED and not self._walk.step(image, order, State.SWITCHED_ON):
+            return False
+        if not self._gate.pass_through(self):
+            self._walk.hold(image)
+            order.goal = image.state
+            return False
+        return True
+
+    def _stands(self, image: Image, order: Order) -> bool:
+        """Whether a quick stop that was under way has come to rest; without 6064h nobody knows, and the drive decides."""
+        if image.standstill or image.position is None:
+            return True
+        order.goal = image.state
+        if self._stand_deadline is None:
+            self._stand_deadline = image.now + self._parameters.stop_times.quick_stop
+        if image.now > self._stand_deadline:
+            raise StateError(
+                f"{self._parameters.name}: cannot be enabled, it still moves in quick stop active",
+                observed=f"no standstill for {self._parameters.stop_times.quick_stop:g} s",
+                remedy="wait until it stands, or disable it: axis.disable()",
+            )
+        return False
+
+    def _check_kept(self, image: Image) -> None:
+        """Power that was lost while the mode was awaited is not switched on a second time."""
+        if self._enabled and image.state is not State.UNKNOWN:
+            raise DriveError(
+                f"{self._parameters.name}: the drive left operation enabled right after it was enabled",
+                axis=self._parameters.name,
+                observed=f"state {image.state.value!r}, {word_text(image)}",
+                remedy="look for safe torque off, an enable input, a supply that dropped, or another master that stopped it",
+            )
+
+    def _confirmed(self, image: Image) -> bool:
+        if self._mode is None or image.mode in (self._mode, None):
+            return True
+        if self._confirm_deadline is None:
+            self._confirm_deadline = image.now + self._parameters.timing.mode
+        if image.now > self._confirm_deadline:
+            raise self._mode_refused(image)
+        return False
+
+    def _mode_refused(self, image: Image) -> ModeError:
+        name = self._parameters.name
+        tried = ", ".join(f"{int(mode)} ({modes.short(mode)})" for mode in self._tried)
+        shown = (
+            "is unknown"
+            if image.mode is None
+            else f"stays at {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
+        )
+        return ModeError(
+            f"{name}: cannot be enabled in a mode that stands still: the drive takes none",
+            axis=name,
+            observed=f"6060h was set to {tried}; 6061h {shown}",
+            remedy="check in the drive's manual when it takes a mode (a commissioning tool may hold it); "
+            f"modes = [...] in [axes.{name}] names the modes to try",
+        )

@@ -1,0 +1,55 @@
+"""What comes before a move in a profile mode: the mode itself, and the profile objects."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.activity import ModeSwitch, Transfers
+from axisbus.motion.gate import Gate
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.profile import Profile
+
+# A drive without these brakes as it accelerates, and ends every move at rest.
+OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})
+
+
+def profile_writes(
+    profile: Profile, parameters: AxisParameters, mode: ModeOfOperation
+) -> list[tuple[int, int, int | None]]:
+    """Return the SDO writes that a profile needs.
+
+    They are made for every move: what another tool may have written meanwhile is not trusted.
+    """
+    wanted = [
+        (objects.PROFILE_ACCELERATION, profile.acceleration),
+        (objects.PROFILE_DECELERATION, profile.deceleration),
+    ]
+    if mode is ModeOfOperation.PROFILE_POSITION:
+        wanted.insert(0, (objects.PROFILE_VELOCITY, profile.velocity))
+        wanted.append((objects.END_VELOCITY, 0))  # anything else would run past the target
+    return [(index, 0, value) for index, value in wanted if parameters.has(index)]
+
+
+class Prepare:
+    """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others."""
+
+    __slots__ = ("_gate", "_mode", "_prepared", "_transfers")
+
+    def __init__(self, mode: ModeSwitch, transfers: Transfers, gate: Gate) -> None:
+        self._mode = mode
+        self._transfers = transfers
+        self._gate = gate
+        self._prepared = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True from the cycle on in which the move may begin."""
+        if not self._prepared:
+            written = self._transfers.step(image, order)
+            self._prepared = self._mode.step(image, order) and written
+        return self._prepared and self._gate.pass_through(self)
+
+    def cancel(self, order: Order) -> None:
+        """Take back queued transfers."""
+        self._transfers.cancel(order)

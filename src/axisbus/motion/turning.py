@@ -1,0 +1,163 @@
+"""Moves that go on until something else is wanted: at a velocity (pv), with a torque (tq)."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import MotionTimeout
+from axisbus.motion.activity import Activity, present_speed
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.prepare import Prepare
+from axisbus.motion.profile import Profile
+
+_VELOCITY_FLOOR = 2  # velocity increments
+_VELOCITY_SHARE = 0.05  # of the velocity asked for
+_TORQUE_FLOOR = 10  # per mille of rated torque
+_TORQUE_SHARE = 0.05  # of the torque asked for
+
+
+class VelocityMove(Activity):
+    """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and goes on moving."""
+
+    mode = ModeOfOperation.PROFILE_VELOCITY
+    goes_on = True
+
+    def __init__(self, profile: Profile, parameters: AxisParameters, prepare: Prepare) -> None:
+        """``profile.velocity`` is signed here: the direction."""
+        self.ramp = profile.ramp
+        self._profile = profile
+        self._parameters = parameters
+        self._prepare = prepare
+        self._deadline: float | None = None
+        self._commanded_at: float | None = None
+        self.reached = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the velocity is reached; to be stepped on afterwards, to keep it."""
+        if not self._prepare.step(image, order):
+            return False
+        order.target_velocity = self._profile.velocity
+        order.halt = False
+        if self._commanded_at is None:
+            self._commanded_at = image.now
+            self._deadline = image.now + self._allowed(present_speed(image, self._parameters))
+        if not self.reached:
+            self.reached = self._in_velocity(image)
+            self._watch(image)
+        return self.reached
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._prepare.cancel(order)
+
+    def _in_velocity(self, image: Image) -> bool:
+        """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
+
+        More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off,
+        and a drive with a wide window (606Dh) says *reached* of a blocked one.
+        """
+        target, velocity = self._profile.velocity, image.velocity
+        if velocity is None:
+            return self._says_reached(image)
+        off = abs(velocity - target)
+        if not target:
+            return off <= _VELOCITY_FLOOR or image.standstill
+        close = max(_VELOCITY_FLOOR, abs(target) * _VELOCITY_SHARE)
+        return off < abs(target) / 2 and (off <= close or self._says_reached(image))
+
+    def _says_reached(self, image: Image) -> bool:
+        return _says_reached(image, self._commanded_at, self._parameters)
+
+    def _allowed(self, speed: float) -> float:
+        """Four times the ramp from ``speed`` (perhaps the other way) through zero to the new one, and a margin."""
+        profile = self._profile
+        if profile.timeout is not None:
+            return profile.timeout
+        if profile.speed is not None and profile.ramp:
+            return 4.0 * (speed + profile.speed) / profile.ramp + 2.0
+        return 10.0
+
+    def _watch(self, image: Image) -> None:
+        assert self._deadline is not None
+        if self.reached or image.now <= self._deadline:
+            return
+        name, velocity = self._parameters.name, self._parameters.units.velocity
+        shown = (
+            "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
+        )
+        raise MotionTimeout(
+            f"{name}: has not reached {velocity.to_units(self._profile.velocity):g} {velocity.unit}",
+            axis=name,
+            observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
+            remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
+        )
+
+
+class TorqueMove(Activity):
+    """A torque in profile torque mode; ends well when the drive reports it as reached, and keeps it."""
+
+    mode = ModeOfOperation.PROFILE_TORQUE
+    goes_on = True
+
+    def __init__(
+        self, torque: int, timeout: float | None, parameters: AxisParameters, prepare: Prepare
+    ) -> None:
+        """``torque`` in 0.1 % of rated torque."""
+        self._torque = torque
+        self._timeout = timeout
+        self._parameters = parameters
+        self._prepare = prepare
+        self._commanded_at: float | None = None
+        self.reached = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
+        if not self._prepare.step(image, order):
+            return False
+        order.target_torque = self._torque
+        order.halt = False
+        if self._commanded_at is None:
+            self._commanded_at = image.now
+        if not self.reached:
+            self.reached = self._in_torque(image)
+            self._watch(image)
+        return self.reached
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._prepare.cancel(order)
+
+    def _in_torque(self, image: Image) -> bool:
+        """The measured torque itself, more than half of it; a small one is lost in noise, and the drive's word counts."""
+        assert self._commanded_at is not None
+        says = _says_reached(image, self._commanded_at, self._parameters)
+        if image.torque is None:
+            return says
+        if image.now < self._commanded_at + self._parameters.timing.settle:
+            return False
+        off, target = abs(image.torque - self._torque), abs(self._torque)
+        close = off <= max(_TORQUE_FLOOR, target * _TORQUE_SHARE)
+        return close and (says or off < target / 2 or not target)
+
+    def _watch(self, image: Image) -> None:
+        assert self._commanded_at is not None
+        if self.reached or self._timeout is None or image.now <= self._commanded_at + self._timeout:
+            return
+        shown = "unknown" if image.torque is None else f"{image.torque / 10:g} % of rated torque"
+        raise MotionTimeout(
+            f"{self._parameters.name}: has not reached {self._torque / 10:g} % of rated torque",
+            axis=self._parameters.name,
+            observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
+            remedy="look at max torque (6072h) and torque slope (6087h) of the drive",
+        )
+
+
+def _says_reached(image: Image, commanded_at: float | None, parameters: AxisParameters) -> bool:
+    """Return bit 10, in a word received well after the new target went out: before, it speaks of the target before."""
+    if image.statusword is None or commanded_at is None:
+        return False
+    return image.statusword_stamp >= commanded_at + parameters.timing.settle and bool(
+        image.statusword & sw.TARGET_REACHED
+    )

@@ -1,0 +1,392 @@
+"""The small parts at their edges: the image's unwrapping and standstill, the order's controlword, the ladder's rungs."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rig import GENERIC, dictionary_of, parameters
+
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply
+from axisbus.cia402.state import State
+from axisbus.errors import SetPointError
+from axisbus.motion.image import Image
+from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.setpoint import SetPoint
+
+T = 0.01
+HALF, SPAN = 2**31, 2**32
+# Statuswords by table 29 of CiA 402-2, typed off: (word, state, the controlword that keeps the state).
+STATES = [
+    (0x0000, State.NOT_READY_TO_SWITCH_ON, 0x00),
+    (0x0040, State.SWITCH_ON_DISABLED, 0x00),
+    (0x0021, State.READY_TO_SWITCH_ON, 0x06),
+    (0x0023, State.SWITCHED_ON, 0x07),
+    (0x0027, State.OPERATION_ENABLED, 0x0F),
+    (0x0007, State.QUICK_STOP_ACTIVE, 0x02),
+    (0x000F, State.FAULT_REACTION_ACTIVE, 0x00),
+    (0x0008, State.FAULT, 0x00),
+]
+OUTSIDE = [0x0001, 0x0002, 0x0022, 0x0043, 0x0047, 0x006F, 0x0067]  # no row of the table
+
+
+def wrapped(position: int) -> int:
+    """As INTEGER32 shows it."""
+    return (position + HALF) % SPAN - HALF
+
+
+def fresh_image(tolerance: float = 2.0, window: float = 0.05) -> Image:
+    return Image(Capabilities({}, {}, True, {}), T, tolerance, window)
+
+
+def seen(img: Image, now: float, **values) -> Image:
+    """Give the image one cycle in which ``values`` are received."""
+    samples = {name: Sample(value, now) for name, value in values.items()}
+    none = dict.fromkeys(("statusword", "mode", "position", "velocity", "torque", "demand"))
+    img.update(Inputs(now, True, **(none | samples)))
+    return img
+
+
+# Image.
+
+
+@pytest.mark.parametrize(("word", "state", "_"), STATES)
+@pytest.mark.parametrize("others", [0x0000, 0xFF90])
+def test_the_state_is_what_table_29_says_whatever_the_other_bits_are(word, state, _, others):
+    assert seen(fresh_image(), 0.0, statusword=word | others).state is state
+
+
+@pytest.mark.parametrize("word", OUTSIDE)
+def test_a_word_outside_the_table_is_unknown_and_no_crash(word):
+    img = seen(fresh_image(), 0.0, statusword=word)
+    assert img.state is State.UNKNOWN
+    assert img.statusword == word
+
+
+@settings(deadline=None, derandomize=True)
+@given(
+    st.integers(-(2**40), 2**40),
+    st.lists(st.integers(-(HALF - 1), HALF - 1), min_size=1, max_size=30),
+)
+def test_positions_go_on_over_every_wrap(start, steps):
+    img = fresh_image()
+    here = wrapped(start)
+    seen(img, 0.0, position=here)
+    for number, step in enumerate(steps, 1):
+        here += step
+        seen(img, number * T, position=wrapped(here))
+        assert img.position == here
+
+
+def test_the_demand_is_unwrapped_beside_the_position():
+    img = fresh_image()
+    seen(img, 0.0, position=HALF - 10, demand=HALF - 5)
+    seen(img, T, position=wrapped(HALF + 3), demand=wrapped(HALF + 8))
+    assert (img.position, img.demand) == (HALF + 3, HALF + 8)
+    assert img.reference == HALF + 8
+    seen(img, 2 * T, position=wrapped(HALF + 3))
+    assert img.reference == HALF + 3  # no demand: the actual position
+
+
+def test_standstill_needs_the_whole_window_at_one_place():
+    img = fresh_image()
+    for number in range(5):
+        seen(img, number * T, position=100 + number % 2)
+        assert not img.standstill
+    seen(img, 5 * T, position=100)
+    assert img.standstill
+    seen(img, 6 * T, position=103)
+    assert not img.standstill
+
+
+def test_creeping_is_not_standing():
+    """One increment per cycle is within the tolerance of the cycle before, but not of an anchor."""
+    img = fresh_image()
+    for number in range(200):
+        seen(img, number * T, position=number)
+        assert not img.standstill
+
+
+def test_a_position_that_was_received_once_is_no_standstill():
+    img = fresh_image()
+    sample = Sample(100, 0.0)
+    for number in range(20):
+        img.update(Inputs(number * T, True, None, None, sample, None, None, None))
+    assert not img.standstill  # the same frame over and over says nothing
+
+
+def test_after_a_gap_the_position_counts_from_the_drive_s_own_value():
+    img = fresh_image()
+    seen(img, 0.0, position=HALF - 1)
+    seen(img, T, position=-HALF)
+    assert img.position == HALF
+    seen(img, 2 * T)
+    assert img.position is None
+    seen(img, 3 * T, position=-HALF + 5)
+    assert img.position == -HALF + 5
+
+
+# Order.
+
+
+def order_for(goal: State | None) -> Order:
+    order = Order()
+    order.goal = goal
+    return order
+
+
+@pytest.mark.parametrize("state", list(State))
+def test_without_a_goal_nothing_holds_a_controlword(state):
+    order = order_for(None)
+    order.halt, order.bits = True, 0x30
+    assert order.outputs(state).controlword is None
+
+
+@pytest.mark.parametrize("goal", [State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED, State.QUICK_STOP_ACTIVE])
+def test_an_unknown_statusword_sends_no_controlword(goal):
+    order = order_for(goal)
+    order.halt, order.bits = True, 0x30
+    assert order.outputs(State.UNKNOWN).controlword is None
+
+
+@pytest.mark.parametrize(("_", "state", "word"), STATES)
+def test_the_word_that_keeps_a_state_is_the_standard_s(_, state, word):
+    if state in (State.NOT_READY_TO_SWITCH_ON, State.FAULT, State.FAULT_REACTION_ACTIVE):
+        assert order_for(State.OPERATION_ENABLED).controlword(state) == word
+    else:
+        assert order_for(state).controlword(state) == word
+
+
+def test_the_way_up_is_one_step_at_a_time():
+    up = order_for(State.OPERATION_ENABLED)
+    words = [up.controlword(state) for _, state, _ in STATES[1:5]]
+    assert words == [0x06, 0x07, 0x0F, 0x0F]
+
+
+def test_the_way_down_is_5_6_7():
+    down = order_for(State.SWITCH_ON_DISABLED)
+    words = [down.controlword(state) for _, state, _ in reversed(STATES[1:5])]
+    assert words == [0x07, 0x06, 0x00, 0x00]
+
+
+def test_halt_and_mode_bits_go_only_to_an_enabled_drive():
+    order = order_for(State.OPERATION_ENABLED)
+    order.halt, order.bits = True, 0x30
+    assert order.controlword(State.OPERATION_ENABLED) == 0x13F
+    assert order.controlword(State.SWITCHED_ON) == 0x0F
+    assert order.controlword(State.READY_TO_SWITCH_ON) == 0x07
+    order.goal = State.SWITCH_ON_DISABLED
+    assert order.controlword(State.OPERATION_ENABLED) == 0x107  # halted until it has left the state
+
+
+def test_targets_are_wrapped_and_wishes_last_one_cycle():
+    order = order_for(State.OPERATION_ENABLED)
+    order.target_position, order.target_velocity, order.word = HALF + 7, -3, 0x02
+    number = order.request(0x6081, 0, 5)
+    out = order.outputs(State.OPERATION_ENABLED)
+    assert (out.controlword, out.target_position, out.target_velocity) == (0x02, -HALF + 7, -3)
+    assert [(r.id, r.index, r.subindex, r.value) for r in out.sdo] == [(number, 0x6081, 0, 5)]
+    order.clear()
+    assert order.outputs(State.OPERATION_ENABLED) == Outputs(0x0F)
+    assert order.request(0x6081, 0, 5) != number
+
+
+# Set-point.
+
+
+def test_a_set_point_is_taken_only_by_a_word_received_after_bit_4_went_low():
+    """A drive may take bit 12 back by itself, or the word was on its way already: bit 10 in it spoke of the move before."""
+    img, order, point = fresh_image(), Order(), SetPoint(5_000, "x", 1.0)
+
+    def cycle(now: float, word: int, stamp: float) -> tuple[bool, int]:
+        img.update(Inputs(now, True, Sample(word, stamp), None, None, None, None, None))
+        order.clear()
+        return point.step(img, order), order.bits
+
+    assert cycle(0.00, 0x0427, 0.000) == (False, 0x30)  # bit 12 is low: target and bits 4 and 5 go out
+    assert order.target_position == 5_000
+    assert cycle(0.01, 0x0427, 0.009) == (False, 0x30)
+    assert cycle(0.02, 0x1427, 0.019) == (False, 0)  # acknowledged: bit 4 goes low now, at 0.02
+    assert cycle(0.03, 0x0427, 0.020) == (False, 0)  # received before that
+    assert cycle(0.04, 0x0427, 0.031) == (True, 0)
+
+
+def test_a_set_point_is_not_offered_while_the_old_acknowledge_stands():
+    img, order, point = fresh_image(), Order(), SetPoint(5_000, "x", 1.0)
+    for number in range(100):
+        seen(img, number * T, statusword=0x1427)
+        order.clear()
+        assert not point.step(img, order)
+        assert order.bits == 0
+        assert not point.begun
+    seen(img, 1.5, statusword=0x1427)
+    with pytest.raises(SetPointError, match="handshake"):
+        point.step(img, order)
+
+
+# Ladder.
+
+
+class Fall:
+    """A ladder against a drive of which every cycle is told by hand."""
+
+    def __init__(self, *, then=Then.HOLD, start=Rung.HALT, **changes) -> None:
+        times = StopTimes(halt=0.3, quick_stop=0.2, disable=0.2)
+        self.parameters = parameters("x", dictionary_of(GENERIC), stop_times=times, **changes)
+        self.ladder = StopLadder(self.parameters, then, start=start)
+        self.image = fresh_image()
+        self.order = Order()
+        self.order.goal = State.OPERATION_ENABLED
+        self.now = 0.0
+        self.place = 0
+
+    def step(self, word: int | None, *, moving: bool, mode: int = 3, sdo=()) -> Outputs:
+        """One cycle; returns what is sent. ``self.done`` tells whether the ladder has ended."""
+        self.place += 100 * moving
+        values = {"position": Sample(self.place, self.now), "mode": Sample(mode, self.now)}
+        status = None if word is None else Sample(word, self.now)
+        self.image.update(
+            Inputs(self.now, True, status, values["mode"], values["position"], None, None, None, (), sdo)
+        )
+        self.order.clear()
+        self.done = self.ladder.step(self.image, self.order)
+        self.now += T
+        return self.order.outputs(self.image.state)
+
+    def steps(self, seconds: float, word: int | None, *, moving: bool, **options) -> Outputs:
+        for _ in range(round(seconds / T)):
+            out = self.step(word, moving=moving, **options)
+            if self.done:
+                break
+        return out
+
+
+ENABLED, QUICK, OFF = 0x27, 0x07, 0x40
+
+
+def test_standstill_on_the_first_rung_ends_the_ladder():
+    fall = Fall()
+    out = fall.steps(0.1, ENABLED, moving=True)
+    assert (out.controlword, out.target_velocity, out.target_torque) == (0x10F, 0, 0)
+    fall.steps(0.1, ENABLED, moving=False)
+    assert fall.done
+    assert fall.ladder.confirmed
+    assert fall.ladder.path == [Rung.HALT]
+    assert not fall.ladder.descended
+
+
+def test_deadlines_lead_down_one_rung_after_the_other():
+    fall = Fall()
+    words = []
+    while not getattr(fall, "done", False) and fall.now < 3:
+        out = fall.step(ENABLED, moving=True)
+        if not words or words[-1][0] != out.controlword & 0x0F:
+            words.append((out.controlword & 0x0F, round(fall.now, 2)))
+        last = out
+    # halt 0.3 s, quick stop 0.2 s, disable voltage 0.2 s, then NMT stop (with the word of disable voltage)
+    assert [word for word, _ in words] == [0x0F, 0x02, 0x00]
+    assert words[1][1] == pytest.approx(0.3, abs=0.03)
+    assert words[2][1] == pytest.approx(0.5, abs=0.05)
+    assert last.nmt_stop
+    assert fall.ladder.path == [Rung.HALT, Rung.QUICK_STOP, Rung.DISABLE_VOLTAGE, Rung.NMT_STOP]
+    assert not fall.ladder.confirmed
+    assert fall.ladder.late == ["halt_time", "quick_stop_time", "disable_time"]
+
+
+def test_asking_again_gives_no_more_time():
+    fall = Fall()
+    for _ in range(29):
+        fall.step(ENABLED, moving=True)
+        fall.ladder.harden(Then.HOLD, Rung.HALT)
+    out = fall.steps(0.03, ENABLED, moving=True)
+    assert out.controlword & 0x0F == 0x02
+
+
+def test_asking_for_less_does_not_climb_up_again():
+    fall = Fall(start=Rung.QUICK_STOP)
+    fall.step(ENABLED, moving=True)
+    fall.ladder.harden(Then.HOLD, Rung.HALT)
+    assert fall.step(ENABLED, moving=True).controlword & 0x0F == 0x02
+
+
+def test_without_a_statusword_the_first_word_is_the_one_that_is_safe_in_every_state_and_it_goes_by_sdo_too():
+    fall = Fall()
+    fall.step(ENABLED, moving=True)
+    out = fall.step(None, moving=True)
+    assert out.controlword == 0x02
+    writes = [(r.index, r.value) for r in out.sdo if r.value is not None]
+    assert writes == [(0x6040, 0x02)]
+    out = fall.step(None, moving=True)
+    assert [r for r in out.sdo if r.value is not None] == []  # once is enough
+
+
+def test_what_the_sdo_reads_back_confirms_the_stop():
+    fall = Fall()
+    out = fall.step(None, moving=True)
+    reads = {r.index: r.id for r in out.sdo if r.value is None}
+    fall.image.position = None
+    for _ in range(5):
+        answers = tuple(SdoReply(id_, OFF if index == 0x6041 else 500, None) for index, id_ in reads.items())
+        out = fall.step(None, moving=False, sdo=answers)
+        reads = {r.index: r.id for r in out.sdo if r.value is None}
+        if fall.done:
+            break
+    assert fall.ladder.confirmed
+    assert fall.ladder.seen is State.SWITCH_ON_DISABLED
+
+
+def test_a_drive_that_is_not_driven_has_stopped():
+    for word in (0x40, 0x21, 0x23, 0x08):
+        fall = Fall()
+        fall.step(word, moving=True)
+        assert fall.done
+        assert fall.ladder.confirmed
+
+
+def test_disabling_waits_for_the_last_step_down():
+    fall = Fall(then=Then.DISABLE)
+    fall.steps(0.1, ENABLED, moving=False)
+    assert not fall.done
+    assert fall.order.goal is State.SWITCH_ON_DISABLED
+    assert fall.step(ENABLED, moving=False).controlword == 0x07
+    assert fall.step(0x23, moving=False).controlword == 0x06
+    assert fall.step(0x21, moving=False).controlword == 0x00
+    assert not fall.done
+    fall.step(OFF, moving=False)
+    assert fall.done
+
+
+def test_what_was_seen_standing_before_the_rung_could_act_does_not_count():
+    """A motion may be on its way to the drive."""
+    fall = Fall()
+    for _ in range(20):  # it stood for long before the halt
+        fall.image.update(
+            Inputs(fall.now, True, Sample(ENABLED, fall.now), None, Sample(0, fall.now), None, None, None)
+        )
+        fall.now += T
+    assert fall.image.standstill
+    fall.step(ENABLED, moving=False)
+    assert not fall.done
+
+
+def test_a_load_on_the_motor_is_not_dropped_at_any_deadline():
+    fall = Fall(holds_load=HoldsLoad.TORQUE)
+    words = set()
+    for _ in range(300):
+        words.add(fall.step(ENABLED, moving=True).controlword)
+        if fall.done:
+            break
+    assert fall.done
+    assert all(word & 0x02 for word in words)  # enable voltage: bit 1 is never taken away
+    assert fall.ladder.spared
+    assert not fall.ladder.confirmed
+
+
+def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
+    fall = Fall(holds_load=HoldsLoad.TORQUE)
+    out = fall.step(ENABLED, moving=True, mode=4)
+    assert out.mode == 1
+    assert out.target_torque is None  # what holds it now goes on until then
+    assert out.controlword == 0x0F

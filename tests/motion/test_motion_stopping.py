@@ -1,0 +1,335 @@
+"""Halt, stop with its lock, quick stop: what the drive does, which state the axis is in afterwards, and what may follow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from rig import PERIOD, rig
+from watch import DISABLED, ENABLED, HALT, QUICK_STOP, Watch
+
+from axisbus.errors import DriveError, Replaced, StateError, Stopped
+from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.states import AxisState
+from axisbus.sim.motor import MotorParams
+
+
+def turning(**options):
+    """A rig whose axis turns at 100 deg/s."""
+    r = rig(**options).enabled()
+    r.axis.move_velocity(100.0).wait(3)
+    return r
+
+
+def standing(r) -> bool:
+    return abs(r.drive.axis.motor.velocity) < 1.0
+
+
+# Halt.
+
+
+def test_halt_brakes_on_the_profile_s_deceleration_to_standstill_and_keeps_the_power():
+    r = turning()
+    watch = Watch(r)
+    start = r.now
+    r.axis.halt().wait(3)
+    # 100 / 500 = 0.2 s, and 50 ms until standing is certain
+    assert r.now - start == pytest.approx(0.25, abs=0.06)
+    assert watch.acceleration() <= 500_000 * 1.05
+    assert watch.transitions == []
+    assert watch.words == [0x0F | HALT]
+    assert r.axis.state is AxisState.STANDSTILL
+    r.run(2.0)
+    assert watch.words == [0x0F | HALT]  # it stays halted until something new is wanted
+    assert standing(r)
+
+
+def test_halt_repeated_is_harmless_and_all_handles_end():
+    r = turning()
+    handles = [r.axis.halt() for _ in range(3)]
+    r.run(0.1)
+    handles.append(r.axis.halt())
+    for handle in handles:
+        handle.wait(3)
+    again = r.axis.halt()
+    again.wait(1)
+    assert r.axis.state is AxisState.STANDSTILL
+    assert r.axis.error is None
+
+
+def test_a_new_motion_may_interrupt_a_halt():
+    r = turning()
+    halt = r.axis.halt()
+    r.run(0.05)
+    r.axis.move_velocity(60.0).wait(3)
+    with pytest.raises(Replaced, match="halt"):
+        halt.wait()
+    assert r.drive.axis.motor.velocity == pytest.approx(60_000, rel=0.01)
+
+
+@pytest.mark.parametrize("how", ["halt", "stop", "quick_stop"])
+def test_where_no_motor_is_driven_there_is_nothing_to_stop_and_that_is_success(how):
+    r = rig()
+    r.run(0.1)
+    watch = Watch(r)
+    getattr(r.axis, how)().wait(1)
+    r.run(0.2)
+    assert watch.words == []
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_a_halt_that_the_drive_does_not_hear_leads_down_to_quick_stop_and_is_told():
+    r = turning(stop_times=StopTimes(halt=0.3))
+    r.drive.dials.ignore_halt = True
+    r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + axis.velocity * dt, axis.velocity, dt)
+    watch = Watch(r)
+    with pytest.raises(DriveError, match="harder stop than was asked for") as caught:
+        r.axis.halt().wait(5)
+    assert "halt > quick stop" in caught.value.observed
+    assert "halt_time" in caught.value.remedy
+    assert 11 in watch.transitions
+    assert standing(r)
+    assert r.axis.state is AxisState.ERRORSTOP
+
+
+# Stop and its lock.
+
+
+def test_stop_locks_the_axis_until_it_is_released():
+    r = turning()
+    watch = Watch(r)
+    r.axis.stop().wait(3)
+    assert r.axis.state is AxisState.STOPPING
+    assert standing(r)
+    for command in (
+        lambda: r.axis.move_relative(5.0),
+        lambda: r.axis.move_velocity(5.0),
+        lambda: r.axis.home(37),
+    ):
+        with pytest.raises(StateError, match=r"release"):
+            command().wait(1)
+    watch.forget()
+    r.run(0.5)
+    assert watch.displacement < 1.0
+    r.axis.release().wait(1)
+    assert r.axis.state is AxisState.STANDSTILL
+    r.axis.move_relative(5.0).wait(3)
+
+
+def test_a_release_before_it_stands_is_refused_and_the_stop_goes_on():
+    r = turning()
+    stop = r.axis.stop()
+    r.run(0.05)
+    with pytest.raises(StateError, match="does not stand yet"):
+        r.axis.release().wait(1)
+    stop.wait(3)
+    assert r.axis.state is AxisState.STOPPING
+
+
+def test_release_without_a_stop_is_harmless():
+    r = turning()
+    r.axis.release().wait(1)
+    r.run(0.1)
+    assert r.axis.state is AxisState.CONTINUOUS_MOTION
+    assert r.drive.axis.motor.velocity == pytest.approx(100_000, rel=0.01)
+
+
+def test_stop_twice_and_halt_during_a_stop_keep_the_lock():
+    r = turning()
+    first, second = r.axis.stop(), r.axis.stop()
+    r.run(0.05)
+    halt = r.axis.halt()
+    for handle in (first, second, halt):
+        handle.wait(3)
+    assert r.axis.state is AxisState.STOPPING
+    r.axis.halt().wait(1)
+    r.axis.stop().wait(1)
+    assert r.axis.state is AxisState.STOPPING
+    r.axis.release().wait(1)
+    assert r.axis.state is AxisState.STANDSTILL
+
+
+def test_a_stop_during_a_halt_locks_and_gives_no_more_time():
+    r = turning(stop_times=StopTimes(halt=0.5))
+    r.drive.dials.ignore_halt = True
+    r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + axis.velocity * dt, axis.velocity, dt)
+    start = r.now
+    r.axis.halt()
+    r.run(0.3)
+    stop = r.axis.stop()
+    r.until(lambda: r.drive.power.stage == QUICK_STOP)
+    assert r.now - start == pytest.approx(0.5, abs=0.05)
+    r.until(lambda: not stop.busy)
+
+
+def test_stopped_holds_the_axis_within_a_block():
+    r = turning()
+    with r.axis.stopped(3.0):
+        assert standing(r)
+        assert r.axis.state is AxisState.STOPPING
+    assert r.axis.state is AxisState.STANDSTILL
+    with pytest.raises(ZeroDivisionError), r.axis.stopped(3.0):
+        raise ZeroDivisionError
+    assert r.axis.state is AxisState.STANDSTILL
+
+
+def test_disable_out_of_a_stop_takes_the_power_away():
+    r = turning()
+    r.axis.stop().wait(3)
+    watch = Watch(r)
+    r.axis.disable().wait(3)
+    assert watch.transitions == [5, 6, 7]
+    assert r.axis.state is AxisState.DISABLED
+
+
+# Quick stop.
+
+
+def test_quick_stop_with_an_option_that_disables_ends_disabled():
+    r = turning()
+    r.device.write(0x605A, 0, 2)
+    watch = Watch(r)
+    r.axis.quick_stop().wait(3)
+    r.run(0.2)
+    assert watch.transitions == [11, 12]
+    assert r.axis.state is AxisState.DISABLED
+    assert standing(r)
+    watch.forget()
+    r.run(1.0)
+    assert watch.transitions == []  # nothing switches it on again
+
+
+@pytest.mark.parametrize("option", [5, 6])
+def test_quick_stop_with_an_option_that_holds_stays_in_stopping_until_it_is_enabled_again(option):
+    r = turning()
+    r.device.write(0x605A, 0, option)
+    watch = Watch(r)
+    r.axis.quick_stop().wait(3)
+    assert watch.transitions == [11]
+    assert r.axis.state is AxisState.STOPPING
+    with pytest.raises(StateError, match="quick stop active"):
+        r.axis.release().wait(1)
+    with pytest.raises(StateError):
+        r.axis.move_relative(1.0).wait(1)
+    watch.forget()
+    r.run(1.0)
+    assert watch.transitions == []
+    r.axis.enable().wait(3)
+    assert watch.transitions == [16]
+    assert r.axis.state is AxisState.STANDSTILL
+    assert watch.displacement < 1.0
+    r.axis.move_relative(1.0).wait(3)
+
+
+def test_a_held_quick_stop_can_be_disabled():
+    r = turning()
+    r.device.write(0x605A, 0, 6)
+    r.axis.quick_stop().wait(3)
+    watch = Watch(r)
+    r.axis.disable().wait(3)
+    assert watch.transitions == [12]
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_quick_stop_twice_is_harmless():
+    r = turning()
+    r.device.write(0x605A, 0, 6)
+    first, second = r.axis.quick_stop(), r.axis.quick_stop()
+    first.wait(3)
+    second.wait(3)
+    r.axis.quick_stop().wait(3)
+    assert r.drive.power.stage == QUICK_STOP
+    assert r.axis.state is AxisState.STOPPING
+
+
+def test_quick_stop_during_a_halt_is_harder_at_once():
+    r = rig().enabled()
+    r.device.write(0x6085, 0, 5_000_000)
+    r.axis.move_velocity(100.0, deceleration=50.0).wait(5)
+    halt = r.axis.halt()
+    r.run(0.1)
+    watch = Watch(r)
+    r.axis.quick_stop().wait(3)
+    begin, end = watch.moving()
+    assert end - begin < 0.1
+    halt.wait()
+    assert standing(r)
+
+
+def test_a_motion_that_a_stop_has_ended_says_so():
+    r = rig().enabled()
+    move = r.axis.move_absolute(300.0)
+    r.run(0.3)
+    r.axis.quick_stop().wait(3)
+    with pytest.raises(Stopped, match=r"x.quick_stop\(\)"):
+        move.wait()
+
+
+def test_a_quick_stop_that_the_drive_does_not_hear_leads_to_disable_voltage():
+    r = turning(stop_times=StopTimes(quick_stop=0.3))
+    r.drive.dials.ignore_quick_stop = True
+    watch = Watch(r)
+    with pytest.raises(DriveError) as caught:
+        r.axis.quick_stop().wait(5)
+    assert "quick_stop_time" in caught.value.remedy
+    assert 9 in watch.transitions
+    assert r.drive.power.stage == DISABLED
+
+
+def test_a_load_is_not_dropped_by_a_quick_stop_that_is_not_heard():
+    load = MotorParams(load=300.0)
+    r = rig(motor=load, holds_load=HoldsLoad.TORQUE, stop_times=StopTimes(quick_stop=0.3))
+    r.drive.start_enabled(1)
+    r.run(0.2)
+    r.axis.enable().wait(2)
+    r.axis.move_velocity(20.0).wait(3)
+    r.drive.dials.ignore_quick_stop = True
+    watch = Watch(r)
+    handle = r.axis.quick_stop()
+    r.until(lambda: not handle.busy)
+    r.run(0.5)
+    assert r.drive.power.stage == ENABLED  # the power is what holds it
+    assert watch.travel[0] >= watch.rows[0].position - 1
+    assert "did not do the quick stop" in handle.exception().message
+    assert "left on because it holds a load" in handle.exception().observed
+    assert r.axis.state is AxisState.ERRORSTOP
+
+
+def test_an_axis_with_a_brake_is_not_switched_off_before_it_stands():
+    r = turning(motor=MotorParams(brake=True), holds_load=HoldsLoad.BRAKE)
+    watch = Watch(r)
+    r.axis.disable().wait(5)
+    moving_off = [row for row in watch.rows if row.stage != ENABLED and abs(row.velocity) > 20]
+    assert moving_off == []
+    assert r.axis.state is AxisState.DISABLED
+
+
+def test_disabling_without_a_quick_stop_active_never_takes_transition_9_while_it_turns():
+    r = turning()
+    watch = Watch(r)
+    r.axis.disable().wait(5)
+    assert watch.transitions == [5, 6, 7]
+    last = next(row for row in watch.rows if row.stage != ENABLED)
+    assert abs(last.velocity) < 1.0
+
+
+def test_nothing_is_sent_that_enables_while_a_stop_runs_without_a_statusword():
+    r = turning(port={"max_age": {"statusword": 0.05}})
+    read = r.ports["x"].read
+    r.ports["x"].read = lambda now: read(now)._replace(statusword=None)
+    r.run(0.1)
+    watch = Watch(r)
+    r.axis.halt()
+    r.run(2.0)
+    blind = [item.outputs.controlword for item in watch.sent if item.outputs.controlword is not None]
+    assert all(word & 0x0F != 0x0F for word in blind)
+    assert standing(r)
+
+
+def test_halt_in_a_stop_time_of_one_cycle_is_no_trap():
+    """A deadline shorter than the standstill window only leads further down; the axis ends safe."""
+    r = turning(stop_times=replace(StopTimes(), halt=PERIOD))
+    handle = r.axis.halt()
+    r.until(lambda: not handle.busy)
+    r.run(0.5)
+    assert standing(r)
