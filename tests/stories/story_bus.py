@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from story_nets import PlantMoves
+from story_nets import PlantMoves, patience
 from story_rig import SCALE, STAGE_NAMES, cell_text
 
 from axisbus import eds
@@ -93,7 +93,7 @@ class Line:
             PlantMoves: it does not.
         """
         wanted = (stages,) if isinstance(stages, int) else stages
-        deadline = time.monotonic() + within
+        deadline = time.monotonic() + patience(within)
         while self.speed(name) > 0.0 or self.stage(name) not in wanted:
             if time.monotonic() > deadline:
                 raise PlantMoves(f"after {within:g} s: {self.told(name)}")

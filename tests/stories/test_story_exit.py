@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 
 import pytest
+from story_bus import Line
 from story_nets import PlantMoves
 from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
+from axisbus.machine.machine import Machine
 from axisbus.motion.handle import NOBODY, Handle
 
 
@@ -66,6 +69,44 @@ def test_close_does_the_same_and_may_be_repeated(story):
     cell.machine.close()
     cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
     let_go(cell)
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+@pytest.mark.nets("the stop ladder")
+def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(story, error):
+    cell = story.simulated("x")
+    scan, once = cell.machine.scan, cell.machine.scan.once
+
+    def with_ctrl_c() -> None:
+        scan.once = once
+        signal.raise_signal(signal.SIGINT)
+        once()
+
+    with pytest.raises(KeyboardInterrupt) as caught, cell.machine:
+        cell.turning()
+        scan.once = with_ctrl_c  # the first cycle of the way out
+        raise error
+    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    assert isinstance(caught.value, error) or isinstance(caught.value.__context__, error)
+
+
+def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_path, monkeypatch):
+    """Nobody has the machine yet who could close it."""
+    machines = []
+
+    def interrupted(machine: Machine) -> bool:
+        machines.append(machine)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Machine, "_has_values", interrupted)
+    with Line(tmp_path) as line:
+        with pytest.raises(KeyboardInterrupt):
+            line.open()
+        (machine,) = machines
+        assert machine.scan.ended
+        assert not machine._thread.is_alive()
+        assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
+        assert line.devices["x"].read(0x1016, 1) == 0
 
 
 def test_commands_after_closing_say_so(story, golden):

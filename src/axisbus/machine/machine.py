@@ -198,10 +198,10 @@ class Machine:
     ) -> None:
         reason = "the with block ended" if error is None else f"{type(error).__name__} ended the with block"
         failures = self._close(reason)
-        if error is not None:
+        if error is None or (isinstance(error, Exception) and self._signals.pending is not None):
+            self._raise(failures)
+        elif error is not None:
             _add_notes(error, failures)
-            return
-        self._raise(failures)
 
     def close(self) -> None:
         """Stop every axis that this program has enabled or commanded, disable it, and release the bus. Harmless when repeated.
