@@ -11,7 +11,7 @@ UPDATE = "AXISBUS_UPDATE_GOLDEN"
 
 # What differs from run to run: the private channel's name, and in real time measured seconds and increments under way.
 _CHANNEL = re.compile(r"axisbus-(sim|stories)-\d+-\d+"), r"axisbus-\1-#"
-_MEASURED = re.compile(r"\d+\.\d+"), "#"
+_MEASURED = re.compile(r"\d+\.\d+|\d+(?= s\b)"), "#"
 _FRAME = re.compile(r"frame [0-9A-F]{3}h"), "frame #"  # whichever was due when the adapter failed
 
 

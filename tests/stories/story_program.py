@@ -52,11 +52,14 @@ class Ended:
 class Program:
     """A program under way; kills it at the end whatever happened."""
 
-    def __init__(self, script: str, *arguments: str, stdin: int | None = None) -> None:
+    def __init__(
+        self, script: str, *arguments: str, stdin: int | None = None, pass_fds: Sequence[int] = ()
+    ) -> None:
         path = os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
         self.process = subprocess.Popen(
             [sys.executable, str(HERE / script), *arguments],
             stdin=stdin,
+            pass_fds=pass_fds,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
