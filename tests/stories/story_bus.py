@@ -39,7 +39,7 @@ class Line:
         """``present``: the axes whose nodes are there (default all); ``changes``: see ``cell_text``."""
         self.names = names
         self.channel = f"axisbus-stories-{os.getpid()}-{next(_CHANNELS)}"
-        text = cell_text(names, interface="virtual", channel=self.channel, period="5ms", **changes)
+        text = cell_text(names, interface="virtual", channel=self.channel, **{"period": "5ms", **changes})
         self.file = folder / "cell.toml"
         self.file.write_text(text, encoding="utf-8")
         self.devices = {
