@@ -15,6 +15,9 @@ _MEASURED = re.compile(r"\d+\.\d+|\d+(?= s\b)"), "#"
 _FRAME = re.compile(r"frame [0-9A-F]{3}h"), "frame #"  # whichever was due when the adapter failed
 
 
+USED: set[str] = set()  # the names that stories have compared with in this run
+
+
 class Golden:
     """Compares errors with their files; ``folder`` is where the story's cell stands, which messages name."""
 
@@ -28,6 +31,7 @@ class Golden:
         for pattern, instead in (_CHANNEL, _MEASURED, _FRAME) if volatile else (_CHANNEL,):
             text = pattern.sub(instead, text)
         path = FOLDER / f"{name}.txt"
+        USED.add(name)
         if os.environ.get(UPDATE) == "1":
             path.write_text(text, encoding="utf-8")
         assert path.exists(), f"no golden message {name}: review this one, then run with {UPDATE}=1\n{text}"

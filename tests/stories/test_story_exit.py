@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 
 import pytest
-from story_bus import Line
+from story_bus import Line, turning, until
 from story_nets import PlantMoves
 from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 
@@ -225,3 +226,27 @@ def test_handles_that_are_open_when_the_machine_closes_end(story):
     cell.machine.scan.submit("x", None, late)
     assert isinstance(late.exception(), ScanError)
     assert cell.stage() != ENABLED
+
+
+def test_on_a_bus_too_a_deliberate_exit_leaves_drives_that_bear_our_silence(tmp_path):
+    with Line(tmp_path, "xy") as line:
+        with line.open() as machine:
+            turning(machine, line)
+        time.sleep(2.0)  # twenty heartbeats of ours
+        for name in "xy":
+            device = line.devices[name]
+            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1, for_good=0.1)
+            assert device.read(0x1016, 1) == 0
+            assert device.nmt is NmtState.PRE_OPERATIONAL
+            assert device.errors.register == 0
+            assert not device.errors.entries
+
+
+def test_a_drive_that_is_not_let_go_does_not_bear_our_silence(tmp_path):
+    """What the story above would look like without the parting: it proves that the drive's watchdog was armed."""
+    with Line(tmp_path) as line:
+        machine = line.open()
+        machine["x"].enable().wait(10)
+        machine._runtime.let_go = lambda _: None
+        machine.close()
+        until(lambda: bool(line.devices["x"].errors.entries))
