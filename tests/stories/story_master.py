@@ -26,7 +26,7 @@ SPEED = 90.0  # deg/s
 
 def following(x: Axis) -> Handle:
     """Follow a trajectory of some seconds: every target comes from this program."""
-    return x.follow(Trapezoid(0.0, 270.0, SPEED, 500.0))
+    return x.follow(Trapezoid(0.0, 180.0, SPEED, 500.0))
 
 
 def turning(x: Axis) -> Handle:

@@ -103,7 +103,7 @@ def play(
     pause: float = 0.0,
 ) -> Ended:
     """Let a program play scenes and send each its signals, ``before`` seconds after it is ready and with ``pause`` in between."""
-    text = cell_text("x", period="5ms", stop='halt_time = "15s"')
+    text = cell_text("x", period="20ms", heartbeat="200ms", stop='halt_time = "15s"')
     (folder / "cell.toml").write_text(text, encoding="utf-8")
     with Program("story_child.py", str(folder), ";".join(nets), *(name for name, _ in scenes)) as program:
         for name, numbers in scenes:

@@ -10,17 +10,22 @@ from contextlib import contextmanager
 import can
 import pytest
 from story_bus import Line, turning, until
+from story_nets import patience
 from story_rig import ENABLED, OFF, QUICK_STOP
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.machine import node_stop
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 
 STOPPED = (QUICK_STOP, *OFF)
 BESIDE = pytest.mark.nets("the stop beside", "the stop ladder")
-PERIOD = 0.005
+PERIOD = 0.02
+TIMES = (
+    'quick_stop_time = "500ms"\ndisable_time = "500ms"'  # that of a node that is lost is waited for in vain
+)
 
 
 @pytest.fixture
@@ -29,15 +34,16 @@ def axisbus_stop(monkeypatch, capsys):
 
     def call(line: Line) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["axisbus", "stop", str(line.file)])
+        monkeypatch.setattr(node_stop, "_LONGEST", patience(node_stop._LONGEST))
         return run(cli), capsys.readouterr().out
 
     return call
 
 
 @contextmanager
-def live(folder, names: str = "xy", **changes: str) -> Iterator[tuple[Line, Machine]]:
+def live(folder, names: str = "xy") -> Iterator[tuple[Line, Machine]]:
     """A master that lets its axes turn. It is closed in the end, whatever it then has to tell."""
-    with Line(folder, names, **changes) as line:
+    with Line(folder, names, stop=TIMES) as line:
         machine = line.open()
         try:
             turning(machine, line)

@@ -103,14 +103,14 @@ def master(
 
 def test_short_suspensions_make_a_trajectory_late_and_nothing_jumps(tmp_path):
     with master(tmp_path, (), "following") as cell:
-        for _ in range(5):
+        for _ in range(4):
             cell.suspend(0.1)
             time.sleep(0.25)
         cell.wait_for_the_end()
         place = cell.line.where()
         told = cell.leave()
         assert told == [None], told
-    assert abs(place - 270.0) < 0.05
+    assert abs(place - 180.0) < 0.05
     assert cell.largest_step < 1.2 * STEP
 
 
@@ -132,7 +132,7 @@ def test_after_a_long_suspension_a_trajectory_does_not_go_on_and_does_not_jump(t
         place = cell.line.where()
         cell.line.must_stand(stages=(ENABLED, *OFF))
         assert abs(cell.line.where() - place) < 2.0
-        assert place < 200.0  # 0.3 s at 90 deg/s and a stop
+        assert place < 150.0  # 0.3 s at 90 deg/s and a stop
         told = cell.leave()
     assert isinstance(told[0], StaleError)
     assert cell.largest_step < 1.2 * STEP
@@ -140,7 +140,7 @@ def test_after_a_long_suspension_a_trajectory_does_not_go_on_and_does_not_jump(t
 
 @pytest.mark.nets("the drive's watchdog")
 def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stopped(tmp_path, nets_cut):
-    with master(tmp_path, nets_cut, "turning", heartbeat="100ms") as cell:
+    with master(tmp_path, nets_cut, "turning", heartbeat="200ms") as cell:
         cell._program.send(SIGSTOP)
         cell.line.must_stand(stages=OFF, for_good=0.1)
         cell._program.send(SIGCONT)
@@ -153,6 +153,6 @@ def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stoppe
 
 @pytest.mark.nets("the drive's watchdog")
 def test_the_drive_of_a_master_that_was_killed_stops_by_itself(tmp_path, nets_cut):
-    with master(tmp_path, nets_cut, "turning", heartbeat="100ms") as cell:
+    with master(tmp_path, nets_cut, "turning", heartbeat="200ms") as cell:
         cell.kill()
         cell.line.must_stand(stages=OFF)
