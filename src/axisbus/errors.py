@@ -264,3 +264,11 @@ class Replaced(Interrupted):
 
 class Stopped(Interrupted):
     """A stop took over: asked for, ordered by the fault policy, or on the way out of the program."""
+
+
+def in_a_line(error: BaseException) -> str:
+    """Return an error as a part of what another one observed: its kind, its message, and what was seen in brackets."""
+    if not isinstance(error, AxisbusError):
+        return f"{type(error).__name__}: {error}"
+    seen = f" ({error.observed})" if error.observed else ""
+    return f"{type(error).__name__}: {error.message}{seen}"

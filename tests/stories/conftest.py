@@ -24,6 +24,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("nets_cut", [(), marker.args], ids=names)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the look for golden messages that no story uses come after all stories."""
+    items.sort(key=lambda item: item.path.name == "test_story_zz_golden.py")
+
+
 @pytest.fixture(autouse=True)
 def nets_cut() -> tuple[str, ...]:
     """The nets that are cut in this run of the story."""

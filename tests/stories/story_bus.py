@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from story_nets import PlantMoves
+from story_nets import PlantMoves, patience
 from story_rig import SCALE, STAGE_NAMES, cell_text
 
 from axisbus import eds
@@ -22,6 +22,8 @@ from axisbus.sim.device import Device
 from axisbus.sim.network import StandIns
 
 _CHANNELS = itertools.count(1)
+# Slow enough that a busy computer's own delays are not taken for a silence of the drives.
+SLOW = {"period": "20ms", "heartbeat": "200ms"}
 STOP = 6.0  # seconds that a stop may take on a busy computer; the stops themselves take tenths
 
 
@@ -39,7 +41,7 @@ class Line:
         """``present``: the axes whose nodes are there (default all); ``changes``: see ``cell_text``."""
         self.names = names
         self.channel = f"axisbus-stories-{os.getpid()}-{next(_CHANNELS)}"
-        text = cell_text(names, interface="virtual", channel=self.channel, period="5ms", **changes)
+        text = cell_text(names, interface="virtual", channel=self.channel, **{**SLOW, **changes})
         self.file = folder / "cell.toml"
         self.file.write_text(text, encoding="utf-8")
         self.devices = {
@@ -93,7 +95,7 @@ class Line:
             PlantMoves: it does not.
         """
         wanted = (stages,) if isinstance(stages, int) else stages
-        deadline = time.monotonic() + within
+        deadline = time.monotonic() + patience(within)
         while self.speed(name) > 0.0 or self.stage(name) not in wanted:
             if time.monotonic() > deadline:
                 raise PlantMoves(f"after {within:g} s: {self.told(name)}")

@@ -11,7 +11,11 @@ UPDATE = "AXISBUS_UPDATE_GOLDEN"
 
 # What differs from run to run: the private channel's name, and in real time measured seconds and increments under way.
 _CHANNEL = re.compile(r"axisbus-(sim|stories)-\d+-\d+"), r"axisbus-\1-#"
-_MEASURED = re.compile(r"\d+\.\d+"), "#"
+_MEASURED = re.compile(r"\d+\.\d+|\d+(?= s\b)"), "#"
+_FRAME = re.compile(r"frame [0-9A-F]{3}h"), "frame #"  # whichever was due when the adapter failed
+
+
+USED: set[str] = set()  # the names that stories have compared with in this run
 
 
 class Golden:
@@ -21,12 +25,13 @@ class Golden:
         self._folder = folder
 
     def __call__(self, name: str, *errors: BaseException, volatile: bool = False) -> None:
-        """Compare; ``volatile``: measured numbers are left out."""
+        """Compare; ``volatile``: measured numbers, and which frame it was, are left out."""
         text = "\n".join(map(full_text, errors)) + "\n"
         text = text.replace(str(self._folder), "<folder>")
-        for pattern, instead in (_CHANNEL, _MEASURED) if volatile else (_CHANNEL,):
+        for pattern, instead in (_CHANNEL, _MEASURED, _FRAME) if volatile else (_CHANNEL,):
             text = pattern.sub(instead, text)
         path = FOLDER / f"{name}.txt"
+        USED.add(name)
         if os.environ.get(UPDATE) == "1":
             path.write_text(text, encoding="utf-8")
         assert path.exists(), f"no golden message {name}: review this one, then run with {UPDATE}=1\n{text}"

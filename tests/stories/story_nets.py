@@ -41,10 +41,20 @@ NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
 }
 
 
+_cut: list[str] = []
+
+
+def patience(seconds: float) -> float:
+    """Return how long to wait for a stop in real time: all of it, or 2 s where the nets are cut and none will come."""
+    return min(seconds, 2.0) if _cut else seconds
+
+
 @contextmanager
 def cut(names: tuple[str, ...]) -> Iterator[None]:
     """Work without these nets."""
     with ExitStack() as stack:
+        stack.callback(_cut.clear)
+        _cut.extend(names)
         for name in names:
             for owner, attribute, replacement in NETS[name]:
                 stack.enter_context(patch.object(owner, attribute, replacement))

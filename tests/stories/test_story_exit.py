@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import threading
+import time
 
 import pytest
+from story_bus import Line, turning, until
 from story_nets import PlantMoves
 from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
+from axisbus.machine.machine import Machine
 from axisbus.motion.handle import NOBODY, Handle
 
 
@@ -66,6 +70,44 @@ def test_close_does_the_same_and_may_be_repeated(story):
     cell.machine.close()
     cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
     let_go(cell)
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+@pytest.mark.nets("the stop ladder")
+def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(story, error):
+    cell = story.simulated("x")
+    scan, once = cell.machine.scan, cell.machine.scan.once
+
+    def with_ctrl_c() -> None:
+        scan.once = once
+        signal.raise_signal(signal.SIGINT)
+        once()
+
+    with pytest.raises(KeyboardInterrupt) as caught, cell.machine:
+        cell.turning()
+        scan.once = with_ctrl_c  # the first cycle of the way out
+        raise error
+    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    assert isinstance(caught.value, error) or isinstance(caught.value.__context__, error)
+
+
+def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_path, monkeypatch):
+    """Nobody has the machine yet who could close it."""
+    machines = []
+
+    def interrupted(machine: Machine) -> bool:
+        machines.append(machine)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Machine, "_has_values", interrupted)
+    with Line(tmp_path) as line:
+        with pytest.raises(KeyboardInterrupt):
+            line.open()
+        (machine,) = machines
+        assert machine.scan.ended
+        assert not machine._thread.is_alive()
+        assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
+        assert line.devices["x"].read(0x1016, 1) == 0
 
 
 def test_commands_after_closing_say_so(story, golden):
@@ -184,3 +226,27 @@ def test_handles_that_are_open_when_the_machine_closes_end(story):
     cell.machine.scan.submit("x", None, late)
     assert isinstance(late.exception(), ScanError)
     assert cell.stage() != ENABLED
+
+
+def test_on_a_bus_too_a_deliberate_exit_leaves_drives_that_bear_our_silence(tmp_path):
+    with Line(tmp_path, "xy") as line:
+        with line.open() as machine:
+            turning(machine, line)
+        time.sleep(2.0)  # twenty heartbeats of ours
+        for name in "xy":
+            device = line.devices[name]
+            line.must_stand(name, stages=SWITCH_ON_DISABLED, within=0.1, for_good=0.1)
+            assert device.read(0x1016, 1) == 0
+            assert device.nmt is NmtState.PRE_OPERATIONAL
+            assert device.errors.register == 0
+            assert not device.errors.entries
+
+
+def test_a_drive_that_is_not_let_go_does_not_bear_our_silence(tmp_path):
+    """What the story above would look like without the parting: it proves that the drive's watchdog was armed."""
+    with Line(tmp_path) as line:
+        machine = line.open()
+        machine["x"].enable().wait(10)
+        machine._runtime.let_go = lambda _: None
+        machine.close()
+        until(lambda: bool(line.devices["x"].errors.entries))

@@ -37,6 +37,9 @@ SEND_PAUSE = 0.0002
 URGENT_LOCK = 0.005  # seconds that a stop frame waits for the send lock
 URGENT_TOTAL = 0.1  # seconds that all stop frames together may take
 CLOSE_PATIENCE = 1.0
+STUCK = (
+    1.0  # seconds after which a send that has not returned will not; a slow driver's take some milliseconds
+)
 
 _LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 
@@ -163,7 +166,7 @@ class Channel:
         """Send a data frame; blocks up to ``patience`` seconds while the adapter's queue is full.
 
         Raises:
-            AdapterError: the queue stayed full, or the adapter failed.
+            AdapterError: the queue stayed full, or the adapter failed (also when another frame has been stuck in it for a second).
         """
         self._send_paced(_frame(can_id, data), patience)
 
@@ -236,11 +239,15 @@ class Channel:
             time.sleep(SEND_PAUSE)
 
     def _attempt(self, message: can.Message) -> Exception | None:
-        with self._send_lock:
-            try:
-                self.bus.send(message, self._send_timeout)
-            except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
-                return error
+        if not self._send_lock.acquire(timeout=STUCK):
+            self.fail(failures.stuck(self.name, STUCK))
+            self.check()
+        try:
+            self.bus.send(message, self._send_timeout)
+        except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
+            return error
+        finally:
+            self._send_lock.release()
         return None
 
     def _is_final(self, error: Exception) -> bool:

@@ -28,7 +28,7 @@ _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
 class CanCycle:
-    """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, and the lateness so far.
+    """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, the lateness so far, and whether all was stopped.
 
     ``quick_stop_all`` may be called from any thread, the rest belongs to the scan's.
     """
@@ -69,18 +69,24 @@ class CanCycle:
         self._clock = clock
         self._sleep = sleep
         self._lateness = Lateness()
+        self._stopped = False
 
     def now(self) -> float:
         """Return the monotonic time in seconds."""
         return self._clock()
 
     def wait_until(self, t: float) -> None:
-        """Return when ``now() >= t``, as soon after it as the system lets us; counts the lateness. Blocks by sleeping."""
+        """Return when ``now() >= t``, as soon after it as the system lets us; counts the lateness. Blocks by sleeping.
+
+        Raises:
+            BusError: the channel has failed: that is told before anything that follows from it.
+        """
         left = t - self._clock()
         while left > 0:
             self._sleep(left)
             left = t - self._clock()
         self._lateness.note(-left)
+        self._channel.check()
 
     def commit(self) -> None:
         """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
@@ -92,6 +98,8 @@ class CanCycle:
         self._channel.check()
         for port in self._ports:
             for can_id, data in port.take_frames():
+                if self._stopped:  # while the frame before was stuck: this one may enable the drive again
+                    return
                 send(can_id, data)
 
     def sync(self) -> None:
@@ -128,8 +136,9 @@ class CanCycle:
     def quick_stop_all(self) -> None:
         """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.
 
-        Never raises; returns within about half a second even when the adapter is stuck.
+        Never raises; returns within about half a second even when the adapter is stuck. A ``commit`` that is under way ends.
         """
+        self._stopped = True
         frames = self._quick_stop_frames()
         if not frames:
             return

@@ -44,6 +44,15 @@ def refused(name: str, message: can.Message, patience: float, error: Exception) 
     )
 
 
+def stuck(name: str, seconds: float) -> AdapterError:
+    """A send of another thread has not returned."""
+    return AdapterError(
+        f"the CAN adapter {name} is stuck in its driver",
+        observed=f"a frame that was given to it {seconds:g} s ago has not been taken",
+        remedy="pull the adapter out and plug it in again, update its driver, then open the machine again",
+    )
+
+
 def bus_off(name: str) -> AdapterError:
     """The controller left the bus."""
     link = name.removeprefix("socketcan:")

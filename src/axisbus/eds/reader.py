@@ -138,7 +138,9 @@ def file_bytes(path: Path) -> bytes:
         _check_size(path.stat().st_size, str(path))
         return path.read_bytes()
     except FileNotFoundError:
-        remedy = _suggestion(path.parent, path.name) or f"there is no EDS or DCF in {path.parent}"
+        remedy = (
+            _suggestion(path.parent, path.name) or f"check the path: there is no EDS or DCF in {path.parent}"
+        )
         raise EdsError("there is no such file", file=str(path), remedy=remedy) from None
     except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
         raise EdsError(

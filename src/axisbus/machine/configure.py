@@ -29,6 +29,9 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Wr
     return writes
 
 
+_VALUE_REFUSED = "give a value that the drive takes (its manual lists them), or leave the line out"
+
+
 def write_all(objects: Objects, writes: Iterable[Write], file: str) -> int:
     """Write and read back; return how many objects were written.
 
@@ -47,7 +50,11 @@ def _write_one(objects: Objects, write: Write, file: str) -> None:
         objects.write(write.index, write.subindex, write.value)
         got = _read_back(objects, write)
     except SdoAbort as error:
-        hint = error.remedy or abort.explain(error.code).hint
+        hint = (
+            _VALUE_REFUSED
+            if error.code in abort.VALUE_REFUSED
+            else error.remedy or abort.explain(error.code).hint
+        )
         raise _failed(objects, write, file, "the drive refuses it", error.observed, hint) from error
     except SdoError as error:
         remedy = "" if isinstance(error, SdoAbort) else error.remedy
@@ -87,7 +94,7 @@ def _failed(objects: Objects, write: Write, file: str, what: str, observed: str,
         index=write.index,
         subindex=write.subindex,
         observed=observed,
-        remedy=remedy or "give a value that the drive takes (its manual lists them), or leave the line out",
+        remedy=remedy or _VALUE_REFUSED,
     )
 
 

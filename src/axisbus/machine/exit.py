@@ -6,13 +6,17 @@ The scan does the stopping, in its own thread, whatever the main thread does mea
 ``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop
 end and the ``with`` block is left. Inside ``Machine.close`` it is kept until everything stands: leaving is what is being done
 already. A second signal makes the stop a quick stop.
+
+Leaving begins with the *call* of what leaves: of two signals that come together the second is handled on the first instruction of
+``__exit__``, before any of its lines could say so. The interrupted frame tells it.
 """
 
 from __future__ import annotations
 
 import signal
 import threading
-from types import FrameType
+from collections.abc import Callable
+from types import CodeType, FrameType
 from typing import Any
 
 from axisbus.motion.scan import Scan
@@ -21,10 +25,15 @@ _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 
 
 class ExitSignals:
-    """Installed handlers; holds how many signals have come and the handlers that were there before."""
+    """Installed handlers; holds how many signals have come and the handlers that were there before.
 
-    def __init__(self, scan: Scan) -> None:
+    ``closing`` is set by whoever begins to leave; ``pending`` is then the exception to be raised when everything stands.
+    """
+
+    def __init__(self, scan: Scan, *leaving: Callable[..., object]) -> None:
+        """``leaving``: the functions by which a machine is left."""
         self._scan = scan
+        self._leaving: frozenset[CodeType] = frozenset(function.__code__ for function in leaving)
         self._before: dict[signal.Signals, Any] = {}
         self.count = 0
         self.closing = False
@@ -44,12 +53,12 @@ class ExitSignals:
             if threading.current_thread() is threading.main_thread():
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
-    def _handle(self, number: int, _frame: FrameType | None) -> None:
+    def _handle(self, number: int, frame: FrameType | None) -> None:
         self.count += 1
         name = _SIGNALS[signal.Signals(number)]
         self._scan.request_stop(name, quick=self.count > 1)
         error: BaseException = SystemExit(143) if number == signal.SIGTERM else KeyboardInterrupt()
-        if self.closing:
+        if self.closing or (frame is not None and frame.f_code in self._leaving):
             self.pending = error
         else:
             raise error

@@ -63,7 +63,7 @@ class Machine:
         self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan)
         self._axes = {name: Axis(core.parameters, self.scan, self._waiter) for name, core in cores.items()}
         self._groups = {name: self._make_group(name, axes) for name, axes in members.items()}
-        self._signals = ExitSignals(self.scan)
+        self._signals = ExitSignals(self.scan, Machine.__exit__, Machine.close, Machine._close)
         self._thread: threading.Thread | None = None
         self._supervisor: Supervisor | None = None
         self._switch_interval = sys.getswitchinterval()
@@ -102,7 +102,11 @@ class Machine:
         except BaseException:
             _leave(runtime)
             raise
-        machine._begin()
+        try:
+            machine._begin()
+        except BaseException:  # a signal, as a rule: nobody has the machine yet who could close it
+            machine._close("opening it was interrupted")
+            raise
         return machine
 
     # -- what is in it -----------------------------------------------------------------------------------------------
@@ -194,15 +198,10 @@ class Machine:
     ) -> None:
         reason = "the with block ended" if error is None else f"{type(error).__name__} ended the with block"
         failures = self._close(reason)
-        if error is not None:
-            for failure in failures:
-                error.add_note(f"while stopping: {failure}")
-            return
-        if self._signals.pending is not None:
-            for failure in failures:
-                self._signals.pending.add_note(f"while stopping: {failure}")
-            raise self._signals.pending
-        _raise(failures)
+        if error is None or (isinstance(error, Exception) and self._signals.pending is not None):
+            self._raise(failures)
+        elif error is not None:
+            _add_notes(error, failures)
 
     def close(self) -> None:
         """Stop every axis that this program has enabled or commanded, disable it, and release the bus. Harmless when repeated.
@@ -212,8 +211,9 @@ class Machine:
         Raises:
             DriveError: an axis could not be stopped as asked (several: an ExceptionGroup).
             ScanError: the scan had failed before.
+            KeyboardInterrupt, SystemExit: Ctrl-C or SIGTERM came meanwhile.
         """
-        _raise(self._close("the machine was closed"))
+        self._raise(self._close("the machine was closed"))
 
     def _begin(self) -> None:
         if not self._realtime:
@@ -285,6 +285,14 @@ class Machine:
             return [scan_failure(self.scan.failure, rescued)]
         return self.scan.stop_failures()
 
+    def _raise(self, failures: list[AxisbusError]) -> None:
+        """Raise what a signal left behind while the machine was being closed, else what went wrong."""
+        pending, self._signals.pending = self._signals.pending, None
+        if pending is not None:
+            _add_notes(pending, failures)
+            raise pending
+        _raise(failures)
+
     def _at_exit(self) -> None:
         with suppress(AxisbusError):
             self._close("the program ended")
@@ -326,6 +334,11 @@ def _leave(
     for work in works:
         with suppress(AxisbusError, OSError):
             work()
+
+
+def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:
+    for failure in failures:
+        error.add_note(f"while stopping: {failure}")
 
 
 def _raise(failures: list[AxisbusError]) -> None:

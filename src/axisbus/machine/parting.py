@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
 
-from axisbus.errors import ScanError
+from axisbus.errors import ScanError, in_a_line
 from axisbus.machine.boot import Booted
 from axisbus.motion.core import AxisCore
+from axisbus.motion.diagnosis import join_remedies
+from axisbus.motion.ending import remedy_of
 
 _T = TypeVar("_T")
 
@@ -54,16 +56,15 @@ def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, boo
 def scan_failure(failure: BaseException, rescued: Iterable[Stopped]) -> ScanError:
     """Return what closing tells of a scan that had failed."""
     texts = [
-        f"{type(failure).__name__}: {failure}",
+        in_a_line(failure),
         *(f"then, without it: {each.axis}: {each.text}" for each in rescued),
     ]
     unsure = [each.axis for each in rescued if not each.ok]
+    alarm = f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop" if unsure else ""
     return ScanError(
         "the scan of the bus had failed",
         observed="\n            ".join(texts),
-        remedy=f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop; then mend the cause"
-        if unsure
-        else "mend the cause, and open the machine again",
+        remedy=join_remedies(alarm, remedy_of(failure)),
     )
 
 

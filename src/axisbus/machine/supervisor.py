@@ -55,6 +55,6 @@ class Supervisor:
         self._scan.failure = ScanError(
             "the scan of the bus hangs" if alive else "the scan's thread ended",
             observed=f"no cycle for {silent:.2f} s",
-            remedy="the drives were sent a quick stop; look at the adapter (a send that blocks) and its driver",
+            remedy="look at the adapter and its driver (a send that blocks), then open the machine again",
         )
         self._scan.end()

@@ -84,7 +84,7 @@ def _check_limits(core: AxisCore, position: int, handle: Handle) -> None:
         raise LimitError(
             f"{handle.name}: would end beyond the position limits",
             observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy="move less far, or change position_limits in cell.toml",
+            remedy=f"move less far, or change position_limits in [axes.{core.parameters.name}] of cell.toml",
         )
 
 

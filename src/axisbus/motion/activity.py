@@ -100,8 +100,13 @@ class Transfers:
         if reply.abort in _DOES_WITHOUT and index in self._optional:
             return
         if reply.abort is not None:
+            failed = (
+                "the SDO transfer broke off"
+                if reply.abort == abort.TIMED_OUT
+                else "the drive refused the SDO transfer"
+            )
             raise DriveError(
-                f"{self._name}: {object_text(index, subindex)}: the drive refused the SDO transfer",
+                f"{self._name}: {object_text(index, subindex)}: {failed}",
                 axis=self._name,
                 observed=f"abort code {abort.describe(reply.abort)}",
                 remedy=abort.explain(reply.abort).hint or "see what the drive's manual says of this object",

@@ -18,6 +18,8 @@ in (``_let_go``): that takes a new command.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.cia402.state import ENERGISED, State
@@ -135,15 +137,15 @@ class AxisCore:
             self.error,
         )
 
-    def abandon(self, error: AxisbusError) -> None:
-        """End every handle with ``error``: the scan has ended."""
+    def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
+        """End every handle, with the error that ``ended`` makes for its name: the scan has ended."""
         handles = self.stopping.drop()
         if self._story is not None:
             handles += self._story.handles
         if self.handle is not None:
             handles.append(self.handle)
         for handle in handles:
-            self.finish(handle, error)
+            self.finish(handle, ended(handle.name))
 
     # -- what nobody asked for ---------------------------------------------------------------------------------------
 

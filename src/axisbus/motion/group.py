@@ -77,11 +77,11 @@ class GroupCore:
         ended, self._ended = self._ended, False
         return ended
 
-    def abandon(self, error: AxisbusError) -> None:
-        """End the running command: the scan has ended."""
+    def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
+        """End the running command, with the error that ``ended`` makes for its name: the scan has ended."""
         handle, self._handle = self._handle, None
         if handle is not None:
-            handle.finish(Status.ERROR, error)
+            handle.finish(Status.ERROR, ended(handle.name))
 
     def _for_each(self, command: ForEach, handle: Handle) -> None:
         gate = Gate() if command.together else OPEN

@@ -20,10 +20,11 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
-from axisbus.errors import AxisbusError, ScanError, StateError
+from axisbus.errors import AxisbusError
 from axisbus.motion.accept import accept
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.core import AxisCore
+from axisbus.motion.ending import ended, refused_while_closing
 from axisbus.motion.group import GroupCommand, GroupCore
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
 from axisbus.motion.policy import FaultPolicy
@@ -169,11 +170,11 @@ class Scan:
             self.ended = True
             queued, self._queue = list(self._queue), deque()
         for _, _, handle in queued:
-            handle.finish(Status.ERROR, self._end_error(handle.name))
+            handle.finish(Status.ERROR, self._ended(handle.name))
         for core in self.axes.values():
-            core.abandon(self._end_error(f"{core.parameters.name}'s command"))
+            core.abandon(self._ended)
         for group in self.groups.values():
-            group.abandon(self._end_error(f"{group.name}'s command"))
+            group.abandon(self._ended)
         if self.waiter is not None:
             self.waiter.notify()
 
@@ -182,18 +183,10 @@ class Scan:
         return [error for handle in self._stopping if (error := handle.exception()) is not None]
 
     def _refusal(self, what: str) -> AxisbusError:
-        if self.ended:
-            return self._end_error(what)
-        return StateError(f"{what}: the machine is being closed", remedy="open it again")
+        return self._ended(what) if self.ended else refused_while_closing(what)
 
-    def _end_error(self, what: str) -> AxisbusError:
-        if self.failure is None:
-            return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
-        return ScanError(
-            f"{what} was ended: the scan of the bus has failed",
-            observed=f"{type(self.failure).__name__}: {self.failure}",
-            remedy="all drives were sent a quick stop; make sure that they stand, mend the cause, and open the machine again",
-        )
+    def _ended(self, what: str) -> AxisbusError:
+        return ended(what, self.failure)
 
     def _wait(self, cycle: Cycle) -> float:
         """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.

@@ -32,7 +32,7 @@ class Finding(NamedTuple):
 
 
 class Supervision:
-    """Watches one axis; holds whether its node was ever there and whether it is lost, and the guard of its limits."""
+    """Watches one axis; holds whether its node was ever there and is lost, the last long gap, and the guard of its limits."""
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
@@ -43,12 +43,14 @@ class Supervision:
             oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
         )
         self._excused_until = -math.inf
+        self._last_gap = 0.0
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
         """Return that the node is lost, once, until ``lost`` is set back."""
         if image.gap > self._longest_gap:
             self._excused_until = image.now + 2 * self._longest_gap
+            self._last_gap = image.gap
         if image.operational:
             self._met_operational = True
         elif self._met_operational and not self.lost and not self._excused(image):
@@ -134,12 +136,15 @@ class Supervision:
                 observed=f"its last NMT state was {state}",
                 remedy=_remedy_for_silence(node),
             )
+        seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
+        if image.now < self._excused_until:
+            seen += f"; this program did not run for {self._last_gap:.3g} s just before"
         return NodeError(
             f"{name}: node {node} is lost: its NMT state is {state}, not operational",
             node=node,
-            observed="it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself",
-            remedy="look for another master or tool that commands it, and at its supply: one that restarted has lost its "
-            "configuration and position; close the machine and open it again",
+            observed=seen,
+            remedy="it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
+            "one that restarted has lost its configuration and position; close the machine and open it again",
         )
 
 

@@ -1,0 +1,32 @@
+"""What a command is told that the end of the scan, or of the machine, has ended."""
+
+from __future__ import annotations
+
+from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
+from axisbus.motion.diagnosis import join_remedies
+
+_OPEN_AGAIN = "mend the cause, and open the machine again"
+
+
+def refused_while_closing(what: str) -> StateError:
+    """The machine is being closed: a command that came then, or waited, is not taken."""
+    return StateError(f"{what}: the machine is being closed", remedy="open it again")
+
+
+def ended(what: str, failure: BaseException | None) -> ScanError:
+    """The scan has ended, by ``failure`` or (None) because the machine was closed."""
+    if failure is None:
+        return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
+    return ScanError(
+        f"{what} was ended: the scan of the bus has failed",
+        observed=in_a_line(failure),
+        remedy=join_remedies(
+            "a quick stop was tried on every drive that this program had commanded: make sure that they stand",
+            remedy_of(failure),
+        ),
+    )
+
+
+def remedy_of(failure: BaseException) -> str:
+    """Return what to do about whatever ended the scan."""
+    return failure.remedy if isinstance(failure, AxisbusError) and failure.remedy else _OPEN_AGAIN

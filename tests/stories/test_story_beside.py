@@ -1,0 +1,144 @@
+"""``axisbus stop`` beside a master that is alive: the drives stop and stay stopped, and nobody enables them again."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import can
+import pytest
+from story_bus import Line, turning, until
+from story_nets import patience
+from story_rig import ENABLED, OFF, QUICK_STOP
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.cli.common import run
+from axisbus.cli.main import cli
+from axisbus.machine import node_stop
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+
+STOPPED = (QUICK_STOP, *OFF)
+BESIDE = pytest.mark.nets("the stop beside", "the stop ladder")
+PERIOD = 0.02
+TIMES = (
+    'quick_stop_time = "500ms"\ndisable_time = "500ms"'  # that of a node that is lost is waited for in vain
+)
+
+
+@pytest.fixture
+def axisbus_stop(monkeypatch, capsys):
+    """Type ``axisbus stop CELL``; returns exit code and what it prints."""
+
+    def call(line: Line) -> tuple[int, str]:
+        monkeypatch.setattr(sys, "argv", ["axisbus", "stop", str(line.file)])
+        monkeypatch.setattr(node_stop, "_LONGEST", patience(node_stop._LONGEST))
+        return run(cli), capsys.readouterr().out
+
+    return call
+
+
+@contextmanager
+def live(folder, names: str = "xy") -> Iterator[tuple[Line, Machine]]:
+    """A master that lets its axes turn. It is closed in the end, whatever it then has to tell."""
+    with Line(folder, names, stop=TIMES) as line:
+        machine = line.open()
+        try:
+            turning(machine, line)
+            yield line, machine
+        finally:
+            machine._close("the story ends")
+
+
+@BESIDE
+def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path, axisbus_stop):
+    with live(tmp_path) as (line, machine):
+        code, told = axisbus_stop(line)
+        for name in "xy":
+            line.must_stand(name, stages=STOPPED, within=0.1)
+        assert code == 0, told
+        for axis in machine:
+            until(lambda axis=axis: "NMT state is stopped, not operational" in str(axis.error))
+            assert axis.state is AxisState.ERRORSTOP
+        for name in "xy":
+            line.must_stand(name, stages=STOPPED, within=0.1, for_good=0.5)
+            assert line.devices[name].nmt is NmtState.STOPPED
+        assert "x: " in told
+
+
+class Stubborn:
+    """A master that sends *enable operation* in every cycle and looks at nothing: the frames of a live one, over and over."""
+
+    def __init__(self, line: Line) -> None:
+        self._bus = can.Bus(interface="virtual", channel=line.channel)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._frames: dict[int, bytes] = {}
+
+    def __enter__(self) -> Stubborn:
+        self._listen()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join(5.0)
+        self._bus.shutdown()
+
+    def _listen(self) -> None:
+        """Take a cycle of RPDOs, and the master's heartbeat."""
+        while 0x77F not in self._frames or not any(0x200 < number < 0x580 for number in self._frames):
+            frame = self._bus.recv(1.0)
+            assert frame is not None
+            number = frame.arbitration_id
+            if number == 0x77F or number & 0x780 in (0x200, 0x300, 0x400, 0x500):
+                self._frames[number] = bytes(frame.data)
+
+    def _send(self) -> None:
+        while not self._over.wait(PERIOD):
+            for number, data in [*self._frames.items(), (0x80, b"")]:
+                self._bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
+
+
+@pytest.mark.nets("the stop beside")
+def test_a_master_that_goes_on_sending_enable_operation_is_cut_off(tmp_path, axisbus_stop):
+    with live(tmp_path, "x") as (line, machine), Stubborn(line):
+        machine.scan.quit()  # from here on only the stubborn one sends
+        until(lambda: not machine._thread.is_alive())
+        line.must_move()
+        code, told = axisbus_stop(line)
+        line.must_stand(stages=STOPPED, within=0.1, for_good=0.6)
+        assert code == 0, told
+
+
+def test_stopping_neither_boots_nor_resets_nor_configures(tmp_path, axisbus_stop):
+    with live(tmp_path, "x") as (line, _):
+        device = line.devices["x"]
+        written = []
+        write = device.write
+        device.write = lambda index, *rest: (written.append(index), write(index, *rest))
+        watch, commands = device.read(0x1016, 1), []
+        nmt_command = device.nmt_command
+        device.nmt_command = lambda command: (commands.append(command.name), nmt_command(command))
+        axisbus_stop(line)
+        assert set(written) <= {0x6040}
+        assert device.read(0x1016, 1) == watch
+        assert set(commands) <= {"ENTER_PRE_OPERATIONAL", "STOP"}
+
+
+def test_a_cell_at_rest_is_told_as_such(tmp_path, axisbus_stop):
+    with Line(tmp_path, "x") as line:
+        code, told = axisbus_stop(line)
+        assert code == 0
+        assert "was not energised" in told
+        assert line.stage() != ENABLED
+
+
+def test_a_node_that_does_not_answer_is_told_and_the_exit_code_says_so(tmp_path, axisbus_stop):
+    with Line(tmp_path, "xy", present="y") as line:
+        code, told = axisbus_stop(line)
+    assert code == 3
+    assert "x: NOT CONFIRMED as stopped" in told
+    assert "y: was not energised" in told
