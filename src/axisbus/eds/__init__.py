@@ -1,5 +1,6 @@
 """EDS and DCF files: what they say, with line numbers."""
 
+from axisbus.eds import writer
 from axisbus.eds.canopen_text import canopen_text
 from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
 from axisbus.eds.reader import load, loads
@@ -15,4 +16,5 @@ __all__ = [
     "canopen_text",
     "load",
     "loads",
+    "writer",
 ]
