@@ -7,13 +7,16 @@ import logging
 import os
 import random
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from eds_texts import canopen_facts, our_facts
+from eds_texts import canopen_facts, import_text, our_facts
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import canopen_text, edit, reader, writer
+from axisbus.eds import canopen_text, dcf, edit, reader, writer
+from axisbus.eds.fix import fix
+from axisbus.errors import ArgumentError
 
 FOLDER = Path(
     os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
@@ -117,3 +120,37 @@ def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.Readin
                 section,
                 key,
             )
+
+
+def test_every_model_written_anew_is_a_clean_file_that_canopen_reads(
+    readings: dict[str, reader.Reading],
+) -> None:
+    written = 0
+    for name, reading in readings.items():
+        eds = replace(reading.eds, objects=dict(reading.eds.objects))
+        try:
+            data = writer.dumps(eds)
+        except ArgumentError:
+            continue  # a text that is not ASCII, or a number in [DeviceInfo] that is none
+        written += 1
+        again = reader.read(data, name)
+        assert our_facts(again.eds, 5) == our_facts(eds, 5), name
+        assert comparable(canopen_facts(data.decode(), 5)) == comparable(our_facts(eds, 5)), name
+    assert written >= len(FILES) * 9 // 10
+
+
+def accepted(data: bytes) -> bool:
+    """Whether canopen reads these bytes without an exception or a complaint."""
+    try:
+        import_text(data.decode("latin-1").replace("\r\n", "\n"), 5)
+    except (configparser.Error, ValueError, LookupError, Warning):
+        return False
+    return True
+
+
+def test_what_canopen_reads_it_reads_after_a_mend_and_as_a_dcf(readings: dict[str, reader.Reading]) -> None:
+    read = [name for name, reading in readings.items() if accepted(writer.dumps(reading))]
+    assert len(read) >= len(FILES) // 2
+    for name in read:
+        assert accepted(writer.dumps(fix(readings[name]).reading)), name
+        assert accepted(writer.dumps(dcf.make(readings[name], dcf.Settings(5)))), name

@@ -145,6 +145,7 @@ def test_an_entry_that_is_not_there_or_not_alone_is_refused(wanted: str, words: 
         ("7", "0x3E8", "0x3E8"),
         ("7", "$nodeid+0x200", "$NODEID+0x200"),
         ("7", "0x200 + $NODEID", "$NODEID+0x200"),
+        ("7", "$NODEID", "$NODEID+0x0"),
         ("2", "0xFF", "-1"),
         ("8", "0.25", "0.25"),
         ("9", "a=b; c", "a=b; c"),

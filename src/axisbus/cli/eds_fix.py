@@ -42,8 +42,9 @@ def command(file: str, output: Path | None, write: bool, as_json: bool) -> int:
     if as_json:
         say_json(_plain(file, fixed, target))
     else:
-        if fixed.mended:
-            say_lines(fix_diff.unified(before.document, fixed, file))
+        diff = list(fix_diff.unified(before.document, fixed, file))
+        if diff:
+            say_lines(diff)
         _summary(file, fixed, target)
     return OK if target is not None or not fixed.mended else WRONG
 

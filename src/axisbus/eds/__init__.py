@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from axisbus.eds import writer
 from axisbus.eds.canopen_text import canopen_text
 from axisbus.eds.checking import check
 from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
@@ -33,6 +34,7 @@ __all__ = [
     "diff",
     "load",
     "loads",
+    "writer",
 ]
 
 

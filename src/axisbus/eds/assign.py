@@ -88,7 +88,8 @@ def text_for(variable: Variable, given: str, node_id: int | None = None) -> str:
     if value is None or odd:
         raise _refused(variable, given, odd[0] if odd else values.Problem("V001", "it is empty"))
     check_limits(variable, value, node_id)
-    return written(value, variable.data_type) if problems else given.strip()
+    bare = given.strip() == "$NODEID"  # some readers want a number behind it
+    return written(value, variable.data_type) if problems or bare else given.strip()
 
 
 def check_writable(variable: Variable) -> None:

@@ -78,7 +78,9 @@ def _lines(eds: Eds) -> Iterator[str]:
 
 def _information(eds: Eds) -> dict[str, dict[str, str]]:
     """Return the information sections in the order of the standard's examples, with the node ID of a DCF."""
-    found = {name: dict(eds.info[name]) for name in _FIRST if name in eds.info}
+    found = {
+        name: dict(eds.info.get(name, {})) for name in _FIRST if name in eds.info or name == "deviceinfo"
+    }
     if eds.node_id is not None:
         given = found.get("devicecomissioning") or eds.info.get("devicecommissioning", {})
         found["devicecomissioning"] = {**given, "nodeid": str(eds.node_id)}
@@ -186,9 +188,8 @@ def written(value: Default, data_type: DataType) -> str:
 def _integer(value: Number) -> str:
     if not value.plus_node_id:
         return str(value.value)
-    if value.value == 0:
-        return "$NODEID"
-    return f"$NODEID+0x{value.value:X}" if value.value > 0 else f"$NODEID+{value.value}"
+    # DS 306 4.3 allows $NODEID alone, but some readers, canopen among them, want a number behind it.
+    return f"$NODEID+0x{value.value:X}" if value.value >= 0 else f"$NODEID+{value.value}"
 
 
 def _section(name: str, entries: Mapping[str, str]) -> Iterator[str]:

@@ -105,7 +105,7 @@ def _chosen(bench: Bench, mends: Iterable[Mend]) -> list[Mended]:
 
 def _original(line: int, origins: tuple[int, ...]) -> int:
     """Return the original's line of a line, or of the nearest before it that has one."""
-    return next((number for number in reversed(origins[:line]) if number), 1)
+    return next((origins[at] for at in range(line - 1, -1, -1) if origins[at]), 1)
 
 
 def _moved(origins: tuple[int, ...], changes: Iterable[Change], document: Document) -> tuple[int, ...]:

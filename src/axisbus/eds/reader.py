@@ -27,6 +27,7 @@ from axisbus.eds.text import Document
 from axisbus.errors import EdsError
 
 MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest EDS that we know of
+MAX_SECTIONS = 500_000  # fifty times as many
 SUFFIXES = (".eds", ".dcf")
 
 _ANY_SECTION = re.compile(
@@ -86,6 +87,11 @@ def read(data: bytes, source: str) -> Reading:
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )
+    if content.text.count("[") > MAX_SECTIONS:
+        raise EdsError(
+            "the file has more sections than any device has objects", file=source, observed=f"more than {MAX_SECTIONS} brackets",
+            remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
+        )  # fmt: skip
     return read_document(text.parse(content), source)
 
 

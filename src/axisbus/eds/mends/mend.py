@@ -45,6 +45,11 @@ class Bench:
         return {rule: tuple(found) for rule, found in by_rule.items()}
 
     @cached_property
+    def again(self) -> Mapping[Section, Section]:
+        """Sections of a sub-index that another section describes already, each with that one."""
+        return dict(self.reading.parts.again)
+
+    @cached_property
     def _sections(self) -> tuple[Section, ...]:
         every = (*self.document.sections.values(), *self.document.repeated)
         return tuple(sorted(every, key=lambda section: section.line))

@@ -73,7 +73,7 @@ def _same_section(bench: Bench, finding: Finding) -> Mended | None:
     second = bench.section_at(finding.line)
     first = bench.document.sections[second.name.lower()]
     if first is second:
-        first = dict(bench.reading.parts.again).get(second, second)
+        first = bench.again.get(second, second)
     whole = _plain(bench, first) and _plain(bench, second)
     if first is second or not whole or first.entries != second.entries:
         return None
