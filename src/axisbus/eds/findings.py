@@ -71,10 +71,9 @@ RULES: dict[str, Rule] = {
 
 
 class Findings:
-    """Collects findings while one file is read; the only state is the list, which stops growing at ``most`` findings."""
+    """Collects findings while one file is read; the only state is the list, which stops growing at ``MAX_FINDINGS``."""
 
-    def __init__(self, most: int = MAX_FINDINGS) -> None:
-        self._most = most
+    def __init__(self) -> None:
         self._found: list[Finding] = []
         self._left_out = 0
 
@@ -89,7 +88,7 @@ class Findings:
         subindex: int | None = None,
     ) -> None:
         """Note one finding of ``rule`` (a key of ``RULES``) at ``line`` (from 1; 0: the whole file)."""
-        if len(self._found) >= self._most:
+        if len(self._found) >= MAX_FINDINGS:
             self._left_out += 1
             return
         severity, remedy = RULES[rule]
