@@ -144,3 +144,10 @@ def test_a_model_goes_to_another_process_and_is_the_same_there() -> None:
     assert again.objects == eds.objects
     assert again.findings == eds.findings != ()
     assert writer.dumps(again) == writer.dumps(eds)
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("nan")])
+def test_a_number_that_is_none_is_refused(value: float) -> None:
+    entry = Variable(0x2000, 0, "x", DataType.REAL32, "rw", value)
+    with pytest.raises(ArgumentError, match="cannot stand in an EDS"):
+        writer.dumps(Eds("x", {0x2000: Object(0x2000, "x", ObjectType.VAR, {0: entry})}, {}))

@@ -8,7 +8,7 @@ from axisbus.bus.plan import Plan, PlannedPdo
 from axisbus.cia402.port import Source
 
 SYNC_PERIODS = 5
-SYNC_LEAST = 0.05  # seconds: a busy computer may skip some cycles without the axis being lost
+SYNC_LEAST = 0.1  # seconds: a busy computer may skip some cycles without the axis being lost
 EVENT_TIMES = 3
 EVENT_MARGIN = 0.05
 POLLS = 3

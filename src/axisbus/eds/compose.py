@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -175,13 +176,19 @@ def _variable(entry: Variable) -> dict[str, str]:
 
 
 def written(value: Default, data_type: DataType) -> str:
-    """Return a value as an EDS writes it (DS 306 4.3); empty for None."""
+    """Return a value as an EDS writes it (DS 306 4.3); empty for None.
+
+    Raises:
+        ArgumentError: a REAL is infinite or no number, which an EDS has no way to write.
+    """
     if value is None or isinstance(value, str):
         return value or ""
     if isinstance(value, Number):
         return _integer(value)
     if isinstance(value, bytes):
         return str(int.from_bytes(value, "little")) if data_type in _TIMES else value.hex().upper()
+    if not math.isfinite(value):
+        raise ArgumentError(f"{value} cannot stand in an EDS", remedy="give a finite number")
     return repr(float(value))
 
 

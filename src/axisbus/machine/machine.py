@@ -228,7 +228,7 @@ class Machine:
         gc.freeze()  # a full collection over the dictionaries takes several periods
         self.scan.waiter = self._waiter
         self._thread = threading.Thread(target=self.scan.run, name="axisbus scan", daemon=True)
-        self._supervisor = Supervisor(self.scan, self._thread, max(0.25, 20 * self.scan.period))
+        self._supervisor = Supervisor(self.scan, self._thread, max(0.4, 20 * self.scan.period))
         self._thread.start()
         self._waiter.scan_thread = self._thread.ident
         self._supervisor.start()

@@ -96,6 +96,14 @@ class Axis:
         )
 
     def _known(self, value: int | None, what: str) -> int:
+        silent = self._scan.silent
+        if silent is not None:
+            raise StaleError(
+                f"{self.name}: its {what} is unknown",
+                axis=self.name,
+                observed=silent,
+                remedy="read it while the machine is open; axis.snapshot keeps what was seen last, with its time",
+            )
         if value is None:
             raise StaleError(
                 f"{self.name}: its {what} is unknown",

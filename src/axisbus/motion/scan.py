@@ -32,6 +32,8 @@ from axisbus.motion.snapshot import Snapshot
 
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
 
+_HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
+
 
 class Lateness:
     """How late the cycles were, in seconds; a handful of numbers, no history."""
@@ -125,6 +127,17 @@ class Scan:
         if self.ended:
             return True
         return self._stops_begun >= self._stops_wanted and not any(handle.busy for handle in self._stopping)
+
+    @property
+    def silent(self) -> str | None:
+        """Why the snapshots are no longer of now, None while they are."""
+        if self.ended:
+            return "the machine is closed or its scan has failed: nothing is received any more"
+        last = max((snapshot.now for snapshot in self.snapshots.values()), default=0.0)
+        age = self.cycle.now() - last
+        if age > max(_HANGING, 10 * self.period):
+            return f"the scan of the bus has done no cycle for {age:.2f} s"
+        return None
 
     def quit(self) -> None:
         """End ``run`` after the present cycle."""

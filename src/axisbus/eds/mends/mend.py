@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,12 +11,12 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
 from axisbus.eds.edit import Change
 from axisbus.eds.fileobjects import FileObjects
-from axisbus.eds.model import Finding
+from axisbus.eds.findings import Findings
+from axisbus.eds.model import Finding, Severity
 from axisbus.eds.reader import Reading
 from axisbus.eds.text import Document, Section
 
 _FIRST_OWN_TYPE = 0x40
-_PER_LINE = 4  # findings that a line may have: enough for each rule that a mend is for
 
 
 class Mended(NamedTuple):
@@ -28,6 +28,27 @@ class Mended(NamedTuple):
     changes: tuple[Change, ...]
 
 
+class _Every(Findings):
+    """Collects all findings by rule, however many; to a mend only their places matter."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: dict[str, list[Finding]] = {}
+
+    def add(
+        self,
+        rule: str,
+        message: str,
+        *,
+        line: int = 0,
+        column: int = 1,
+        index: int | None = None,
+        subindex: int | None = None,
+    ) -> None:
+        finding = Finding(rule, Severity.NOTE, line, column, message, "", index, subindex)
+        self.found.setdefault(rule, []).append(finding)
+
+
 class Bench:
     """A reading on the bench; frozen, what it derives is worked out once on first use."""
 
@@ -36,13 +57,11 @@ class Bench:
         self.document: Document = reading.document
 
     @cached_property
-    def found(self) -> Mapping[str, tuple[Finding, ...]]:
+    def found(self) -> Mapping[str, Sequence[Finding]]:
         """What reading found odd, all of it, by rule."""
-        document, parts = self.document, self.reading.parts
-        by_rule: dict[str, list[Finding]] = {}
-        for finding in FileObjects(document, parts).gone_through(most=len(document.lines) * _PER_LINE):
-            by_rule.setdefault(finding.rule, []).append(finding)
-        return {rule: tuple(found) for rule, found in by_rule.items()}
+        every = _Every()
+        FileObjects(self.document, self.reading.parts).go_through(every)
+        return every.found
 
     @cached_property
     def again(self) -> Mapping[Section, Section]:
