@@ -236,7 +236,7 @@ def test_a_polled_value_does_not_replace_a_newer_frame(
 @pytest.mark.parametrize(
     ("device", "sync", "ages"),
     [
-        (WHOLE, True, {"statusword": 0.05, "position": 0.05, "velocity": 0.05}),
+        (WHOLE, True, {"statusword": 0.1, "position": 0.1, "velocity": 0.1}),
         (
             DevicePdos((), (tpdo(1, "6041/16 6061/8 6064/32", event=20),)),
             False,

@@ -217,3 +217,24 @@ def test_an_event_word_without_a_timer_is_polled_by_sdo_and_stays_known():
     r.run(5.0)
     assert r.axis.state is AxisState.STANDSTILL
     r.axis.move_absolute(10.0).wait(5)
+
+
+def test_what_an_axis_shows_ends_with_its_scan():
+    r = rig()
+    r.enabled()
+    assert r.axis.position == pytest.approx(0.0, abs=0.01)
+    r.scan.end()
+    with pytest.raises(StaleError, match="position") as caught:
+        _ = r.axis.position
+    assert "nothing is received any more" in caught.value.observed
+
+
+def test_what_an_axis_shows_is_not_of_now_while_the_scan_hangs():
+    r = rig()
+    r.enabled()
+    r.cycle.wait_until(r.now + 0.2)
+    assert r.axis.position == pytest.approx(0.0, abs=0.01)
+    r.cycle.wait_until(r.now + 0.2)
+    with pytest.raises(StaleError, match="position") as caught:
+        _ = r.axis.position
+    assert "no cycle for 0.4" in caught.value.observed

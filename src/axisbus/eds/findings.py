@@ -9,9 +9,10 @@ MAX_FINDINGS = 1000  # a file of noise must not fill the memory with texts about
 
 
 class Findings:
-    """Collects findings while one file is read; the only state is the list, which stops growing at ``MAX_FINDINGS``."""
+    """Collects findings while one file is read; the only state is the list, which stops growing at ``most`` findings."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = MAX_FINDINGS) -> None:
+        self._most = most
         self._found: list[Finding] = []
         self._left_out = 0
 
