@@ -99,7 +99,7 @@ def play(
     scenes: Sequence[tuple[str, tuple[int, ...]]],
     nets: Sequence[str] = (),
     *,
-    before: float = 0.0,
+    before: float = 0.1,
     pause: float = 0.0,
 ) -> Ended:
     """Let a program play scenes and send each its signals, ``before`` seconds after it is ready and with ``pause`` in between."""

@@ -91,6 +91,26 @@ def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(story, error):
     assert isinstance(caught.value, error) or isinstance(caught.value.__context__, error)
 
 
+@pytest.mark.nets("the stop ladder")
+def test_a_signal_within_the_handler_of_another_makes_it_a_quick_stop_too(story):
+    """Two that come together: the second is handled in the midst of the first."""
+    cell = story.simulated("x")
+    scan, asked = cell.machine.scan, cell.machine.scan.request_stop
+
+    def interrupted(reason: str, quick: bool = False) -> None:
+        scan.request_stop = asked
+        signal.raise_signal(signal.SIGTERM)
+        asked(reason, quick)
+
+    with pytest.raises(KeyboardInterrupt), cell.machine:
+        cell.turning(90.0)
+        start = cell.where()
+        scan.request_stop = interrupted
+        signal.raise_signal(signal.SIGINT)
+    cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
+    cell.must_have_come("x", start, (3.0, 7.0))  # 4 deg by the ramp of the quick stop, 8 by that of the halt
+
+
 def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_path, monkeypatch):
     """Nobody has the machine yet who could close it."""
     machines = []

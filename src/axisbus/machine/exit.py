@@ -8,7 +8,8 @@ end and the ``with`` block is left. Inside ``Machine.close`` it is kept until ev
 already. A second signal makes the stop a quick stop.
 
 Leaving begins with the *call* of what leaves: of two signals that come together the second is handled on the first instruction of
-``__exit__``, before any of its lines could say so. The interrupted frame tells it.
+``__exit__``, before any of its lines could say so, or on the first of the first one's own handler, which must not be thrown off its
+way by it. The interrupted frames tell it.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ class ExitSignals:
     def __init__(self, scan: Scan, *leaving: Callable[..., object]) -> None:
         """``leaving``: the functions by which a machine is left."""
         self._scan = scan
-        self._leaving: frozenset[CodeType] = frozenset(function.__code__ for function in leaving)
+        self._keeps: frozenset[CodeType] = frozenset(
+            function.__code__ for function in (*leaving, ExitSignals._handle)
+        )
         self._before: dict[signal.Signals, Any] = {}
         self.count = 0
         self.closing = False
@@ -58,7 +61,15 @@ class ExitSignals:
         name = _SIGNALS[signal.Signals(number)]
         self._scan.request_stop(name, quick=self.count > 1)
         error: BaseException = SystemExit(143) if number == signal.SIGTERM else KeyboardInterrupt()
-        if self.closing or (frame is not None and frame.f_code in self._leaving):
+        if self.closing or self._interrupts_us(frame):
             self.pending = error
         else:
             raise error
+
+    def _interrupts_us(self, frame: FrameType | None) -> bool:
+        """Whether the signal came while a machine was being left, or within the handler of another signal."""
+        while frame is not None:
+            if frame.f_code in self._keeps:
+                return True
+            frame = frame.f_back
+        return False
