@@ -97,6 +97,7 @@ def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
     """The second is handled between the end of the block and the first line of what leaves it."""
     (seen,) = played([("sleeping", (SIGINT, SIGTERM))], nets_cut).scenes
     seen.must_stand()
+    assert seen.way < QUICK
     assert seen.raised in (KEYBOARD, TERMINATED)
 
 

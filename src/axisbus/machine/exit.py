@@ -1,8 +1,9 @@
-"""Ctrl-C and SIGTERM: the handler only asks the scan for a stop; the exception that ends the program comes right after.
+"""Ctrl-C and SIGTERM: the scan is asked for a stop at once; the exception that ends the program comes right after.
 
 Theory of operation
 -------------------
-The scan does the stopping, in its own thread, whatever the main thread does meanwhile. The handler sets its flag and then raises
+The scan does the stopping, in its own thread, whatever the main thread does meanwhile. A listening thread (``wakeup``) asks for it
+the moment that the signal comes; the handler, which Python runs in the main thread only, asks too where it is first, and raises
 ``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop
 end and the ``with`` block is left. Inside ``Machine.close`` it is kept until everything stands: leaving is what is being done
 already. A second signal makes the stop a quick stop.
@@ -20,6 +21,7 @@ from collections.abc import Callable
 from types import CodeType, FrameType
 from typing import Any
 
+from axisbus.machine.wakeup import Wakeup
 from axisbus.motion.scan import Scan
 
 _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
@@ -38,7 +40,9 @@ class ExitSignals:
             function.__code__ for function in (*leaving, ExitSignals._handle)
         )
         self._before: dict[signal.Signals, Any] = {}
-        self.count = 0
+        self._wakeup: Wakeup | None = None
+        self._heard = 0
+        self._handled = 0
         self.closing = False
         self.pending: BaseException | None = None
 
@@ -48,18 +52,23 @@ class ExitSignals:
             return
         for number in _SIGNALS:
             self._before[number] = signal.signal(number, self._handle)
+        self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
+        self._wakeup.start()
 
     def restore(self) -> None:
         """Give the signals back to whoever had them."""
+        if self._wakeup is not None and threading.current_thread() is threading.main_thread():
+            self._wakeup.stop()
+            self._wakeup = None
         while self._before:
             number, handler = self._before.popitem()
             if threading.current_thread() is threading.main_thread():
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        self.count += 1
-        name = _SIGNALS[signal.Signals(number)]
-        self._scan.request_stop(name, quick=self.count > 1)
+        self._handled += 1
+        if self._handled > self._heard:  # the listening thread is not there, or later than we are
+            self._scan.request_stop(_SIGNALS[signal.Signals(number)], quick=self._handled > 1)
         error: BaseException = SystemExit(143) if number == signal.SIGTERM else KeyboardInterrupt()
         if self.closing or self._interrupts_us(frame):
             self.pending = error
@@ -73,3 +82,8 @@ class ExitSignals:
                 return True
             frame = frame.f_back
         return False
+
+    def _hear(self, number: int) -> None:
+        """Ask for the stop (the listening thread calls this); a second request for the same signal does no harm."""
+        self._heard += 1
+        self._scan.request_stop(_SIGNALS[signal.Signals(number)], quick=self._heard > 1)

@@ -1,0 +1,87 @@
+"""Hearing signals in a thread of their own: Python runs handlers in the main thread only, which may be busy in a long call.
+
+Theory of operation
+-------------------
+Python writes the number of each signal to a file descriptor the moment that it comes (``signal.set_wakeup_fd``), whatever thread
+the operating system chose for it. A thread reads it and calls ``heard`` at once. If the handler has not run a moment later, the main
+thread may be asleep while the signal went to another thread: it is sent the signal once more, by name. That one is an echo and not
+counted again.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+
+_PATIENCE = 0.2  # seconds that the handler may take before the main thread is woken
+_NOBODY = -1
+_END = b"\0"
+
+
+class Wakeup:
+    """A thread that calls ``heard(number)`` for each signal of ``numbers``; holds the descriptor that was there before."""
+
+    def __init__(
+        self, numbers: frozenset[signal.Signals], heard: Callable[[int], None], handled: Callable[[], bool]
+    ) -> None:
+        """``handled`` tells whether the handler has run for all that was heard; both are called in the thread."""
+        self._numbers = numbers
+        self._heard = heard
+        self._handled = handled
+        self._echoes: Counter[int] = Counter()
+        self._inside, self._outside = socket.socketpair()
+        self._outside.setblocking(False)
+        self._before = _NOBODY
+        self._thread = threading.Thread(target=self._run, name="axisbus signals", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen; main thread only."""
+        self._before = signal.set_wakeup_fd(self._outside.fileno(), warn_on_full_buffer=False)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Give the descriptor back and end the thread; main thread only."""
+        ours = signal.set_wakeup_fd(self._before, warn_on_full_buffer=False)
+        if ours not in (self._outside.fileno(), _NOBODY):
+            signal.set_wakeup_fd(
+                ours, warn_on_full_buffer=False
+            )  # somebody, such as an event loop, has taken it since
+        with suppress(OSError):
+            self._outside.send(_END)
+        self._thread.join(1.0)
+        self._inside.close()
+        self._outside.close()
+
+    def _run(self) -> None:
+        while (number := self._inside.recv(1)) not in (_END, b""):
+            self._hear(number[0])
+
+    def _hear(self, number: int) -> None:
+        if self._echoes[number]:
+            self._echoes[number] -= 1
+            return
+        self._pass_on(number)
+        if number not in self._numbers:
+            return
+        self._heard(number)
+        timer = threading.Timer(_PATIENCE, self._wake, (number,))
+        timer.daemon = True
+        timer.start()
+
+    def _pass_on(self, number: int) -> None:
+        if self._before != _NOBODY:
+            with suppress(OSError):
+                os.write(self._before, bytes((number,)))
+
+    def _wake(self, number: int) -> None:
+        if self._handled() or not hasattr(signal, "pthread_kill"):
+            return
+        main = threading.main_thread().ident
+        if main is not None and self._thread.is_alive():
+            self._echoes[number] += 1
+            signal.pthread_kill(main, number)
