@@ -28,7 +28,10 @@ def main() -> int:
     for number in range(1, rounds + 1):
         start = time.monotonic()
         ran = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q"], capture_output=True, text=True, check=False
+            [sys.executable, "-m", "pytest", "-q", "-n", "3", "--dist", "loadfile"],
+            capture_output=True,
+            text=True,
+            check=False,
         )
         names = re.findall(r"^(?:FAILED|ERROR) (\S+)", ran.stdout, re.MULTILINE)
         failed.update(names)

@@ -29,6 +29,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.path.name == "test_story_zz_golden.py")
 
 
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Tell the process that shares the tests out which golden messages this one has used."""
+    output = getattr(session.config, "workeroutput", None)
+    if output is not None:
+        whole = story_golden.whole(session)
+        output["golden"] = sorted(story_golden.USED), sorted(story_golden.kept()) if whole else []
+
+
 @pytest.fixture(autouse=True)
 def nets_cut() -> tuple[str, ...]:
     """The nets that are cut in this run of the story."""

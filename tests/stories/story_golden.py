@@ -6,6 +6,8 @@ import os
 import re
 from pathlib import Path
 
+import pytest
+
 FOLDER = Path(__file__).parent / "golden"
 UPDATE = "AXISBUS_UPDATE_GOLDEN"
 
@@ -43,3 +45,15 @@ def full_text(error: BaseException) -> str:
     if isinstance(error, BaseExceptionGroup):
         return "\n".join([error.message, *map(full_text, error.exceptions)])
     return "\n".join([str(error), *getattr(error, "__notes__", [])])
+
+
+def kept() -> set[str]:
+    """The names of the golden files that there are."""
+    return {path.stem for path in FOLDER.glob("*.txt")}
+
+
+def whole(session: pytest.Session) -> bool:
+    """Whether all stories are in this run."""
+    here = {item.path for item in session.items if item.path.parent == FOLDER.parent}
+    chosen = session.config.getoption("keyword") or any("::" in name for name in session.config.args)
+    return here == set(FOLDER.parent.glob("test_*.py")) and not chosen

@@ -46,14 +46,18 @@ class ExitSignals:
         self.closing = False
         self.pending: BaseException | None = None
 
-    def install(self) -> None:
-        """Take the signals over; only possible (and only done) in the main thread."""
+    def install(self, listen: bool) -> None:
+        """Take the signals over; only possible (and only done) in the main thread.
+
+        ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile.
+        """
         if threading.current_thread() is not threading.main_thread():
             return
         for number in _SIGNALS:
             self._before[number] = signal.signal(number, self._handle)
-        self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
-        self._wakeup.start()
+        if listen:
+            self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
+            self._wakeup.start()
 
     def restore(self) -> None:
         """Give the signals back to whoever had them."""

@@ -220,7 +220,7 @@ class Machine:
             assert isinstance(self._waiter, PumpWaiter)
             self._waiter.pump()
             self._waiter.wait(self._has_values, _FIRST_VALUES)
-            self._signals.install()
+            self._signals.install(listen=False)
             return
         assert isinstance(self._waiter, ThreadWaiter)
         sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -233,7 +233,7 @@ class Machine:
         self._waiter.scan_thread = self._thread.ident
         self._supervisor.start()
         atexit.register(self._at_exit)
-        self._signals.install()
+        self._signals.install(listen=True)
         self._waiter.wait(self._has_values, _FIRST_VALUES)
 
     def _has_values(self) -> bool:

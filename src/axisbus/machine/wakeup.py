@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 Python writes the number of each signal to a file descriptor the moment that it comes (``signal.set_wakeup_fd``), whatever thread
-the operating system chose for it. A thread reads it and calls ``heard`` at once. If the handler has not run a moment later, the main
-thread may be asleep while the signal went to another thread: it is sent the signal once more, by name. That one is an echo and not
-counted again.
+the operating system chose for it. A thread reads it and calls ``heard`` at once. If the handler has not run a moment later, the
+main thread may be asleep while the signal went to another thread: it is sent the signal once more, by name. That one is an echo
+and not counted again.
 """
 
 from __future__ import annotations
