@@ -262,6 +262,24 @@ def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: f
         monitor.asking = monitor.guarded
 
 
+def guarding_answer(channel: Channel, monitor: NodeMonitor, timeout: float) -> NmtState | None:
+    """Ask a node once for its state by node guarding (CiA 301 7.2.8.3.2.1); blocks up to ``timeout`` seconds.
+
+    Not for a node whose life time is set and that nobody goes on to guard. Returns None where no answer comes.
+
+    Raises:
+        AdapterError: the channel failed, or passes no remote frames on.
+        StateError: called in the receive thread.
+    """
+    asked, asking = monitor.reports, monitor.asking
+    monitor.asking = True
+    try:
+        channel.send_remote(cob.HEARTBEAT + monitor.node_id)
+        return monitor.state if monitor.wait_report(asked, timeout) else None
+    finally:
+        monitor.asking = asking
+
+
 def _serves_sdo(state: NmtState) -> bool:
     return state is not NmtState.STOPPED
 

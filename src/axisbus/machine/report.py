@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
 from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
 
@@ -46,6 +47,13 @@ class NodeReport:
     steps: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     error: AxisbusError | None = None
+    optional: bool = False
+    outcome: Outcome | None = None
+
+    @property
+    def absent(self) -> bool:
+        """Whether it is an optional node that is not there."""
+        return self.optional and self.outcome is not None and self.outcome.letter is Letter.B
 
     @property
     def ok(self) -> bool:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 import time
-from collections.abc import Callable, Collection, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
+from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
+from axisbus.bus.rpdo import CONTROLWORD
 from axisbus.cia301 import cob
-from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.bootplan import DEADLINE
+from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import Capabilities, Port
 from axisbus.eds.model import Eds
@@ -49,21 +53,55 @@ class CanComms:
         self.ports: dict[str, CanPort] = {}
         self.guarding: float | None = None
 
-    def find(self) -> None:
-        """Ask until the node answers, for ``FIND_TIME`` seconds.
+    # -- what boot-up asks for ---------------------------------------------------------------------------------------
+
+    @property
+    def find_tries(self) -> int:
+        """As many as fit into ``FIND_TIME``."""
+        return max(1, math.ceil(FIND_TIME / DEADLINE - 1e-9) - 1)
+
+    def command(self, command: NmtCommand, deadline: float) -> NmtState:
+        """Send an NMT command and wait until it is confirmed; one that asks for the state which it reports is not sent.
 
         Raises:
-            NodeTimeout: it does not.
+            NodeTimeout: it is not.
         """
-        deadline = time.monotonic() + FIND_TIME
-        while not self._node.answers_sdo():
-            if time.monotonic() > deadline:
-                raise self._nobody()
+        monitor = self._node.nmt
+        if monitor.assumed or monitor.state is not RESULT[command]:
+            self._node.command(command, deadline)
+        return monitor.state
 
-    def prepare(self, disturb: bool) -> None:
-        """Bring the node to pre-operational, where that disturbs nothing."""
-        if disturb and self._node.nmt.state is not NmtState.PRE_OPERATIONAL:
-            self._node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    def listen(self, deadline: float) -> NmtState | None:
+        """Return the state of the next heartbeat."""
+        monitor = self._node.nmt
+        return monitor.state if monitor.wait_report(monitor.reports, deadline) else None
+
+    def ask(self, deadline: float) -> NmtState | None:
+        """Return its state by node guarding."""
+        return guarding_answer(self._node.channel, self._node.nmt, deadline)
+
+    @contextmanager
+    def trying(self, tries: int, deadline: float) -> Iterator[None]:
+        """Make SDO requests ``tries`` times."""
+        sdo = self._node.sdo
+        before = sdo.tries, sdo.timeout
+        sdo.tries, sdo.timeout = tries, deadline
+        try:
+            yield
+        finally:
+            sdo.tries, sdo.timeout = before
+
+    def nobody(self) -> NodeTimeout:
+        """Return the error of a node that does not answer, with what is known of it and of the bus."""
+        channel = self._node.channel
+        health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
+        return NodeTimeout(
+            f"node {self._node.node_id} does not answer",
+            node=self._node.node_id,
+            observed=f"no answer to the SDO request for 1000h within {FIND_TIME:g} s, {self._node.nmt.describe(time.monotonic())}; "
+            f"{health}",
+            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
+        )
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
         """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
@@ -115,22 +153,19 @@ class CanComms:
         if self._node.nmt.watched is None:
             self._node.nmt.guard(HEARTBEATS * period + _FIRST_GUARDING)
 
-    def start(self) -> str:
-        """Start the node and wait until it confirms."""
-        if self._node.nmt.state is not NmtState.OPERATIONAL:
-            self._node.command(NmtCommand.START)
+    def state(self) -> str:
+        """Its NMT state."""
         return self._node.nmt.state.text
 
-    def _nobody(self) -> NodeTimeout:
-        channel = self._node.channel
-        health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
-        return NodeTimeout(
-            f"node {self._node.node_id} does not answer",
-            node=self._node.node_id,
-            observed=f"no answer to the SDO request for 1000h within {FIND_TIME:g} s, {self._node.nmt.describe(time.monotonic())}; "
-            f"{health}",
-            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
-        )
+    def cyclic_rpdos(self) -> list[int]:
+        """The RPDOs that hold a controlword: from the first command on the scan sends them in every cycle."""
+        first = [_controlword_pdo(port) for port in self.ports.values()]
+        return [number for number in first if number is not None]
+
+
+def _controlword_pdo(port: CanPort) -> int | None:
+    pdos = [pdo for pdo in port.plan.active if pdo.receive and CONTROLWORD in pdo.values]
+    return pdos[0].target.number if len(pdos) == 1 else None
 
 
 def build_on_bus(
