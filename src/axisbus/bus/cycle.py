@@ -70,6 +70,14 @@ class CanCycle:
         self._sleep = sleep
         self._lateness = Lateness()
 
+    def add(self, ports: Sequence[CanPort], node_id: int, guarding: float | None = None) -> None:
+        """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
+        if guarding is not None:
+            cob_id = cob.HEARTBEAT + node_id
+            self._guarding_due = {**self._guarding_due, cob_id: float("-inf")}
+            self._guarding = {**self._guarding, cob_id: guarding}
+        self._ports = (*self._ports, *ports)
+
     def now(self) -> float:
         """Return the monotonic time in seconds."""
         return self._clock()

@@ -139,7 +139,7 @@ class Command:
 
     command: NmtCommand
     deadline: float = 2.0
-    tries: int = 3
+    tries: int = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class Listen:
     """Await a heartbeat; answered by the NMT state."""
 
     deadline: float
-    tries: int = 2
+    tries: int = 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
+from axisbus.machine import boottext
 from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
 
 
@@ -76,16 +77,21 @@ class NodeReport:
             "watchdog": None if self.watchdog is None else self.watchdog.kind.value,
             "warnings": list(self.warnings),
             "steps": list(self.steps),
+            "optional": self.optional,
+            "boot": None if self.outcome is None else boottext.as_json(self.outcome),
             "error": None if self.error is None else _error(self.error),
             "axes": [_axis(axis) for axis in self.axes],
         }
 
     def _lines(self) -> list[str]:
         lines = [f"node {self.node_id}: {self.device or 'not identified'}"]
+        if self.absent:
+            lines[0] = f"node {self.node_id}: not there; it is optional"
+            return lines + boottext.rows(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
             lines.append(f"  FAILED{step}: " + str(self.error).replace("\n", "\n  "))
-            return lines
+            return lines + boottext.rows(self.outcome)
         rows = [
             ("identity", self.identity),
             ("NMT state", self.nmt),
@@ -93,6 +99,7 @@ class NodeReport:
             ("watchdog", f"{self.watchdog.kind.value}: {self.watchdog.text}" if self.watchdog else ""),
         ]
         lines += [f"  {title:<14}{text}" for title, text in rows if text]
+        lines += boottext.rows(self.outcome)
         for axis in self.axes:
             lines += _axis_lines(axis)
         lines += [f"  WARNING  {warning}" for warning in self.warnings]
@@ -141,7 +148,9 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
 
 def _error(error: AxisbusError) -> dict[str, Any]:
     fields = {
-        key: value for key, value in vars(error).items() if isinstance(value, (str, int)) or value is None
+        key: value
+        for key, value in vars(error).items()
+        if isinstance(value, (str, int, float)) or value is None
     }
     return {"kind": type(error).__name__, **fields}
 

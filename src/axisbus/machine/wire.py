@@ -31,6 +31,7 @@ from axisbus.machine.configure import HEARTBEATS
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.node_stop import NodeStop
 from axisbus.machine.parting import Parting, Stopped, in_parallel
+from axisbus.machine.pickup import Late
 from axisbus.machine.runtime import Runtime
 from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
@@ -196,6 +197,15 @@ def build_on_bus(
         access = {
             node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes
         }
+        late = {
+            node_id: Late(
+                node_id,
+                nodes[node_id].answers_sdo,
+                partial(_boot_late, cell, nodes[node_id], dictionaries[node_id], cycle, access),
+            )
+            for node_id, one in booted.items()
+            if one.report.absent
+        }
         return Runtime(
             cycle,
             dict[str, Port](there),
@@ -205,6 +215,7 @@ def build_on_bus(
             partial(_let_all_go, nodes, booted),
             [cycle.close, stack.pop_all().close],
             stand_ins,
+            late,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
 
@@ -241,6 +252,18 @@ def _boot_all(
         return booted
 
     return dict(zip(nodes, in_parallel(boot, nodes), strict=True))
+
+
+def _boot_late(
+    cell: CellConfig, node: Node, eds: Eds, cycle: CanCycle, access: dict[int, NodeAccess]
+) -> tuple[Booted, Mapping[str, Port]]:
+    """Boot an optional node that has appeared while the scan runs, and let the scan's cycle serve it."""
+    comms = CanComms(cell, node)
+    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms).run()
+    if booted.report.ok:
+        cycle.add(list(comms.ports.values()), node.node_id, comms.guarding)
+        access[node.node_id] = _access(node, eds, comms)
+    return booted, dict[str, Port](comms.ports)
 
 
 def _access(node: Node, eds: Eds, comms: CanComms) -> NodeAccess:
