@@ -51,6 +51,8 @@ def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> 
 def with_facts(error: BootError, outcome: Outcome) -> BootError:
     """Give an error the letter, tries and time of the boot-up that it ended."""
     error.letter = outcome.letter.name if outcome.letter is not None else ""
+    if error.index is None and outcome.address is not None:
+        error.index, error.subindex = outcome.address
     error.abort, error.tries, error.elapsed = outcome.abort, outcome.tries, outcome.elapsed
     return error
 
