@@ -16,7 +16,7 @@ from axisbus.cli.common import run
 from axisbus.cli.main import cli
 from axisbus.errors import BootError, NodeError, StateError
 from axisbus.machine import pickup, wire
-from axisbus.machine.machine import boot
+from axisbus.machine.machine import Machine, boot
 from axisbus.machine.stopping import Watchdog
 from axisbus.sim.network import StandIns
 from lossy_line import LossyLine
@@ -347,3 +347,37 @@ def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_pat
         reports = boot(line.file)
     assert [report.error for report in reports] == [None] * 16
     assert sum(report.outcome.retries for report in reports) > 0
+
+
+# -- events of error control ---------------------------------------------------------------------------------------------
+
+
+def kinds(machine: Machine) -> list[str]:
+    return [event.kind.name for event in machine.node(1).events]
+
+
+def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_path):
+    with Line(tmp_path) as line, line.open() as machine:
+        line.devices["x"].dials.dead = True
+        until(lambda: "LOST" in kinds(machine))
+        line.devices["x"].dials.dead = False
+        until(lambda: "BACK" in kinds(machine))
+        lost = next(event for event in machine.events if event.kind.name == "LOST")
+        assert lost.node == 1
+        assert lost.silent >= 0.3  # three heartbeats of 100 ms
+        assert lost.reaction == pytest.approx(lost.silent - 0.3, abs=0.02)
+        assert "noticed within" in str(lost)
+
+
+def test_a_restart_and_another_nmt_state_are_told(tmp_path):
+    with Line(tmp_path) as line, line.open() as machine:
+        machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        until(lambda: kinds(machine) == ["STATE"])
+        machine.node(1).command(NmtCommand.START)
+        until(lambda: kinds(machine) == ["STATE", "OPERATIONAL"])
+        with line.stand_ins.lock:
+            line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
+        until(lambda: "BOOT_UP" in kinds(machine))
+        event = machine.node(1).events[2]
+        assert event.kind.name == "BOOT_UP"
+        assert 0.0 <= event.reaction < 2.0

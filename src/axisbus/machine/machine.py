@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 
+from axisbus.bus.nodeevents import NodeEvent
 from axisbus.cia402.port import Port, Waiter
 from axisbus.errors import AxisbusError, StateError
 from axisbus.machine import config
@@ -192,6 +193,12 @@ class Machine:
     def reports(self) -> list[NodeReport]:
         """What boot-up had to say of each node."""
         return [booted.report for booted in self._runtime.booted.values()]
+
+    @property
+    def events(self) -> list[NodeEvent]:
+        """What error control has told of all nodes since the scan began, in the order of time."""
+        found = [event for node in self._runtime.nodes.values() for event in node.events]
+        return sorted(found, key=lambda event: event.stamp)
 
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""

@@ -14,6 +14,7 @@ from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
+from axisbus.bus.nodeevents import NodeEvents
 from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
@@ -186,6 +187,7 @@ def build_on_bus(
         booted = _boot_all(cell, dictionaries, nodes, comms, on_report)
         ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
         there = {name: port for name, port in ports.items() if port is not None}
+        events = {node_id: NodeEvents(nodes[node_id].nmt) for node_id, one in booted.items() if one.report.ok}
         cycle = CanCycle(
             channel,
             list(there.values()),
@@ -193,9 +195,11 @@ def build_on_bus(
             master_id=cell.bus.master_id,
             heartbeat=cell.bus.heartbeat or 0.0,
             guarded={node_id: one.guarding for node_id, one in comms.items() if one.guarding is not None},
+            events=list(events.values()),
         )
         access = {
-            node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes
+            node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id], events.get(node_id))
+            for node_id in nodes
         }
         late = {
             node_id: Late(
@@ -261,14 +265,15 @@ def _boot_late(
     comms = CanComms(cell, node)
     booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms).run()
     if booted.report.ok:
-        cycle.add(list(comms.ports.values()), node.node_id, comms.guarding)
-        access[node.node_id] = _access(node, eds, comms)
+        events = NodeEvents(node.nmt)
+        cycle.add(list(comms.ports.values()), node.node_id, events, comms.guarding)
+        access[node.node_id] = _access(node, eds, comms, events)
     return booted, dict[str, Port](comms.ports)
 
 
-def _access(node: Node, eds: Eds, comms: CanComms) -> NodeAccess:
+def _access(node: Node, eds: Eds, comms: CanComms, events: NodeEvents | None) -> NodeAccess:
     plans = tuple(port.plan for port in comms.ports.values())
-    access = NodeAccess(node.node_id, eds, node.sdo, node, plans)
+    access = NodeAccess(node.node_id, eds, node.sdo, node, plans, events)
     access.sdo.cyclic = frozenset(
         (mapped.index, mapped.subindex)
         for plan in plans
