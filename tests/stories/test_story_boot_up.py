@@ -381,3 +381,22 @@ def test_a_restart_and_another_nmt_state_are_told(tmp_path):
         event = machine.node(1).events[2]
         assert event.kind.name == "BOOT_UP"
         assert 0.0 <= event.reaction < 2.0
+
+
+@pytest.mark.parametrize(("word", "stops"), [("group", True), ("report", False)])
+def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_told(tmp_path, word, stops):
+    with Line(tmp_path, "xy") as line:
+        text = line.file.read_text("utf-8")
+        line.file.write_text(text[: text.index("[axes.y]")], "utf-8")  # node 2 is there without an axis
+        with_bus_line(line, f'on_lost_node = "{word}"')
+        with line.open() as machine:
+            machine["x"].enable().wait(10)
+            machine["x"].move_velocity(60.0).wait(10)
+            line.devices["y"].dials.dead = True
+            until(lambda: [event.kind.name for event in machine.node(2).events] == ["LOST"])
+            if stops:
+                until(lambda: line.speed() == 0.0)
+            else:
+                time.sleep(0.3)
+                assert line.speed() > 20.0
+            line.devices["y"].dials.dead = False

@@ -7,6 +7,7 @@ stop already, so that ``reaction`` is the time from when the event could be know
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -24,6 +25,9 @@ class NodeEventKind(Enum):
     BOOT_UP = "has restarted: it sent a boot-up message that nobody asked for"
     STATE = "is in another NMT state than operational"
     OPERATIONAL = "is operational again"
+
+
+BAD = frozenset({NodeEventKind.LOST, NodeEventKind.BOOT_UP, NodeEventKind.STATE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,9 @@ class NodeEvents:
     def __init__(self, monitor: NodeMonitor) -> None:
         """Begin with the node as it is now."""
         self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
+        self.on_event: Callable[[NodeEvent], None] | None = (
+            None  # called in the scan's thread; must not block
+        )
         self._monitor = monitor
         self._bootups = monitor.bootups
         self._operational = monitor.state is NmtState.OPERATIONAL
@@ -82,6 +89,7 @@ class NodeEvents:
     def _note(self, kind: NodeEventKind, now: float, since: float) -> None:
         monitor = self._monitor
         silent = max(0.0, now - monitor.stamp) if monitor.stamp is not None else 0.0
-        self.history.append(
-            NodeEvent(monitor.node_id, kind, now, monitor.state, silent, max(0.0, now - since))
-        )
+        event = NodeEvent(monitor.node_id, kind, now, monitor.state, silent, max(0.0, now - since))
+        self.history.append(event)
+        if self.on_event is not None:
+            self.on_event(event)

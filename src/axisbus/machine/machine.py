@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 
-from axisbus.bus.nodeevents import NodeEvent
+from axisbus.bus.nodeevents import BAD, NodeEvent
 from axisbus.cia402.port import Port, Waiter
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.machine import config
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
@@ -75,6 +75,8 @@ class Machine:
         self._axes = {name: Axis(core.parameters, self.scan, self._waiter) for name, core in cores.items()}
         self._groups: dict[str, Group] = {}
         self._make_groups()
+        for node_id in runtime.nodes:
+            self._watch_node(node_id)
         self._pickup = Pickup(runtime.late, self._join)
         self._signals = ExitSignals(self.scan)
         self._thread: threading.Thread | None = None
@@ -220,6 +222,7 @@ class Machine:
     def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
         """Take in an optional node that has come later; what it has to say stands in ``reports``."""
         self._runtime.booted[node_id] = booted
+        self._watch_node(node_id)
         if not booted.report.ok:
             return
         axes = dict(self._axes)
@@ -232,6 +235,22 @@ class Machine:
         )
         self._axes = axes
         self._make_groups()
+
+    def _watch_node(self, node_id: int) -> None:
+        """A node without axes has nobody else who acts when it is lost."""
+        if not any(self.cell.axes_of(node_id)):
+            self._runtime.nodes[node_id].on_event(self._node_event)
+
+    def _node_event(self, event: NodeEvent) -> None:
+        if event.kind in BAD:
+            self.scan.trip(
+                NodeError(
+                    f"node {event.node} {event.kind.value}",
+                    node=event.node,
+                    observed=str(event),
+                    remedy='look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on',
+                )
+            )
 
     def _make_group(self, name: str, axes: list[str]) -> Group:
         return Group(name, {axis: self._axes[axis] for axis in axes}, self.scan, self._waiter)

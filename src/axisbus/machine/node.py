@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from axisbus.bus.emcy import EmcyMonitor
@@ -118,6 +119,11 @@ class NodeAccess:
         At most the last 256; empty for a node that did not come up, and for one that is simulated without a bus.
         """
         return [] if self._events is None else list(self._events.history)
+
+    def on_event(self, call: Callable[[NodeEvent], None]) -> None:
+        """Have ``call`` called with every further event, in the scan's thread: it must not block."""
+        if self._events is not None:
+            self._events.on_event = call
 
     @property
     def canopen(self) -> Any:

@@ -84,6 +84,7 @@ class Scan:
         self._queue: deque[tuple[str, Command | GroupCommand, Handle]] = deque()
         self._next: float | None = None
         self._stop_requests: deque[tuple[str, bool]] = deque()
+        self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
         self._stopping: list[Handle] = []
@@ -117,6 +118,11 @@ class Scan:
         """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
+
+    def trip(self, error: AxisbusError) -> None:
+        """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""
+        if self._on_lost_node is not LostNode.REPORT:
+            self._trips.append(error)
 
     def refuse_commands(self) -> None:
         """Take no more commands, also none that wait: from here on there is only the way out. Does not block."""
@@ -251,12 +257,18 @@ class Scan:
         return handles
 
     def _apply_policy(self) -> None:
+        while self._trips:
+            self._policy_stop(dict.fromkeys(self.axes, self._trips.popleft().message))
         tripped = {name: core.tripped for name, core in self.axes.items() if core.tripped is not None}
         if not tripped:
             return
-        for name, cause in self._policy.all_stops(tripped).items():
-            reason = f"{name} was stopped because {self.axes[cause].tripped.message}"  # type: ignore[union-attr]
-            accept(self.axes[name], PolicyStop(reason), Handle(f"{name}.stop", NOBODY))
+        causes = self._policy.all_stops(tripped)
+        self._policy_stop({name: tripped[cause].message for name, cause in causes.items()})
+
+    def _policy_stop(self, reasons: Mapping[str, str]) -> None:
+        for name, reason in reasons.items():
+            stop = PolicyStop(f"{name} was stopped because {reason}")
+            accept(self.axes[name], stop, Handle(f"{name}.stop", NOBODY))
 
     def _wake(self) -> None:
         ended = False
