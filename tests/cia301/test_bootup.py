@@ -276,6 +276,15 @@ def test_letter_k_no_heartbeat_after_error_control_was_started():
     assert NmtCommand.START not in slave.commands()
 
 
+def test_heartbeats_that_are_rare_are_not_waited_for():
+    slave = Slave()
+    slave.objects[0x1017, 0] = 5000
+    outcome = slave.run(plan(heartbeat=5.0))
+    assert outcome.ok
+    assert outcome.consumer == pytest.approx(15.0)
+    assert not [each for each in slave.asked if isinstance(each, b.Listen)]
+
+
 def test_letter_l_a_node_found_operational_is_not_reset():
     slave = Slave()
     slave.state = NmtState.OPERATIONAL

@@ -11,13 +11,16 @@ import pytest
 from story_bus import Line, until
 from story_rig import ENABLED, GENERIC, OFF
 
+from axisbus import eds
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, NodeError, StateError
 from axisbus.machine import pickup, wire
 from axisbus.machine.machine import Machine, boot
 from axisbus.machine.stopping import Watchdog
+from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
 from lossy_line import LossyLine
 
@@ -142,8 +145,6 @@ def test_a_node_that_was_left_stopped_is_woken_and_booted(tmp_path):
 
 def eds_with_1020(folder) -> None:
     """Write the generic drive's EDS with 1020h (verify configuration)."""
-    from axisbus.eds.builtin import resolve
-
     text = resolve(GENERIC, folder).read_text(encoding="ascii")
     text += "\n[1020]\nParameterName=Verify configuration\nObjectType=0x8\nSubNumber=3\n"
     text += "\n[1020sub0]\nParameterName=Highest sub-index supported\nObjectType=0x7\nDataType=0x0005\n"
@@ -268,8 +269,6 @@ def test_boot_prints_letter_step_object_expected_and_got(axisbus, tmp_path):
 
 def eds_without(folder, *sections: str) -> None:
     """Write the generic drive's EDS without some objects."""
-    from axisbus.eds.builtin import resolve
-
     text = resolve(GENERIC, folder).read_text(encoding="ascii")
     for section in sections:
         text = re.sub(rf"\[{section}(?:sub[0-9A-F]+)?\]\n(?:(?!\[).*\n)*", "", text)
@@ -400,3 +399,17 @@ def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_told(tmp_pat
                 time.sleep(0.3)
                 assert line.speed() > 20.0
             line.devices["y"].dials.dead = False
+
+
+def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
+
+    line = Line(tmp_path, "xy")
+    with_lines(line, 2, "optional = true")
+    made = {node: device_from_eds(eds.load(resolve(GENERIC, tmp_path)), node) for node in (1, 2)}
+    made[2].dials.dead = True
+    with Machine.simulated(line.file, made) as machine:
+        assert [axis.name for axis in machine] == ["x"]
+        machine["x"].enable().wait(5)
+        machine["x"].move_relative(5.0).wait(5)
+        with pytest.raises(StateError, match="node 2 is optional and is not there"):
+            machine["y"]
