@@ -229,7 +229,8 @@ def command(
 ) -> Confirmation:
     """Send an NMT command to one node and wait until it is confirmed; blocks up to ``timeout`` seconds and one SDO transfer.
 
-    A command that the node's heartbeat does not show in a third of that time is sent again, except for the resets.
+    A command that the node's heartbeat does not show in a third of that time is sent again, except for the resets; one that neither
+    heartbeat nor guarding can show is sent twice, because it may have been lost.
 
     ``answers_sdo`` tries the node's SDO server once; it serves where a node has neither heartbeat nor guarding.
 
@@ -251,6 +252,7 @@ def command(
     elif monitor.guarded and _guarded(channel, monitor, state, timeout):
         return Confirmation.GUARDING
     elif monitor.reports == reports and answers_sdo is not None and answers_sdo() is _serves_sdo(state):
+        send(channel, wanted, monitor.node_id)
         monitor.assume(state)
         return Confirmation.SDO
     raise _unconfirmed(monitor, wanted, state, timeout)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
+from axisbus.cli.common import FAILURE, OK, progress_bar, say, say_json, say_next
 from axisbus.machine.machine import boot
 
 
@@ -19,7 +19,8 @@ def command(cell: Path, as_json: bool) -> int:
     The report says who each node is, how its boot-up went (with the letter of CiA 302-2, A to O, where there is one), how each axis
     stops, and what notices a dead master. Exit code 3 when a node that is not optional did not come up.
     """
-    reports = boot(cell)
+    with progress_bar("booting", quiet=as_json) as tell:
+        reports = boot(cell, tell)
     failed = [report for report in reports if not report.ok and not report.optional]
     up = sum(report.ok for report in reports)
     if as_json:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import itertools
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -363,10 +364,11 @@ class Machine:
             self._close("the program ended")
 
 
-def boot(path: str | Path) -> list[NodeReport]:
+def boot(path: str | Path, progress: Callable[[int, int], None] | None = None) -> list[NodeReport]:
     """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
 
-    A node that did not come up has its ``error`` in the report.
+    A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
+    and that of all.
 
     Raises:
         ConfigError, EdsError, AdapterError: as ``Machine.open``.
@@ -374,7 +376,14 @@ def boot(path: str | Path) -> list[NodeReport]:
     from axisbus.machine.wire import build_on_bus
 
     cell = _checked(path)
-    runtime = build_on_bus(cell, load_dictionaries(cell))
+    lock, through = threading.Lock(), itertools.count(1)
+
+    def told(_: Booted) -> None:
+        if progress is not None:
+            with lock:  # the nodes are booted in parallel
+                progress(next(through), len(cell.nodes))
+
+    runtime = build_on_bus(cell, load_dictionaries(cell), told)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:
