@@ -413,3 +413,51 @@ def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
         machine["x"].move_relative(5.0).wait(5)
         with pytest.raises(StateError, match="node 2 is optional and is not there"):
             machine["y"]
+
+
+# -- node guarding -------------------------------------------------------------------------------------------------------
+
+
+def guarded_line(folder) -> Line:
+    """A drive that has guarding and neither sends nor consumes heartbeats."""
+    eds_without(folder, "1016", "1017", "100C", "100D")
+    with (folder / "drive.eds").open("a", encoding="ascii") as file:
+        for index, name, kind in (("100C", "Guard time", 6), ("100D", "Life time factor", 5)):
+            file.write(
+                f"\n[{index}]\nParameterName={name}\nObjectType=7\nDataType={kind}\nAccessType=rw\nDefaultValue=0\n"
+            )
+    return Line(folder, eds="drive.eds")
+
+
+def test_letter_f_a_drive_that_does_not_answer_node_guarding(tmp_path):
+    with guarded_line(tmp_path) as line:
+        line.stand_ins.nodes[0].slave._on_remote = lambda _: None
+        error = refused(line)
+    assert (error.letter, error.step) == ("F", "error control")
+    assert "remote frames" in error.remedy
+
+
+def test_a_guarded_drive_is_lost_when_its_answers_stay_away(tmp_path):
+    with guarded_line(tmp_path) as line, line.open() as machine:
+        assert machine.reports[0].outcome.control.name == "GUARDING"
+        time.sleep(0.5)
+        assert machine.node(1).events == []
+        line.devices["x"].dials.dead = True
+        until(lambda: kinds(machine) == ["LOST"])
+        line.devices["x"].dials.dead = False
+
+
+def test_a_drive_that_restarts_while_it_is_configured_is_not_started_with_half_of_it(tmp_path):
+    with Line(tmp_path) as line:
+        device = line.devices["x"]
+        restart = []
+
+        def blip(value: int) -> None:
+            if not restart:
+                restart.append(value)
+                device.nmt_command(NmtCommand.RESET_NODE)
+
+        device.dictionary.on_write(0x1016 << 8 | 1, blip)
+        error = refused(line)
+        assert device.nmt is not NmtState.OPERATIONAL
+    assert "node 1, step restart: node 1 restarted while it was being configured" in str(error)

@@ -30,7 +30,7 @@ from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, NodeTimeout
+from axisbus.errors import AxisbusError, NodeError, NodeTimeout
 from axisbus.machine import identity as ids
 from axisbus.machine import proposal
 from axisbus.machine.access import Objects, read_int
@@ -57,6 +57,9 @@ class Comms(Nmt, Protocol):
 
     def nobody(self) -> NodeTimeout:
         """Return the error of a node that does not answer, with all that is known of bus and node."""
+
+    def restarts(self) -> int:
+        """Return how many boot-up messages the node has sent since we listen."""
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
@@ -99,6 +102,7 @@ class NodeBoot:
         self._make: Make = registry.find(None, None)
         self._watch = Watch(objects, cell.bus)
         self._parameters: dict[str, AxisParameters] = {}
+        self._restarts: int | None = None
 
     def run(self) -> Booted:
         """Do all steps; blocks for some dozen SDO transfers. What fails stands in the report, and is not raised."""
@@ -114,7 +118,7 @@ class NodeBoot:
     def _locals(self) -> Locals:
         return {
             Phase.LOOK: lambda known: self._step("state", partial(self._look, known)),
-            Phase.PREPARE: lambda _: self._step("configuration", self._watch.set_sync),
+            Phase.PREPARE: lambda _: self._step("configuration", self._prepare),
             Phase.COMPLETE: self._complete,
         }
 
@@ -164,6 +168,20 @@ class NodeBoot:
             )
         return not self.found_enabled
 
+    def _prepare(self) -> None:
+        self._restarts = self._comms.restarts()
+        self._watch.set_sync()
+
+    def _require_no_restart(self) -> None:
+        """A node that has restarted since has lost its configuration, and must not be started with half of it."""
+        if self._restarts is not None and self._comms.restarts() != self._restarts:
+            raise NodeError(
+                f"node {self._objects.node_id} restarted while it was being configured",
+                node=self._objects.node_id,
+                observed="it sent a boot-up message, and what was written before is lost",
+                remedy="look at its supply, and for another master or tool that resets it; then boot again",
+            )
+
     def _complete(self, known: Outcome) -> None:
         """What is left before the start: the watch on both sides, and the axes with their PDOs."""
         if not self.found_enabled:
@@ -172,6 +190,7 @@ class NodeBoot:
         for axis in self._axes:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
         self._step("watchdog", self._arm_deadlines)
+        self._step("restart", self._require_no_restart)
 
     def _arm(self, control: ErrorControl) -> None:
         self._report.watchdog = self._watch.arm(self._reaction())

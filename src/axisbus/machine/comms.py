@@ -76,6 +76,10 @@ class CanComms:
         finally:
             sdo.tries, sdo.timeout = before
 
+    def restarts(self) -> int:
+        """How many boot-up messages have come."""
+        return self._node.nmt.bootups
+
     def nobody(self) -> NodeTimeout:
         """Return the error of a node that does not answer, with what is known of it and of the bus."""
         channel = self._node.channel

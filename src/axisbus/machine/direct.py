@@ -45,6 +45,10 @@ class DirectComms:
             remedy="check its supply, cable, node ID and bit rate",
         )
 
+    def restarts(self) -> int:
+        """How often it has booted."""
+        return self._device.boot_ups
+
     def command(self, command: NmtCommand, deadline: float) -> NmtState:  # noqa: ARG002 - no time passes here
         """Do what a node without a bus can do: restart. Its objects may be written in any state, and it runs already."""
         if command is NmtCommand.RESET_NODE:
