@@ -96,6 +96,7 @@ def test_letter_j_the_drive_refuses_an_object(tmp_path):
         line.devices["x"].dials.sdo_write_aborts[0x6065, 0] = 0x0609_0030
         error = refused(line)
     assert (error.letter, error.index, error.abort) == ("J", 0x6065, 0x0609_0030)
+    assert "leave the line out" in error.remedy
 
 
 def test_letter_e_a_drive_that_says_it_sends_heartbeats_and_does_not(tmp_path):

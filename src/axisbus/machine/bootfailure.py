@@ -11,6 +11,7 @@ from axisbus.machine.cell import NodeConfig
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
 
+_OTHER_VALUE = "give a value that the drive takes (its manual lists them), or leave the line out"
 # Letter -> message after "node N", what was seen, and what to do first.
 _ERROR_CONTROL = {
     Letter.E: (
@@ -86,7 +87,7 @@ def _configuration(outcome: Outcome, cause: AxisbusError | None) -> BootError:
         index=index,
         subindex=subindex,
         observed=observed,
-        remedy=remedy or "give a value that the drive takes (its manual lists them), or leave the line out",
+        remedy=remedy or _OTHER_VALUE,
     )
     error.__cause__ = cause
     return error
@@ -100,7 +101,12 @@ def _what_went_wrong(outcome: Outcome, cause: AxisbusError | None) -> tuple[str,
             "the drive limits or rounds this value: write one that it takes (its manual lists the range)",
         )
     if isinstance(cause, SdoAbort):
-        return "the drive refuses it", cause.observed, cause.remedy or abort.explain(cause.code).hint
+        refused = cause.code in abort.VALUE_REFUSED
+        return (
+            "the drive refuses it",
+            cause.observed,
+            _OTHER_VALUE if refused else cause.remedy or abort.explain(cause.code).hint,
+        )
     if cause is None:
         return "no answer", "", ""
     return cause.message, cause.observed, cause.remedy
