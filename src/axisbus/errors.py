@@ -188,7 +188,11 @@ class LssTimeout(LssError, TimeoutError):
 
 
 class BootError(BusError):
-    """A node could not be brought up; the fields name the step and, where there is one, the object."""
+    """A node could not be brought up; the fields name the step and, where there is one, the object.
+
+    ``letter`` is that of CiA 302-2 (A to O, empty where the standard has none), ``abort`` the SDO abort code; ``tries`` were made
+    of the last request, ``elapsed`` seconds had passed since the boot-up began.
+    """
 
     def __init__(
         self,
@@ -206,6 +210,10 @@ class BootError(BusError):
         self.step = step
         self.index = index
         self.subindex = subindex
+        self.letter = ""
+        self.abort: int | None = None
+        self.tries = 0
+        self.elapsed = 0.0
 
 
 class ScanError(BusError):

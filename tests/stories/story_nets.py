@@ -36,7 +36,10 @@ NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
         (CanCycle, "quick_stop_all", _nothing),
     ),
     "the supervisor": ((Supervisor, "_take_over", _nothing),),
-    "the drive's watchdog": ((Watch, "arm", lambda *_: NO_WATCHDOG),),
+    "the drive's watchdog": (
+        (Watch, "arm", lambda *_: NO_WATCHDOG),
+        (Watch, "arm_deadlines", lambda *_: NO_WATCHDOG),
+    ),
     "the stop beside": ((NodeStop, "_quick_stop", _nothing),),
 }
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.lateness import Lateness, LatenessReport
+from axisbus.bus.nodeevents import NodeEvents
 from axisbus.bus.port import CanPort
 from axisbus.bus.rpdo import Frame
 from axisbus.cia301 import cob
@@ -42,6 +43,7 @@ class CanCycle:
         master_id: int | None = None,
         heartbeat: float = 0.0,
         guarded: Mapping[int, float] | None = None,
+        events: Sequence[NodeEvents] = (),
         owns_channel: bool = False,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -53,6 +55,7 @@ class CanCycle:
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
             guarded: period in seconds, by node ID, in which nodes without heartbeat are asked for their state (node guarding).
+            events: what each commit looks at, to note what error control has to tell.
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
             sleep: how to wait for a number of seconds.
@@ -65,11 +68,23 @@ class CanCycle:
         self._heartbeat_due = float("-inf")
         self._guarding = {cob.HEARTBEAT + node_id: period for node_id, period in (guarded or {}).items()}
         self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
+        self._events = tuple(events)
         self._owns_channel = owns_channel
         self._clock = clock
         self._sleep = sleep
         self._lateness = Lateness()
         self._stopped = False
+
+    def add(
+        self, ports: Sequence[CanPort], node_id: int, events: NodeEvents, guarding: float | None = None
+    ) -> None:
+        """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
+        self._events = (*self._events, events)
+        if guarding is not None:
+            cob_id = cob.HEARTBEAT + node_id
+            self._guarding_due = {**self._guarding_due, cob_id: float("-inf")}
+            self._guarding = {**self._guarding, cob_id: guarding}
+        self._ports = (*self._ports, *ports)
 
     def now(self) -> float:
         """Return the monotonic time in seconds."""
@@ -101,6 +116,10 @@ class CanCycle:
                 if self._stopped:  # while the frame before was stuck: this one may enable the drive again
                     return
                 send(can_id, data)
+        if self._events:
+            now = self._clock()
+            for events in self._events:
+                events.look(now)
 
     def sync(self) -> None:
         """Send SYNC, where the bus has it (CiA 301 7.2.5; without counter).

@@ -8,6 +8,7 @@ silence afterwards would fault it.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -54,6 +55,8 @@ class NodeMonitor:
         self.guarded = (
             False  # somebody asks all the time, so a request more arms no life guarding of the node's
         )
+        self.toggle_errors = 0
+        self._toggle: int | None = None  # of the last answer to guarding
         self._heartbeats = 0
         self._channel = channel
         self._changed = threading.Condition()
@@ -82,10 +85,14 @@ class NodeMonitor:
 
     def overdue(self, now: float) -> bool:
         """Whether the expected heartbeat is missing at the time ``now``."""
-        watch = self._watch
-        if watch is None:
-            return False
-        return now - max(self.stamp or 0.0, self._watched_since) > watch
+        return self._watch is not None and now > self.deadline
+
+    @property
+    def deadline(self) -> float:
+        """When the next heartbeat or answer is overdue, in seconds of the monotonic clock; infinity where none is expected."""
+        if self._watch is None:
+            return math.inf
+        return max(self.stamp or 0.0, self._watched_since) + self._watch
 
     def operational(self, now: float) -> bool:
         """Whether its last word was *operational* and its heartbeat is not overdue."""
@@ -166,6 +173,8 @@ class NodeMonitor:
             return
         value = data[0] & ~_TOGGLE_BIT
         with self._changed:
+            if self._is_stale(data[0]):
+                return
             if value == NmtState.INITIALISING:  # boot-up; the node then enters pre-operational by itself
                 self.bootups += 1
                 self.bootup_stamp = stamp
@@ -176,6 +185,18 @@ class NodeMonitor:
             self.state, self.stamp, self.assumed = NmtState(value), stamp, False
             self.reports += 1
             self._changed.notify_all()
+
+    def _is_stale(self, value: int) -> bool:
+        """An answer to guarding whose toggle bit has not changed counts as not received (CiA 301 7.2.8.3.2.1)."""
+        if value == NmtState.INITIALISING or not self.asking:
+            self._toggle = None
+            return False
+        toggle = value & _TOGGLE_BIT
+        if toggle == self._toggle:
+            self.toggle_errors += 1
+            return True
+        self._toggle = toggle
+        return False
 
     def _on_command(self, data: bytes, _: float) -> None:
         """Another master commands this node: where no heartbeat will tell the result, it is assumed."""
@@ -208,7 +229,8 @@ def command(
 ) -> Confirmation:
     """Send an NMT command to one node and wait until it is confirmed; blocks up to ``timeout`` seconds and one SDO transfer.
 
-    A command that the node's heartbeat does not show in a third of that time is sent again, except for the resets.
+    A command that the node's heartbeat does not show in a third of that time is sent again, except for the resets; one that neither
+    heartbeat nor guarding can show is sent twice, because it may have been lost.
 
     ``answers_sdo`` tries the node's SDO server once; it serves where a node has neither heartbeat nor guarding.
 
@@ -230,6 +252,7 @@ def command(
     elif monitor.guarded and _guarded(channel, monitor, state, timeout):
         return Confirmation.GUARDING
     elif monitor.reports == reports and answers_sdo is not None and answers_sdo() is _serves_sdo(state):
+        send(channel, wanted, monitor.node_id)
         monitor.assume(state)
         return Confirmation.SDO
     raise _unconfirmed(monitor, wanted, state, timeout)
@@ -260,6 +283,24 @@ def _guarded(channel: Channel, monitor: NodeMonitor, state: NmtState, timeout: f
         return False
     finally:
         monitor.asking = monitor.guarded
+
+
+def guarding_answer(channel: Channel, monitor: NodeMonitor, timeout: float) -> NmtState | None:
+    """Ask a node once for its state by node guarding (CiA 301 7.2.8.3.2.1); blocks up to ``timeout`` seconds.
+
+    Not for a node whose life time is set and that nobody goes on to guard. Returns None where no answer comes.
+
+    Raises:
+        AdapterError: the channel failed, or passes no remote frames on.
+        StateError: called in the receive thread.
+    """
+    asked, asking = monitor.reports, monitor.asking
+    monitor.asking = True
+    try:
+        channel.send_remote(cob.HEARTBEAT + monitor.node_id)
+        return monitor.state if monitor.wait_report(asked, timeout) else None
+    finally:
+        monitor.asking = asking
 
 
 def _serves_sdo(state: NmtState) -> bool:

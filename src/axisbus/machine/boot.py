@@ -8,30 +8,36 @@ Two rules:
 2. A drive found enabled is left as it is: it gets no configuration and no new mapping (a half-configured moving axis is worse than
    an unconfigured one), and the report says so. ``axis.enable()`` takes it over, ``axis.disable()`` switches it off.
 
-The steps are the same for a node on a bus and for a stand-in without one; ``Comms`` is what only a bus has.
+The order of the steps, their tries and their letters are those of ``cia301.bootup``; here is what a drive needs beside: the look at
+its power stage before anything is written, the watchdogs, the PDOs, and the report. The steps are the same for a node on a bus and
+for a stand-in without one; ``Comms`` is what only a bus has.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
+from axisbus.cia301 import objects as o301
+from axisbus.cia301.bootplan import Address, ErrorControl, Letter, Outcome, Phase
+from axisbus.cia301.bootup import boot_up
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.port import Capabilities, Source
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.drives import registry
 from axisbus.drives.make import Make
-from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, BootError
+from axisbus.errors import AxisbusError, NodeError, NodeTimeout
 from axisbus.machine import identity as ids
 from axisbus.machine import proposal
 from axisbus.machine.access import Objects, read_int
+from axisbus.machine.answers import Answerer, Locals, Nmt
+from axisbus.machine.bootfailure import as_error, at_step
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
-from axisbus.machine.configure import Watch, write_all, writes_of
+from axisbus.machine.configure import Watch, plan_of
 from axisbus.machine.parameters import axis_parameters
 from axisbus.machine.report import AxisReport, NodeReport
 from axisbus.machine.stopping import Watchdog, stop_ladder
@@ -42,17 +48,24 @@ _NO_WINDOW = 0xFFFF_FFFF
 _T = TypeVar("_T")
 
 
-class Comms(Protocol):
+class Comms(Nmt, Protocol):
     """What boot-up needs of the bus beside SDO; a stand-in without a bus has none of its own."""
 
-    def find(self) -> None:
-        """Make sure that the node is there; raises ``NodeTimeout``."""
+    @property
+    def find_tries(self) -> int:
+        """How often a node is asked whether it is there."""
 
-    def prepare(self, disturb: bool) -> None:
-        """Bring the node to pre-operational, unless it must not be disturbed."""
+    def nobody(self) -> NodeTimeout:
+        """Return the error of a node that does not answer, with all that is known of bus and node."""
+
+    def restarts(self) -> int:
+        """Return how many boot-up messages the node has sent since we listen."""
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
+
+    def cyclic_rpdos(self) -> list[int]:
+        """Return the numbers (from 1) of the RPDOs that the scan will send in every cycle."""
 
     def watch(self, timeout: float | None) -> None:
         """Expect the node's heartbeat from now on; ``timeout`` in seconds."""
@@ -60,8 +73,8 @@ class Comms(Protocol):
     def guard(self, period: float) -> None:
         """Ask for the node's state every ``period`` seconds from now on (node guarding)."""
 
-    def start(self) -> str:
-        """Start the node; return its NMT state in words."""
+    def state(self) -> str:
+        """Return the node's NMT state in words."""
 
 
 @dataclass(slots=True)
@@ -88,23 +101,42 @@ class NodeBoot:
         self._power: dict[str, State] = {}
         self._make: Make = registry.find(None, None)
         self._watch = Watch(objects, cell.bus)
+        self._parameters: dict[str, AxisParameters] = {}
+        self._restarts: int | None = None
 
     def run(self) -> Booted:
         """Do all steps; blocks for some dozen SDO transfers. What fails stands in the report, and is not raised."""
-        parameters: dict[str, AxisParameters] = {}
+        self._report.optional = self._node.optional
+        answerer = Answerer(self._objects, self._comms, self._locals())
         try:
-            self._step("find", self._comms.find)
-            self._step("identity", self._identify)
-            self._step("state", self._look)
-            self._step("pre-operational", lambda: self._comms.prepare(not self.found_enabled))
-            self._step("configuration", self._configure)
-            self._step("watchdog", self._arm)
-            for axis in self._axes:
-                parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
-            self._step("start", self._start)
+            plan = plan_of(self._cell, self._objects.node_id, self._eds, self._comms.find_tries)
+            self._finish(answerer.run(boot_up(plan)), answerer)
         except AxisbusError as error:
-            self._report.error = error
-        return Booted(self._report, parameters, self._watch, self.found_enabled)
+            self._report.error = at_step(self._objects.node_id, "configuration", error)
+        return Booted(self._report, self._parameters, self._watch, self.found_enabled)
+
+    def _locals(self) -> Locals:
+        return {
+            Phase.LOOK: lambda known: self._step("state", partial(self._look, known)),
+            Phase.PREPARE: lambda _: self._step("configuration", self._prepare),
+            Phase.COMPLETE: self._complete,
+        }
+
+    def _finish(self, outcome: Outcome, answerer: Answerer) -> None:
+        report = self._report
+        report.outcome = outcome
+        report.steps = list(outcome.done)
+        if not outcome.ok:
+            cause = self._comms.nobody() if outcome.letter is Letter.B else answerer.error
+            report.error = as_error(outcome, self._node, cause)
+            return
+        report.nmt = self._comms.state()
+        if self.found_enabled:
+            report.configured = "NOT configured: a drive of this node was found enabled"
+        elif any(text.startswith("configuration") for text in outcome.skipped):
+            report.configured = "not configured again: 1020h has the date and time that the cell file expects"
+        else:
+            report.configured = f"{outcome.written} objects written and read back"
 
     @property
     def found_enabled(self) -> bool:
@@ -113,54 +145,78 @@ class NodeBoot:
 
     def _step(self, name: str, work: Callable[[], _T]) -> _T:
         try:
-            result = work()
+            return work()
         except AxisbusError as error:
-            raise boot_error(self._objects.node_id, name, error) from error
-        self._report.steps.append(name)
-        return result
+            raise at_step(self._objects.node_id, name, error) from error
 
-    def _identify(self) -> None:
-        found = ids.read(self._objects)
-        ids.require_same(found, self._eds, self._objects.node_id, self._node.file or "")
-        self._make = registry.find(found.vendor_id, found.product_code)
-        self._report.device = f"{found.name or self._make.name}"
-        self._report.identity = found.text()
+    def _identify(self, found: Mapping[Address, int]) -> None:
+        vendor, product = (found.get((o301.IDENTITY, sub)) for sub in (o301.VENDOR_ID, o301.PRODUCT_CODE))
+        self._make = registry.find(vendor, product)
+        self._report.device = ids.name(self._objects) or self._make.name
+        self._report.identity = ids.text(found)
         self._report.warnings += ids.differences(found, self._eds)
 
-    def _look(self) -> None:
-        """See what the drives are doing before anything is written."""
+    def _look(self, known: Outcome) -> bool:
+        """See who it is and what the drives are doing, before anything is written; return whether it may be disturbed."""
+        self._identify(known.identity)
         for axis in self._axes:
             word = read_int(self._objects, own_index(o.STATUSWORD, axis.drive_axis))
             self._power[axis.name] = State.UNKNOWN if word is None else decode(word)
-
-    def _configure(self) -> None:
         if self.found_enabled:
-            self._report.configured = "NOT configured: a drive of this node was found enabled"
             self._report.warnings.append(
                 "found enabled: left as it is and not configured; take it over with enable() or switch it off with disable()"
             )
-            return
-        self._watch.set_sync()
-        dictionary = Dictionary(self._eds, self._objects.node_id)
-        count = write_all(
-            self._objects, writes_of(self._cell, self._objects.node_id, dictionary), self._cell.file
-        )
-        self._report.configured = f"{count} objects written and read back"
-        self._comms.watch(self._watch.produce())
+        return not self.found_enabled
 
-    def _arm(self) -> None:
-        codes = [self._option(axis, options.CONNECTION_LOSS) for axis in self._axes]
-        reaction = None
-        if codes and all(code is not None for code in codes):
-            reaction = "; ".join(
-                sorted({options.CONNECTION_LOSS.meaning(code) for code in codes if code is not None})
+    def _prepare(self) -> None:
+        self._restarts = self._comms.restarts()
+        self._watch.set_sync()
+
+    def _require_no_restart(self) -> None:
+        """A node that has restarted since has lost its configuration, and must not be started with half of it."""
+        if self._restarts is not None and self._comms.restarts() != self._restarts:
+            raise NodeError(
+                f"node {self._objects.node_id} restarted while it was being configured",
+                node=self._objects.node_id,
+                observed="it sent a boot-up message, and what was written before is lost",
+                remedy="look at its supply, and for another master or tool that resets it; then boot again",
             )
-        report = self._watch.arm(reaction)
-        self._report.watchdog = report
+
+    def _complete(self, known: Outcome) -> None:
+        """What is left before the start: the watch on both sides, and the axes with their PDOs."""
+        if not self.found_enabled:
+            self._comms.watch(known.consumer)
+        self._step("watchdog", partial(self._arm, known.control))
+        for axis in self._axes:
+            self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
+        self._step("watchdog", self._arm_deadlines)
+        self._step("restart", self._require_no_restart)
+
+    def _arm(self, control: ErrorControl) -> None:
+        self._report.watchdog = self._watch.arm(self._reaction())
         if self._watch.guarding is not None:
             self._comms.guard(self._watch.guarding)
+        elif control is ErrorControl.GUARDING and self._cell.bus.heartbeat is not None:
+            self._comms.guard(self._cell.bus.heartbeat)
+
+    def _arm_deadlines(self) -> None:
+        report = self._report.watchdog
+        if report is None or report.kind is not Watchdog.NONE:
+            return
+        if not self.found_enabled:
+            report = self._watch.arm_deadlines(self._comms.cyclic_rpdos(), self._reaction())
+            self._report.watchdog = report
         if report.kind is Watchdog.NONE:
             self._report.warnings.append(report.text)
+
+    def _reaction(self) -> str | None:
+        """Return what the drives do when they notice that we are dead (6007h), None where one of them does not say."""
+        codes = [self._option(axis, options.CONNECTION_LOSS) for axis in self._axes]
+        if not codes or None in codes:
+            return None
+        return "; ".join(
+            sorted({options.CONNECTION_LOSS.meaning(code) for code in codes if code is not None})
+        )
 
     def _axis(self, axis: AxisConfig) -> AxisParameters:
         parameters = self._live_parameters(axis)
@@ -204,9 +260,6 @@ class NodeBoot:
     def _option(self, axis: AxisConfig, option: options.OptionCode) -> int | None:
         return read_int(self._objects, own_index(option.index, axis.drive_axis), option.subindex)
 
-    def _start(self) -> None:
-        self._report.nmt = self._comms.start()
-
 
 def _travels(how: Capabilities) -> str:
     """Return how values travel, grouped: ``synchronous PDO: statusword, position; SDO: torque``."""
@@ -215,20 +268,3 @@ def _travels(how: Capabilities) -> str:
         if name.replace("_", " ") not in groups.setdefault(source, []):
             groups[source].append(name.replace("_", " "))
     return "; ".join(f"{source.value}: {', '.join(names)}" for source, names in groups.items())
-
-
-def boot_error(node_id: int, step: str, error: AxisbusError) -> AxisbusError:
-    """Return an error of a step as one that names node and step."""
-    if isinstance(error, BootError):
-        return error
-    failed = BootError(
-        f"node {node_id}, step {step}: {error.message}",
-        node=node_id,
-        step=step,
-        index=getattr(error, "index", None),
-        subindex=getattr(error, "subindex", 0),
-        observed=error.observed,
-        remedy=error.remedy,
-    )
-    failed.__cause__ = error
-    return failed

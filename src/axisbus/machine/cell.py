@@ -67,7 +67,10 @@ class PdoConfig:
 
 @dataclass(frozen=True, slots=True)
 class BusConfig:
-    """``[bus]``; ``bitrate`` in bit/s, ``scan_period`` and ``heartbeat`` in seconds (``heartbeat`` None: off)."""
+    """``[bus]``; ``bitrate`` in bit/s, ``scan_period`` and ``heartbeat`` in seconds (``heartbeat`` None: off).
+
+    ``on_lost_node`` says what else stops when a node is lost: its ``group``, the ``cell``, or nothing (``report``).
+    """
 
     interface: str = ""
     channel: str | int | None = None
@@ -76,19 +79,29 @@ class BusConfig:
     scan_period: float = 0.01
     sync: bool = True
     heartbeat: float | None = 0.1
+    on_lost_node: str = "group"
     options: Mapping[str, Any] = field(default_factory=dict)
     at: Place = Place()
 
 
 @dataclass(frozen=True, slots=True)
 class NodeConfig:
-    """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``."""
+    """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``.
+
+    ``optional``: the cell is opened without it too. ``serial`` and ``revision`` are what 1018h must say. ``configuration_date``
+    (days since 1984-01-01) and ``configuration_time`` (ms after midnight) are those of 1020h.
+    """
 
     node_id: int
     eds: str | None = None
     dcf: str | None = None
     remap: str = "auto"
     optional: bool = False
+    serial: int | None = None
+    revision: int | None = None
+    configuration_date: int | None = None
+    configuration_time: int | None = None
+    restore_defaults: bool = False
     objects: tuple[ObjectSetting, ...] = ()
     pdos: tuple[PdoConfig, ...] = ()
     at: Place = Place()
@@ -102,6 +115,13 @@ class NodeConfig:
     def file_key(self) -> str:
         """The key that names it."""
         return "dcf" if self.eds is None and self.dcf is not None else "eds"
+
+    @property
+    def version(self) -> tuple[int, int] | None:
+        """Date and time of its configuration as 1020h has them, None where the cell file gives none."""
+        if self.configuration_date is None or self.configuration_time is None:
+            return None
+        return self.configuration_date, self.configuration_time
 
     @property
     def remappable(self) -> bool:

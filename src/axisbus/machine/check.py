@@ -7,6 +7,7 @@ from pathlib import Path
 from axisbus.machine import config
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.checks import (
+    bootup,
     cobids,
     devices,
     limits,
@@ -34,6 +35,7 @@ CHECKS: tuple[Check, ...] = (
     *ranges.CHECKS,
     *stopping.CHECKS,
     *watchdog.CHECKS,
+    *bootup.CHECKS,
     *missing.CHECKS,
     *load.CHECKS,
 )

@@ -1,16 +1,18 @@
-"""Writing what cell.toml says into a node's objects, each read back and compared."""
+"""What a node is given at its boot-up: the plan of it, and the watchdogs on our own life."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from axisbus.cia301 import abort, cob
+from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.datatypes import Value
+from axisbus.cia301.bootplan import Plan, Setting
 from axisbus.eds.dictionary import Dictionary
-from axisbus.errors import BootError, SdoAbort, SdoError
+from axisbus.eds.model import Eds
+from axisbus.errors import BootError, SdoAbort
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.cell import BusConfig, CellConfig
+from axisbus.machine.identity import expected
 from axisbus.machine.stopping import NO_WATCHDOG, Watchdog, WatchdogReport
 from axisbus.machine.writes import Write, axis_writes, node_writes
 
@@ -29,77 +31,31 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Wr
     return writes
 
 
-_VALUE_REFUSED = "give a value that the drive takes (its manual lists them), or leave the line out"
-
-
-def write_all(objects: Objects, writes: Iterable[Write], file: str) -> int:
-    """Write and read back; return how many objects were written.
+def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int) -> Plan:
+    """Return the boot-up of a node as the cell file and the EDS have it.
 
     Raises:
-        BootError: the node refuses one, or reads back another value; it names object, expected and got.
+        ArgumentError: a key of an ``objects`` table names no object.
     """
-    count = 0
-    for write in writes:
-        _write_one(objects, write, file)
-        count += 1
-    return count
-
-
-def _write_one(objects: Objects, write: Write, file: str) -> None:
-    try:
-        objects.write(write.index, write.subindex, write.value)
-        got = _read_back(objects, write)
-    except SdoAbort as error:
-        hint = (
-            _VALUE_REFUSED
-            if error.code in abort.VALUE_REFUSED
-            else error.remedy or abort.explain(error.code).hint
-        )
-        raise _failed(objects, write, file, "the drive refuses it", error.observed, hint) from error
-    except SdoError as error:
-        remedy = "" if isinstance(error, SdoAbort) else error.remedy
-        raise _failed(objects, write, file, error.message, error.observed, remedy) from error
-    if got is not None and got != write.value and not _close(got, write.value):
-        raise _failed(
-            objects,
-            write,
-            file,
-            "reads back another value",
-            f"expected {write.value!r}, got {got!r}",
-            "the drive limits or rounds this value: write one that it takes (its manual lists the range)",
-        )
-
-
-def _read_back(objects: Objects, write: Write) -> Value | None:
-    """Return what the node now has, None where the object may only be written."""
-    try:
-        return objects.read(write.index, write.subindex)
-    except SdoAbort:
-        return None
-
-
-def _close(got: Value, wanted: Value) -> bool:
-    """REAL32 comes back rounded."""
-    if isinstance(got, float) and isinstance(wanted, (int, float)):
-        return abs(got - wanted) <= 1e-6 * max(1.0, abs(wanted))
-    return False
-
-
-def _failed(objects: Objects, write: Write, file: str, what: str, observed: str, remedy: str) -> BootError:
-    return BootError(
-        f"node {objects.node_id}: {write.index:04X}h:{write.subindex:02X} cannot be set to {write.value!r} "
-        f"({write.source}, {file}:{write.line}): {what}",
-        node=objects.node_id,
-        step="configuration",
-        index=write.index,
-        subindex=write.subindex,
-        observed=observed,
-        remedy=remedy or _VALUE_REFUSED,
+    node = cell.nodes[node_id]
+    writes = writes_of(cell, node_id, Dictionary(eds, node_id))
+    return Plan(
+        node_id,
+        identity=expected(node, eds),
+        find_tries=find_tries,
+        restore=node.restore_defaults,
+        settings=tuple(
+            Setting(write.index, write.subindex, write.value, f"{write.source}, {cell.file}:{write.line}")
+            for write in writes
+        ),
+        version=node.version,
+        heartbeat=cell.bus.heartbeat,
+        missed=HEARTBEATS,
     )
 
 
 class Watch:
-    """The watchdogs on both sides: the drive's heartbeat for us, and the drive's watch over ours; holds what to restore."""
+    """The drive's watch over us, and the SYNC that it hears; holds what to give back."""
 
     def __init__(self, objects: Objects, bus: BusConfig) -> None:
         self._objects = objects
@@ -128,18 +84,6 @@ class Watch:
                 remedy="set 1005h to 0x80 with the drive's own tool, or sync = false in [bus]",
             ) from error
 
-    def produce(self) -> float | None:
-        """Set 1017h so that the node sends a heartbeat; return the time in s after which it counts as lost, None: it sends none."""
-        if self._bus.heartbeat is None:
-            return None
-        period = round(self._bus.heartbeat * 1000)
-        try:
-            self._objects.write(o.PRODUCER_HEARTBEAT, 0, period)
-        except SdoAbort:
-            return None
-        got = read_int(self._objects, o.PRODUCER_HEARTBEAT)
-        return None if not got else max(HEARTBEATS * got / 1000, 0.15)
-
     def arm(self, reaction: str | None) -> WatchdogReport:
         """Let the node notice our death: by 1016h, else by 100Ch and 100Dh (then ``guarding`` holds the period in s).
 
@@ -148,16 +92,30 @@ class Watch:
         if self._bus.heartbeat is None:
             return NO_WATCHDOG
         how = self._consume(self._bus.heartbeat) or self._guard(self._bus.heartbeat)
-        if how is None:
+        return _report(how, reaction)
+
+    def arm_deadlines(self, numbers: Iterable[int], reaction: str | None) -> WatchdogReport:
+        """Let the node notice that the RPDOs with these ``numbers`` (from 1) stay away: 14xxh:05, as the third choice.
+
+        To be used for RPDOs that are sent in every cycle. The node begins to watch with the first one that it gets.
+        """
+        if self._bus.heartbeat is None:
             return NO_WATCHDOG
-        if reaction is None:
-            return WatchdogReport(
-                Watchdog.UNKNOWN, how + "; there is no 6007h, so what the drive then does is in its manual"
-            )
-        return WatchdogReport(Watchdog.ARMED, f"{how}; else it {reaction}")
+        milliseconds = max(1, round(self._bus.heartbeat * 1000 * HEARTBEATS))
+        armed = [number for number in numbers if self._expect_rpdo(number, milliseconds)]
+        if not armed:
+            return NO_WATCHDOG
+        objects = ", ".join(f"{o.RPDO_COMMUNICATION + number - 1:04X}h:05" for number in armed)
+        how = f"{objects} expects our RPDO within {milliseconds} ms, from the first command on"
+        return _report(how, reaction)
+
+    def _expect_rpdo(self, number: int, milliseconds: int) -> bool:
+        index = o.RPDO_COMMUNICATION + number - 1
+        before = read_int(self._objects, index, o.PDO_EVENT_TIMER)
+        return before is not None and self._set(index, o.PDO_EVENT_TIMER, milliseconds, before)
 
     def restore(self) -> None:
-        """Give 1016h, or 100Ch and 100Dh, back what they had, so that our silence after closing faults nobody.
+        """Give 1016h, 100Ch and 100Dh, or 14xxh:05 back what they had, so that our silence after closing faults nobody.
 
         Raises:
             SdoError, BusError: the node does not answer.
@@ -209,3 +167,13 @@ class Watch:
             if free is None and value is not None and (not value & 0xFFFF or not value >> 16 & 0x7F):
                 free = subindex
         return free
+
+
+def _report(how: str | None, reaction: str | None) -> WatchdogReport:
+    if how is None:
+        return NO_WATCHDOG
+    if reaction is None:
+        return WatchdogReport(
+            Watchdog.UNKNOWN, how + "; there is no 6007h, so what the drive then does is in its manual"
+        )
+    return WatchdogReport(Watchdog.ARMED, f"{how}; else it {reaction}")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 
-from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError
@@ -31,26 +31,52 @@ class DirectComms:
         self._device = device
         self._ports = ports
 
-    def find(self) -> None:
-        """Make sure that it answers.
+    @property
+    def find_tries(self) -> int:
+        """Once: no time passes between two tries."""
+        return 1
 
-        Raises:
-            NodeTimeout: it does not.
-        """
-        if not self._device.answers_sdo:
-            raise NodeTimeout(
-                f"node {self._device.node_id} does not answer",
-                node=self._device.node_id,
-                observed="no answer to the SDO request for 1000h",
-                remedy="check its supply, cable, node ID and bit rate",
-            )
+    def nobody(self) -> NodeTimeout:
+        """Return the error of a stand-in that does not answer."""
+        return NodeTimeout(
+            f"node {self._device.node_id} does not answer",
+            node=self._device.node_id,
+            observed="no answer to the SDO request for 1000h",
+            remedy="check its supply, cable, node ID and bit rate",
+        )
 
-    def prepare(self, disturb: bool) -> None:
-        """Nothing to do: its objects may be written in any state."""
+    def restarts(self) -> int:
+        """How often it has booted."""
+        return self._device.boot_ups
+
+    def command(self, command: NmtCommand, deadline: float) -> NmtState:  # noqa: ARG002 - no time passes here
+        """Do what a node without a bus can do: restart. Its objects may be written in any state, and it runs already."""
+        if command is NmtCommand.RESET_NODE:
+            self._device.nmt_command(command)
+            self._device.power_on()
+            self._device.nmt_command(NmtCommand.START)
+        return self._device.nmt
+
+    def listen(self, deadline: float) -> NmtState | None:  # noqa: ARG002
+        """Return its state, None where it sends no heartbeat."""
+        dials = self._device.dials
+        return None if dials.dead or dials.heartbeat_stops else self._device.nmt
+
+    def ask(self, deadline: float) -> NmtState | None:  # noqa: ARG002
+        """Return its state."""
+        return None if self._device.dials.dead else self._device.nmt
+
+    def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:  # noqa: ARG002
+        """Nothing is lost here."""
+        return nullcontext()
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
         """Return how the values of an axis travel."""
         return self._ports[axis.name].capabilities
+
+    def cyclic_rpdos(self) -> list[int]:
+        """None: without a bus there are no PDOs."""
+        return []
 
     def watch(self, timeout: float | None) -> None:
         """Nothing to do: the port watches."""
@@ -58,8 +84,8 @@ class DirectComms:
     def guard(self, period: float) -> None:
         """Nothing to do: there is no bus to guard over."""
 
-    def start(self) -> str:
-        """It is started already."""
+    def state(self) -> str:
+        """Its NMT state."""
         return self._device.nmt.text
 
 

@@ -1,99 +1,96 @@
-"""Who a node says it is (1000h, 1018h), and whether that is the device that its EDS describes."""
+"""Who a node is expected to be, and what is said when it is somebody else."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 from axisbus.cia301 import objects as o
+from axisbus.cia301.bootplan import IDENTITY, Address, Expected, Outcome
 from axisbus.cia402.objects import PROFILE_NUMBER
 from axisbus.eds.model import Eds
 from axisbus.errors import BootError, SdoAbort
-from axisbus.machine.access import Objects, read_int
+from axisbus.machine.access import Objects
+from axisbus.machine.cell import NodeConfig
+
+_PROFILE = 0xFFFF  # the low word of 1000h; the high word says which of its options a device has
+_VENDOR = (o.IDENTITY, o.VENDOR_ID)
+_PRODUCT = (o.IDENTITY, o.PRODUCT_CODE)
+_REVISION = (o.IDENTITY, o.REVISION_NUMBER)
+_SERIAL = (o.IDENTITY, o.SERIAL_NUMBER)
+_NAMES = {address: name for address, name, _ in IDENTITY} | {(o.DEVICE_TYPE, 0): "device profile"}
+_SHORT = {_VENDOR: "vendor", _PRODUCT: "product", _REVISION: "revision", _SERIAL: "serial"}
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """What a node answered; None where it has no such object."""
-
-    device_type: int | None
-    vendor_id: int | None
-    product_code: int | None
-    revision: int | None
-    serial: int | None
-    name: str
-
-    def text(self) -> str:
-        """Return the identity in one line."""
-        parts = [
-            ("vendor", self.vendor_id),
-            ("product", self.product_code),
-            ("revision", self.revision),
-            ("serial", self.serial),
-        ]
-        return ", ".join(f"{title} 0x{value:X}" for title, value in parts if value is not None)
+def expected(node: NodeConfig, eds: Eds) -> dict[Address, Expected]:
+    """Return what a node must say of itself: what the cell file asks for, and what the EDS says where the node says anything."""
+    found: dict[Address, Expected] = {}
+    if eds.device_type and eds.device_type & _PROFILE:
+        found[o.DEVICE_TYPE, 0] = Expected(eds.device_type & _PROFILE, _PROFILE, lenient=True)
+    for address, value in ((_VENDOR, eds.identity.vendor_id), (_PRODUCT, eds.identity.product_code)):
+        if value:
+            found[address] = Expected(value, lenient=True)
+    for address, value in ((_REVISION, node.revision), (_SERIAL, node.serial)):
+        if value is not None:
+            found[address] = Expected(value)
+    return found
 
 
-def read(objects: Objects) -> Found:
-    """Read 1000h, 1018h and 1008h; blocks.
-
-    Raises:
-        SdoTimeout, BusError: the node does not answer.
-    """
-    return Found(
-        read_int(objects, o.DEVICE_TYPE),
-        read_int(objects, o.IDENTITY, o.VENDOR_ID),
-        read_int(objects, o.IDENTITY, o.PRODUCT_CODE),
-        read_int(objects, o.IDENTITY, o.REVISION_NUMBER),
-        read_int(objects, o.IDENTITY, o.SERIAL_NUMBER),
-        _name(objects),
-    )
+def text(found: Mapping[Address, int]) -> str:
+    """Return an identity in one line."""
+    return ", ".join(f"{title} 0x{found[address]:X}" for address, title in _SHORT.items() if address in found)
 
 
-def require_same(found: Found, eds: Eds, node_id: int, file: str) -> None:
-    """Make sure that the node is the device that the EDS describes; what either does not say is not compared.
-
-    Raises:
-        BootError: device profile, vendor or product differ.
-    """
-    expected = eds.identity
-    checks = (
-        ("device profile", o.DEVICE_TYPE, 0, _profile(eds.device_type), _profile(found.device_type)),
-        ("vendor ID", o.IDENTITY, o.VENDOR_ID, expected.vendor_id, found.vendor_id),
-        ("product code", o.IDENTITY, o.PRODUCT_CODE, expected.product_code, found.product_code),
-    )
-    for what, index, subindex, wanted, got in checks:
-        if wanted and got and wanted != got:
-            raise BootError(
-                f"node {node_id} is another device than {file} describes: its {what} differs",
-                node=node_id,
-                step="identity",
-                index=index,
-                subindex=subindex,
-                observed=f"{index:04X}h:{subindex:02X} is {_number(what, got)}, the EDS says {_number(what, wanted)}",
-                remedy="give the EDS of this device in cell.toml, or correct the node ID (axisbus scan shows who is there)",
-            )
-
-
-def differences(found: Found, eds: Eds) -> list[str]:
-    """Return what differs but need not matter: the revision."""
-    wanted, got = eds.identity.revision, found.revision
+def differences(found: Mapping[Address, int], eds: Eds) -> list[str]:
+    """Return what differs from the EDS but need not matter: the revision."""
+    wanted, got = eds.identity.revision, found.get(_REVISION)
     if wanted and got and wanted != got:
         return [f"revision 0x{got:X}, the EDS is for 0x{wanted:X}: objects may differ"]
     return []
 
 
-def _profile(device_type: int | None) -> int | None:
-    return None if device_type is None else device_type & 0xFFFF
+def another_device(outcome: Outcome, node: NodeConfig) -> BootError:
+    """Return the error of a node that is not the expected one."""
+    index, subindex = outcome.address or (o.DEVICE_TYPE, 0)
+    address = (index, subindex)
+    by_cell = address in (_REVISION, _SERIAL)
+    says = "cell.toml says" if by_cell else "the EDS says"
+    seen = "not there" if outcome.got is None else _number(address, outcome.got)
+    return BootError(
+        f"node {outcome.node} is another device than {'cell.toml asks for' if by_cell else f'{node.file} describes'}: "
+        f"its {_NAMES[address]} differs",
+        node=outcome.node,
+        step="identity",
+        index=index,
+        subindex=subindex,
+        observed=f"{index:04X}h:{subindex:02X} is {seen}, {says} {_number(address, outcome.expected)}",
+        remedy=_remedy(address, by_cell),
+    )
 
 
-def _number(what: str, value: int) -> str:
-    if what == "device profile":
-        return f"{value} (CiA {value})" if value != PROFILE_NUMBER else "402 (a drive)"
-    return f"0x{value:X}"
+def name(objects: Objects) -> str:
+    """Return the device's name (1008h), empty where it has none; blocks.
 
-
-def _name(objects: Objects) -> str:
+    Raises:
+        SdoTimeout, BusError: the node does not answer.
+    """
     try:
         return str(objects.read(o.DEVICE_NAME)).strip("\0 ")
     except SdoAbort:
         return ""
+
+
+def _remedy(address: Address, by_cell: bool) -> str:
+    if by_cell:
+        key = _SHORT[address]
+        return f"correct {key} in [nodes.N] of cell.toml, or connect the device that is meant (axisbus scan shows who is there)"
+    return (
+        "give the EDS of this device in cell.toml, or correct the node ID (axisbus scan shows who is there)"
+    )
+
+
+def _number(address: Address, value: object) -> str:
+    assert isinstance(value, int)
+    if address != (o.DEVICE_TYPE, 0):
+        return f"0x{value:X}"
+    profile = value & _PROFILE
+    return f"{profile} (CiA {profile})" if profile != PROFILE_NUMBER else "402 (a drive)"

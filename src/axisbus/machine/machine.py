@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import itertools
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -12,15 +13,18 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 
-from axisbus.cia402.port import Waiter
-from axisbus.errors import AxisbusError, StateError
+from axisbus.bus.nodeevents import BAD, NodeEvent
+from axisbus.cia402.port import Port, Waiter
+from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.machine import config
+from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.check import check_cell
 from axisbus.machine.direct import build_direct
 from axisbus.machine.exit import ExitSignals
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.parting import Stopped, partings, scan_failure
+from axisbus.machine.pickup import Pickup, absent_axis
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
 from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
@@ -30,6 +34,7 @@ from axisbus.motion.axes import Group
 from axisbus.motion.axis import Axis
 from axisbus.motion.core import AxisCore
 from axisbus.motion.handle import ThreadWaiter
+from axisbus.motion.policy import LostNode
 from axisbus.motion.scan import PumpWaiter, Scan
 from axisbus.sim.device import Device
 
@@ -37,6 +42,7 @@ _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
 _CLOSE_MARGIN = 2.0
+_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
 _FIRST_VALUES = (
     1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
 )
@@ -58,11 +64,21 @@ class Machine:
             name: AxisCore(parameters, runtime.ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
         }
-        members = {name: list(group.axes) for name, group in cell.groups.items()}
-        self.scan = Scan(runtime.cycle, runtime.ports, cores, cell.bus.scan_period, members)
+        self.scan = Scan(
+            runtime.cycle,
+            runtime.ports,
+            cores,
+            cell.bus.scan_period,
+            self._members(set(cores)),
+            LostNode(cell.bus.on_lost_node),
+        )
         self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan)
         self._axes = {name: Axis(core.parameters, self.scan, self._waiter) for name, core in cores.items()}
-        self._groups = {name: self._make_group(name, axes) for name, axes in members.items()}
+        self._groups: dict[str, Group] = {}
+        self._make_groups()
+        for node_id in runtime.nodes:
+            self._watch_node(node_id)
+        self._pickup = Pickup(runtime.late, self._join)
         self._signals = ExitSignals(self.scan, Machine.__exit__, Machine.close, Machine._close)
         self._thread: threading.Thread | None = None
         self._supervisor: Supervisor | None = None
@@ -126,6 +142,8 @@ class Machine:
         Raises:
             StateError: the cell has no such axis.
         """
+        if name not in self._axes and name in self.cell.axes:
+            raise absent_axis(name, self._runtime.booted[self.cell.axes[name].node])
         if name not in self._axes:
             raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(self._axes)}")
         return self._axes[name]
@@ -142,6 +160,8 @@ class Machine:
             raise StateError(
                 "a group needs a name or axes", observed=f"groups: {', '.join(self._groups) or 'none'}"
             )
+        if len(names) == 1 and names[0] in self.cell.groups:
+            names = self.cell.groups[names[0]].axes  # one of them is not there: say which
         for name in names:
             self[name]
         title = "+".join(names)
@@ -181,9 +201,61 @@ class Machine:
         """What boot-up had to say of each node."""
         return [booted.report for booted in self._runtime.booted.values()]
 
+    @property
+    def events(self) -> list[NodeEvent]:
+        """What error control has told of all nodes since the scan began, in the order of time."""
+        found = [event for node in self._runtime.nodes.values() for event in node.events]
+        return sorted(found, key=lambda event: event.stamp)
+
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
         self._waiter.wait(lambda: False, seconds)
+
+    def _members(self, there: set[str]) -> dict[str, list[str]]:
+        """The groups of the cell, each with those of its axes that are there."""
+        members = {
+            name: [axis for axis in group.axes if axis in there] for name, group in self.cell.groups.items()
+        }
+        return {name: axes for name, axes in members.items() if axes}
+
+    def _make_groups(self) -> None:
+        """Make the groups of the cell whose axes are all there."""
+        for name, group in self.cell.groups.items():
+            if name not in self._groups and all(axis in self._axes for axis in group.axes):
+                self._groups[name] = self._make_group(name, list(group.axes))
+
+    def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
+        """Take in an optional node that has come later; what it has to say stands in ``reports``."""
+        self._runtime.booted[node_id] = booted
+        self._watch_node(node_id)
+        if not booted.report.ok:
+            return
+        axes = dict(self._axes)
+        for name, parameters in booted.parameters.items():
+            core = AxisCore(parameters, ports[name].capabilities)
+            axes[name] = Axis(parameters, self.scan, self._waiter)
+            self.scan.add_axis(name, ports[name], core, self._members(set(axes)))
+        self._waiter.wait(
+            lambda: self.scan.ended or all(name in self.scan.snapshots for name in axes), _JOIN_TIME
+        )
+        self._axes = axes
+        self._make_groups()
+
+    def _watch_node(self, node_id: int) -> None:
+        """A node without axes has nobody else who acts when it is lost."""
+        if not any(self.cell.axes_of(node_id)):
+            self._runtime.nodes[node_id].on_event(self._node_event)
+
+    def _node_event(self, event: NodeEvent) -> None:
+        if event.kind in BAD:
+            self.scan.trip(
+                NodeError(
+                    f"node {event.node} {event.kind.value}",
+                    node=event.node,
+                    observed=str(event),
+                    remedy='look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on',
+                )
+            )
 
     def _make_group(self, name: str, axes: list[str]) -> Group:
         return Group(name, {axis: self._axes[axis] for axis in axes}, self.scan, self._waiter)
@@ -232,6 +304,7 @@ class Machine:
         self._thread.start()
         self._waiter.scan_thread = self._thread.ident
         self._supervisor.start()
+        self._pickup.start()
         atexit.register(self._at_exit)
         self._signals.install(listen=True)
         self._waiter.wait(self._has_values, _FIRST_VALUES)
@@ -251,6 +324,7 @@ class Machine:
         try:
             self._stop_axes(reason)
         finally:
+            self._pickup.stop()
             self._end_scan()
             if self.scan.failure is not None:
                 touched = [name for name, core in self.scan.axes.items() if core.touched]
@@ -298,10 +372,11 @@ class Machine:
             self._close("the program ended")
 
 
-def boot(path: str | Path) -> list[NodeReport]:
+def boot(path: str | Path, progress: Callable[[int, int], None] | None = None) -> list[NodeReport]:
     """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
 
-    A node that did not come up has its ``error`` in the report.
+    A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
+    and that of all.
 
     Raises:
         ConfigError, EdsError, AdapterError: as ``Machine.open``.
@@ -309,7 +384,14 @@ def boot(path: str | Path) -> list[NodeReport]:
     from axisbus.machine.wire import build_on_bus
 
     cell = _checked(path)
-    runtime = build_on_bus(cell, load_dictionaries(cell))
+    lock, through = threading.Lock(), itertools.count(1)
+
+    def told(_: Booted) -> None:
+        if progress is not None:
+            with lock:  # the nodes are booted in parallel
+                progress(next(through), len(cell.nodes))
+
+    runtime = build_on_bus(cell, load_dictionaries(cell), told)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 from axisbus.bus.emcy import EmcyMonitor
+from axisbus.bus.nodeevents import NodeEvent, NodeEvents
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
@@ -65,13 +67,20 @@ class NodeAccess:
     """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
 
     def __init__(
-        self, node_id: int, eds: Eds, objects: Objects, bus_node: Any = None, plans: tuple[Any, ...] = ()
+        self,
+        node_id: int,
+        eds: Eds,
+        objects: Objects,
+        bus_node: Any = None,
+        plans: tuple[Any, ...] = (),
+        events: NodeEvents | None = None,
     ) -> None:
         self.node_id = node_id
         self.eds = eds
         self.sdo = SdoAccess(objects, Dictionary(eds, node_id))
         self.plans = plans
         self._bus_node = bus_node
+        self._events = events
 
     def __repr__(self) -> str:
         return f"<NodeAccess {self.node_id}>"
@@ -102,6 +111,19 @@ class NodeAccess:
         """The last 64 emergency messages, oldest first; raises StateError without a bus."""
         monitor: EmcyMonitor = self._require_bus().emcy
         return monitor.history
+
+    @property
+    def events(self) -> list[NodeEvent]:
+        """What error control has told of the node since the scan began, oldest first, each with its reaction time.
+
+        At most the last 256; empty for a node that did not come up, and for one that is simulated without a bus.
+        """
+        return [] if self._events is None else list(self._events.history)
+
+    def on_event(self, call: Callable[[NodeEvent], None]) -> None:
+        """Have ``call`` called with every further event, in the scan's thread: it must not block."""
+        if self._events is not None:
+            self._events.on_event = call
 
     @property
     def canopen(self) -> Any:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
+from axisbus.machine import boottext
 from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
 
 
@@ -46,6 +48,13 @@ class NodeReport:
     steps: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     error: AxisbusError | None = None
+    optional: bool = False
+    outcome: Outcome | None = None
+
+    @property
+    def absent(self) -> bool:
+        """Whether it is an optional node that is not there."""
+        return self.optional and self.outcome is not None and self.outcome.letter is Letter.B
 
     @property
     def ok(self) -> bool:
@@ -68,16 +77,21 @@ class NodeReport:
             "watchdog": None if self.watchdog is None else self.watchdog.kind.value,
             "warnings": list(self.warnings),
             "steps": list(self.steps),
+            "optional": self.optional,
+            "boot": None if self.outcome is None else boottext.as_json(self.outcome),
             "error": None if self.error is None else _error(self.error),
             "axes": [_axis(axis) for axis in self.axes],
         }
 
     def _lines(self) -> list[str]:
         lines = [f"node {self.node_id}: {self.device or 'not identified'}"]
+        if self.absent:
+            lines[0] = f"node {self.node_id}: not there; it is optional"
+            return lines + boottext.rows(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
             lines.append(f"  FAILED{step}: " + str(self.error).replace("\n", "\n  "))
-            return lines
+            return lines + boottext.rows(self.outcome)
         rows = [
             ("identity", self.identity),
             ("NMT state", self.nmt),
@@ -85,6 +99,7 @@ class NodeReport:
             ("watchdog", f"{self.watchdog.kind.value}: {self.watchdog.text}" if self.watchdog else ""),
         ]
         lines += [f"  {title:<14}{text}" for title, text in rows if text]
+        lines += boottext.rows(self.outcome)
         for axis in self.axes:
             lines += _axis_lines(axis)
         lines += [f"  WARNING  {warning}" for warning in self.warnings]
@@ -133,7 +148,9 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
 
 def _error(error: AxisbusError) -> dict[str, Any]:
     fields = {
-        key: value for key, value in vars(error).items() if isinstance(value, (str, int)) or value is None
+        key: value
+        for key, value in vars(error).items()
+        if isinstance(value, (str, int, float)) or value is None
     }
     return {"kind": type(error).__name__, **fields}
 

@@ -13,6 +13,7 @@ from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.parting import Parting, Stopped
+from axisbus.machine.pickup import Late
 from axisbus.machine.standin import StandIn
 from axisbus.motion.parameters import AxisParameters
 
@@ -22,7 +23,7 @@ class Runtime:
     """A cell on its bus, booted but not yet scanned.
 
     At the end, each called once: ``rescue`` stops the axes with these names where the scan has failed, ``let_go`` leaves the nodes,
-    ``release`` closes the rest.
+    ``release`` closes the rest. ``late`` are optional nodes that may still come.
     """
 
     cycle: Cycle
@@ -33,11 +34,13 @@ class Runtime:
     let_go: Callable[[Mapping[int, Parting]], None]
     release: list[Callable[[], None]] = field(default_factory=list)
     stand_ins: dict[int, StandIn] = field(default_factory=dict)
+    late: dict[int, Late] = field(default_factory=dict)
 
     @property
     def parameters(self) -> dict[str, AxisParameters]:
-        """The parameters of every axis, by name."""
-        return {name: value for booted in self.booted.values() for name, value in booted.parameters.items()}
+        """The parameters of every axis whose node came up, by name."""
+        up = [booted for booted in self.booted.values() if booted.report.ok]
+        return {name: value for booted in up for name, value in booted.parameters.items()}
 
 
 def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
@@ -52,8 +55,9 @@ def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
 
 
 def require_all(booted: Mapping[int, Booted]) -> None:
-    """Raise what kept nodes from coming up: one ``BootError``, or a group of them."""
-    errors = [node.report.error for node in booted.values() if node.report.error is not None]
+    """Raise what kept nodes from coming up that are not optional: one ``BootError``, or a group of them."""
+    needed = [node.report for node in booted.values() if not node.report.optional]
+    errors = [report.error for report in needed if report.error is not None]
     if len(errors) == 1:
         raise errors[0]
     if errors:

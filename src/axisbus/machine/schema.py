@@ -25,6 +25,7 @@ _positive = Key(v.positive)
 _number = Key(v.finite)
 _text = Key(v.text)
 _flag = Key(v.boolean)
+_unsigned32 = Key(v.integer(0, 0xFFFF_FFFF))
 _step_time = Key(v.duration("1ms", "600s"))
 _scale = Key(v.scale)
 
@@ -37,6 +38,7 @@ BUS: Keys = {
     "sync": _flag,
     # A drive waits for three heartbeats, and 1016h counts 65535 ms at most.
     "heartbeat": Key(v.or_word("off", None, v.duration("1ms", "20s"))),
+    "on_lost_node": Key(v.words("group", "cell", "report")),
 }
 
 NODE: Keys = {
@@ -44,6 +46,11 @@ NODE: Keys = {
     "dcf": _text,
     "remap": Key(v.words("auto", "never")),
     "optional": _flag,
+    "serial": _unsigned32,
+    "revision": _unsigned32,
+    "configuration_date": Key(v.days),
+    "configuration_time": Key(v.time_of_day),
+    "restore_defaults": _flag,
 }
 
 PDO: Keys = {

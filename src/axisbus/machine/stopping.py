@@ -48,7 +48,13 @@ _ROWS = (
     ("3 power off", options.DISABLE),
     ("on a fault", options.FAULT),
     ("on a lost link", options.CONNECTION_LOSS),
+    ("its NMT state", options.COMMUNICATION_ERROR),
 )
+_UNKNOWN = "not in this drive: what it does is in its manual"
+# What the standard says of a drive without the object (CiA 301 7.5.2.29).
+_MISSING = {
+    options.COMMUNICATION_ERROR.index: "not in this drive: by the standard it goes to pre-operational"
+}
 # Values that leave a moving load to itself.
 _COASTS = {
     options.QUICK_STOP.index: (0,),
@@ -67,11 +73,11 @@ def stop_ladder(
     limits = {"1 halt": times.halt, "2 quick stop": times.quick_stop, "3 power off": times.disable}
     for title, option in _ROWS:
         value = values.get(option.index)
-        text = "not in this drive: what it does is in its manual" if value is None else option.meaning(value)
+        text = _MISSING.get(option.index, _UNKNOWN) if value is None else option.meaning(value)
         if title in limits:
             text += f" (at most {limits[title]:g} s, then the next rung)"
         rows.append((title, _object(option, value), text))
-        if value is not None and value in _COASTS[option.index]:
+        if value is not None and value in _COASTS.get(option.index, ()):
             warnings.append(
                 f"{axis}: {option.title}: {option.meaning(value)} ({option.index:04X}h = {value})"
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -190,6 +191,31 @@ def scale(value: Any) -> Fraction:
     if not _SMALLEST_SCALE <= exact <= _LARGEST_SCALE:
         raise Unfit(_SCALE)
     return exact
+
+
+# -- dates and times of day --------------------------------------------------------------------------------------------
+
+_FIRST_DAY = dt.date(1984, 1, 1)  # of 1020h:01 and TIME (CiA 301 7.1.6.6, 7.5.2.21)
+_LAST_DAY = _FIRST_DAY + dt.timedelta(days=0xFFFF)
+
+
+def days(value: Any) -> int:
+    """Read a date, as days since 1984-01-01."""
+    if not isinstance(value, dt.date) or isinstance(value, dt.datetime):
+        raise Unfit("a date such as 2026-03-31", "write it without quotes and without a time")
+    if not _FIRST_DAY <= value <= _LAST_DAY:
+        raise Unfit(f"a date from {_FIRST_DAY} to {_LAST_DAY}")
+    return (value - _FIRST_DAY).days
+
+
+def time_of_day(value: Any) -> int:
+    """Read a time of day, as milliseconds after midnight."""
+    if not isinstance(value, dt.time):
+        raise Unfit(
+            "a time of day such as 14:30:00", "write it without quotes, with hours, minutes and seconds"
+        )
+    seconds = (value.hour * 60 + value.minute) * 60 + value.second
+    return seconds * 1000 + value.microsecond // 1000
 
 
 # -- times -----------------------------------------------------------------------------------------------------------

@@ -1,10 +1,9 @@
-"""A cell on a CAN bus: the channel, its nodes, their PDOs and ports; with ``interface = "sim"`` also the stand-ins."""
+"""A cell on a CAN bus: the channel, its nodes, their boot-up and their ports; with ``interface = "sim"`` also the stand-ins."""
 
 from __future__ import annotations
 
 import itertools
 import os
-import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -12,125 +11,27 @@ from functools import partial
 from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.node import Node
-from axisbus.bus.pdo import configure, set_pdo
-from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
-from axisbus.bus.port import CanPort
+from axisbus.bus.nodeevents import NodeEvents
 from axisbus.cia301 import cob
-from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.pdo import MappedObject
-from axisbus.cia402.port import Capabilities, Port
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia402.port import Port
 from axisbus.eds.model import Eds
-from axisbus.errors import BusError, NodeTimeout
+from axisbus.errors import BusError
 from axisbus.machine.boot import Booted, NodeBoot
-from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.configure import HEARTBEATS
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.comms import CanComms
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.node_stop import NodeStop
 from axisbus.machine.parting import Parting, Stopped, in_parallel
+from axisbus.machine.pickup import Late
 from axisbus.machine.runtime import Runtime
 from axisbus.machine.simulated import devices
 from axisbus.machine.standin import StandIn
 from axisbus.sim.network import StandIns
 
 SIM = "sim"
-_FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
 _CHANNELS = itertools.count(1)
-
-
-class CanComms:
-    """What boot-up needs of one node on a bus; holds the ports that it made."""
-
-    def __init__(self, cell: CellConfig, node: Node) -> None:
-        self._cell = cell
-        self._config = cell.nodes[node.node_id]
-        self._tables = self._config.pdos
-        self._node = node
-        self.ports: dict[str, CanPort] = {}
-        self.guarding: float | None = None
-
-    def find(self) -> None:
-        """Ask until the node answers, for ``FIND_TIME`` seconds.
-
-        Raises:
-            NodeTimeout: it does not.
-        """
-        deadline = time.monotonic() + FIND_TIME
-        while not self._node.answers_sdo():
-            if time.monotonic() > deadline:
-                raise self._nobody()
-
-    def prepare(self, disturb: bool) -> None:
-        """Bring the node to pre-operational, where that disturbs nothing."""
-        if disturb and self._node.nmt.state is not NmtState.PRE_OPERATIONAL:
-            self._node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-
-    def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
-        """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
-        if disturb:
-            self._set_tables()
-        policy = Policy(
-            sync=self._cell.bus.sync,
-            remap=disturb and self._config.remappable and not self._config.pdos,
-            communication=disturb,
-            taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
-            spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
-        )
-        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis)
-        port = CanPort(
-            self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
-        )
-        port.prime()
-        self.ports[axis.name] = port
-        return port.capabilities
-
-    def _set_tables(self) -> None:
-        """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
-        tables, self._tables = self._tables, ()
-        for table in tables:
-            entries = [self._node.sdo.dictionary.resolve(key) for key in table.map or ()]
-            mapping = tuple(
-                MappedObject(entry.index, entry.subindex, entry.data_type.bits or 0)
-                for entry in entries
-                if entry.data_type is not None
-            )
-            set_pdo(
-                self._node.sdo,
-                table.receive,
-                table.number,
-                mapping=None if table.map is None else mapping,
-                transmission_type=table.transmission,
-                event_timer=None if table.event_timer is None else round(table.event_timer * 1000),
-                inhibit_time=None if table.inhibit_time is None else round(table.inhibit_time * 10_000),
-                cob_id=table.cob_id,
-            )
-
-    def watch(self, timeout: float | None) -> None:
-        """Expect its heartbeat."""
-        self._node.nmt.watch(timeout)
-
-    def guard(self, period: float) -> None:
-        """Have the scan ask for its state; answers may stay away three times."""
-        self.guarding = period
-        if self._node.nmt.watched is None:
-            self._node.nmt.guard(HEARTBEATS * period + _FIRST_GUARDING)
-
-    def start(self) -> str:
-        """Start the node and wait until it confirms."""
-        if self._node.nmt.state is not NmtState.OPERATIONAL:
-            self._node.command(NmtCommand.START)
-        return self._node.nmt.state.text
-
-    def _nobody(self) -> NodeTimeout:
-        channel = self._node.channel
-        health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
-        return NodeTimeout(
-            f"node {self._node.node_id} does not answer",
-            node=self._node.node_id,
-            observed=f"no answer to the SDO request for 1000h within {FIND_TIME:g} s, {self._node.nmt.describe(time.monotonic())}; "
-            f"{health}",
-            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
-        )
 
 
 def build_on_bus(
@@ -146,10 +47,11 @@ def build_on_bus(
         nodes = {
             node_id: stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()
         }
-        comms = {node_id: CanComms(cell, node) for node_id, node in nodes.items()}
+        comms = {node_id: CanComms(cell, node, FIND_TIME) for node_id, node in nodes.items()}
         booted = _boot_all(cell, dictionaries, nodes, comms, on_report)
         ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
         there = {name: port for name, port in ports.items() if port is not None}
+        events = {node_id: NodeEvents(nodes[node_id].nmt) for node_id, one in booted.items() if one.report.ok}
         cycle = CanCycle(
             channel,
             list(there.values()),
@@ -157,9 +59,20 @@ def build_on_bus(
             master_id=cell.bus.master_id,
             heartbeat=cell.bus.heartbeat or 0.0,
             guarded={node_id: one.guarding for node_id, one in comms.items() if one.guarding is not None},
+            events=list(events.values()),
         )
         access = {
-            node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id]) for node_id in nodes
+            node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id], events.get(node_id))
+            for node_id in nodes
+        }
+        late = {
+            node_id: Late(
+                node_id,
+                nodes[node_id].answers_sdo,
+                partial(_boot_late, cell, nodes[node_id], dictionaries[node_id], cycle, access),
+            )
+            for node_id, one in booted.items()
+            if one.report.absent
         }
         return Runtime(
             cycle,
@@ -170,6 +83,7 @@ def build_on_bus(
             partial(_let_all_go, nodes, booted),
             [cycle.close, stack.pop_all().close],
             stand_ins,
+            late,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
 
@@ -208,9 +122,22 @@ def _boot_all(
     return dict(zip(nodes, in_parallel(boot, nodes), strict=True))
 
 
-def _access(node: Node, eds: Eds, comms: CanComms) -> NodeAccess:
+def _boot_late(
+    cell: CellConfig, node: Node, eds: Eds, cycle: CanCycle, access: dict[int, NodeAccess]
+) -> tuple[Booted, Mapping[str, Port]]:
+    """Boot an optional node that has appeared while the scan runs, and let the scan's cycle serve it."""
+    comms = CanComms(cell, node, FIND_TIME)
+    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms).run()
+    if booted.report.ok:
+        events = NodeEvents(node.nmt)
+        cycle.add(list(comms.ports.values()), node.node_id, events, comms.guarding)
+        access[node.node_id] = _access(node, eds, comms, events)
+    return booted, dict[str, Port](comms.ports)
+
+
+def _access(node: Node, eds: Eds, comms: CanComms, events: NodeEvents | None) -> NodeAccess:
     plans = tuple(port.plan for port in comms.ports.values())
-    access = NodeAccess(node.node_id, eds, node.sdo, node, plans)
+    access = NodeAccess(node.node_id, eds, node.sdo, node, plans, events)
     access.sdo.cyclic = frozenset(
         (mapped.index, mapped.subindex)
         for plan in plans
@@ -241,7 +168,3 @@ def _let_go(node: Node, booted: Booted, how: Parting) -> None:
             booted.watch.restore()
         if booted.report.ok and how is Parting.REST:
             node.command(NmtCommand.ENTER_PRE_OPERATIONAL, timeout=0.5)
-
-
-def _cob_ids_of(node_ids: set[int]) -> frozenset[int]:
-    return frozenset(base + node_id for node_id in node_ids for base in (*cob.RPDO, *cob.TPDO))

@@ -27,7 +27,7 @@ from axisbus.motion.core import AxisCore
 from axisbus.motion.ending import ended, refused_while_closing
 from axisbus.motion.group import GroupCommand, GroupCore
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
-from axisbus.motion.policy import FaultPolicy
+from axisbus.motion.policy import FaultPolicy, LostNode
 from axisbus.motion.snapshot import Snapshot
 
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
@@ -66,15 +66,13 @@ class Scan:
         axes: Mapping[str, AxisCore],
         period: float,
         groups: Mapping[str, Sequence[str]] | None = None,
+        on_lost_node: LostNode = LostNode.GROUP,
     ) -> None:
         """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``groups``: the axes of each group by its name."""
         self.cycle = cycle
         self.axes = dict(axes)
         self.period = period
-        self.groups = {
-            name: GroupCore(name, {axis: self.axes[axis] for axis in members}, period)
-            for name, members in (groups or {}).items()
-        }
+        self.groups = {name: self._group_core(name, members) for name, members in (groups or {}).items()}
         self.lateness = Lateness()
         self.snapshots: dict[str, Snapshot] = {}
         self.observers: list[Observer] = []
@@ -82,10 +80,14 @@ class Scan:
         self.ended = False
         self.waiter: ThreadWaiter | None = None
         self._work = [(name, ports[name], core) for name, core in self.axes.items()]
-        self._policy = FaultPolicy(tuple(self.axes), groups or {})
+        self._members = {name: list(axes) for name, axes in (groups or {}).items()}
+        self._on_lost_node = on_lost_node
+        self._policy = FaultPolicy(tuple(self.axes), self._members, on_lost_node)
+        self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._queue: deque[tuple[str, Command | GroupCommand, Handle]] = deque()
         self._next: float | None = None
         self._stop_requests: deque[tuple[str, bool]] = deque()
+        self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
         self._stopping: list[Handle] = []
@@ -103,15 +105,27 @@ class Scan:
                 return
         handle.finish(Status.ERROR, self._refusal(handle.name))
 
+    def add_axis(self, name: str, port: Port, core: AxisCore, groups: Mapping[str, Sequence[str]]) -> None:
+        """Take an axis more into the scan, from its next cycle on; ``groups`` are then all groups that the policy knows."""
+        self._members = {group: list(axes) for group, axes in groups.items()}
+        self._joining.append((name, port, core))
+
     def add_group(self, name: str, members: Sequence[str]) -> None:
         """Make a group of axes that cell.toml does not name; the fault policy does not know it."""
-        group = GroupCore(name, {axis: self.axes[axis] for axis in members}, self.period)
-        self.groups = {**self.groups, name: group}
+        self.groups = {**self.groups, name: self._group_core(name, members)}
+
+    def _group_core(self, name: str, members: Sequence[str]) -> GroupCore:
+        return GroupCore(name, {axis: self.axes[axis] for axis in members}, self.period)
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
         """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
+
+    def trip(self, error: AxisbusError) -> None:
+        """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""
+        if self._on_lost_node is not LostNode.REPORT:
+            self._trips.append(error)
 
     def refuse_commands(self) -> None:
         """Take no more commands, also none that wait: from here on there is only the way out. Does not block."""
@@ -217,7 +231,18 @@ class Scan:
         self._next += (1 + missed) * self.period
         return now
 
+    def _take_axes(self) -> None:
+        while self._joining:
+            name, port, core = self._joining.popleft()
+            self.axes = {**self.axes, name: core}
+            self._work.append((name, port, core))
+            mates = {group: axes for group, axes in self._members.items() if name in axes}
+            self.groups = {**self.groups, **{group: self._group_core(group, mates[group]) for group in mates}}
+        self._policy = FaultPolicy(tuple(self.axes), self._members, self._on_lost_node)
+
     def _take_commands(self) -> None:
+        if self._joining:
+            self._take_axes()
         while self._stop_requests:
             self._stopping = self._stop_all(*self._stop_requests.popleft())
             self._stops_begun += 1
@@ -238,12 +263,18 @@ class Scan:
         return handles
 
     def _apply_policy(self) -> None:
-        tripped = [name for name, core in self.axes.items() if core.tripped is not None]
+        while self._trips:
+            self._policy_stop(dict.fromkeys(self.axes, self._trips.popleft().message))
+        tripped = {name: core.tripped for name, core in self.axes.items() if core.tripped is not None}
         if not tripped:
             return
-        for name, cause in self._policy.all_stops(tripped).items():
-            reason = f"{name} was stopped because {self.axes[cause].tripped.message}"  # type: ignore[union-attr]
-            accept(self.axes[name], PolicyStop(reason), Handle(f"{name}.stop", NOBODY))
+        causes = self._policy.all_stops(tripped)
+        self._policy_stop({name: tripped[cause].message for name, cause in causes.items()})
+
+    def _policy_stop(self, reasons: Mapping[str, str]) -> None:
+        for name, reason in reasons.items():
+            stop = PolicyStop(f"{name} was stopped because {reason}")
+            accept(self.axes[name], stop, Handle(f"{name}.stop", NOBODY))
 
     def _wake(self) -> None:
         ended = False

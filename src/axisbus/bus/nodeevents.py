@@ -1,0 +1,95 @@
+"""What error control has to tell of one node while the scan runs: lost, back again, restarted, in another NMT state.
+
+The scan's cycle looks in each period, just when its frames go out. Where the node has an axis that moves, those frames carry the
+stop already, so that ``reaction`` is the time from when the event could be known until the stop was sent.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.bus.nmt import NodeMonitor
+from axisbus.cia301.nmt import NmtState
+
+_KEPT = 256
+
+
+class NodeEventKind(Enum):
+    """What happened."""
+
+    LOST = "is lost: its heartbeat or guarding answer stays away"
+    BACK = "is heard again"
+    BOOT_UP = "has restarted: it sent a boot-up message that nobody asked for"
+    STATE = "is in another NMT state than operational"
+    OPERATIONAL = "is operational again"
+
+
+BAD = frozenset({NodeEventKind.LOST, NodeEventKind.BOOT_UP, NodeEventKind.STATE})
+
+
+@dataclass(frozen=True, slots=True)
+class NodeEvent:
+    """One event: ``stamp`` in seconds of the monotonic clock; ``silent`` and ``reaction`` in seconds.
+
+    ``silent`` is how long nothing had been heard of the node, ``reaction`` the time from when the event could be known (the
+    deadline of a heartbeat, the reception of a message) until the scan acted.
+    """
+
+    node: int
+    kind: NodeEventKind
+    stamp: float
+    state: NmtState
+    silent: float
+    reaction: float
+
+    def __str__(self) -> str:
+        return (
+            f"node {self.node} {self.kind.value} ({self.state.text}, heard {self.silent * 1000:.0f} ms ago; "
+            f"noticed within {self.reaction * 1000:.1f} ms)"
+        )
+
+
+class NodeEvents:
+    """Watches what the monitor of a node has heard; holds state: what was seen last, and the last 256 events."""
+
+    def __init__(self, monitor: NodeMonitor) -> None:
+        """Begin with the node as it is now."""
+        self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
+        self.on_event: Callable[[NodeEvent], None] | None = (
+            None  # called in the scan's thread; must not block
+        )
+        self._monitor = monitor
+        self._bootups = monitor.bootups
+        self._operational = monitor.state is NmtState.OPERATIONAL
+        self._lost = False
+
+    def look(self, now: float) -> None:
+        """Note what has changed since the last look; does not block. Belongs to the scan's thread."""
+        monitor = self._monitor
+        if monitor.bootups != self._bootups:
+            self._bootups, self._operational = monitor.bootups, False
+            self._note(NodeEventKind.BOOT_UP, now, monitor.bootup_stamp or now)
+        elif (monitor.state is NmtState.OPERATIONAL) is not self._operational:
+            self._operational = not self._operational
+            kind = NodeEventKind.OPERATIONAL if self._operational else NodeEventKind.STATE
+            self._note(kind, now, monitor.stamp or now)
+        if monitor.overdue(now) is not self._lost:
+            self._lost = not self._lost
+            self._note_loss(now)
+
+    def _note_loss(self, now: float) -> None:
+        if self._lost:
+            self._note(NodeEventKind.LOST, now, self._monitor.deadline)
+        else:
+            self._note(NodeEventKind.BACK, now, self._monitor.stamp or now)
+
+    def _note(self, kind: NodeEventKind, now: float, since: float) -> None:
+        monitor = self._monitor
+        silent = max(0.0, now - monitor.stamp) if monitor.stamp is not None else 0.0
+        event = NodeEvent(monitor.node_id, kind, now, monitor.state, silent, max(0.0, now - since))
+        self.history.append(event)
+        if self.on_event is not None:
+            self.on_event(event)

@@ -1,0 +1,266 @@
+"""The words of a node's boot-up (CiA 302-2): what is planned, what is asked, what comes back, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import Value
+from axisbus.cia301.nmt import NmtCommand, NmtState
+
+TRIES = 8  # with 4 % of the dialogues lost, one in 10^11 fails eight times
+DEADLINE = 0.5  # seconds for the answer to one SDO request
+LOAD = int.from_bytes(b"load", "little")  # the signature of 1011h
+
+
+class Letter(Enum):
+    """The error status of a boot-up, by its letter in CiA 302-2, with a sentence of ours."""
+
+    A = "the node is not in the master's list of nodes"
+    B = "the node does not answer the request for its device type (1000h)"
+    C = "the device type (1000h) is not the expected one"
+    D = "the vendor ID (1018h:01) is not the expected one"
+    E = "the node is to send a heartbeat and sends none, so its state is not known"
+    F = "the node does not answer node guarding, so its state is not known"
+    G = "the node needs a program that the master has no description of"  # G to I: programs are not downloaded
+    H = "the node needs another program, and the master may not download it"
+    I = "the download of the node's program failed"  # noqa: E741 - the standard's letter
+    J = "the download of the configuration failed"
+    K = "the node sends no heartbeat after error control was started"
+    L = "the node was operational already"
+    M = "the product code (1018h:02) is not the expected one"
+    N = "the revision number (1018h:03) is not the expected one"
+    O = "the serial number (1018h:04) is not the expected one"  # noqa: E741 - the standard's letter
+
+    @property
+    def sentence(self) -> str:
+        """What the letter means."""
+        return str(self.value)
+
+
+# Letters that this boot-up never gives: it checks no software version (1F52h), and downloads no program.
+NEVER = frozenset({Letter.G, Letter.H, Letter.I})
+
+# What is compared, in the order of the standard: object, its name, and the letter where it differs.
+IDENTITY = (
+    ((o.DEVICE_TYPE, 0), "device type", Letter.C),
+    ((o.IDENTITY, o.VENDOR_ID), "vendor ID", Letter.D),
+    ((o.IDENTITY, o.PRODUCT_CODE), "product code", Letter.M),
+    ((o.IDENTITY, o.REVISION_NUMBER), "revision number", Letter.N),
+    ((o.IDENTITY, o.SERIAL_NUMBER), "serial number", Letter.O),
+)
+Address = tuple[int, int]
+
+
+# -- the plan ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """A value of the identity: only the bits of ``mask`` count; ``lenient``: a node that does not say it (0 too) is taken."""
+
+    value: int
+    mask: int = 0xFFFF_FFFF
+    lenient: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """An object to be written and read back; ``source`` says in words who asks for it."""
+
+    index: int
+    subindex: int
+    value: Value
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The boot-up of one node.
+
+    Attributes:
+        node: its ID, 1 to 127.
+        listed: whether the node is in the master's list at all.
+        identity: what is expected, by object (see ``IDENTITY``); what is left out is only read.
+        find_tries: how often 1000h is asked for, ``DEADLINE`` seconds each, before nobody is there.
+        keep_alive: a node found operational stays as it is: neither configured nor taken out of operational.
+        restore: restore the default parameters (1011h:01) and restart the node before it is configured.
+        settings: the configuration, in order.
+        version: date (days since 1984-01-01) and time (ms after midnight) of the configuration, for 1020h; a node that has the
+            same is not configured again. None: it always is.
+        heartbeat: seconds between the heartbeats that the node is to send; None: no error control.
+        missed: heartbeats that may stay away.
+        start: whether the node is started at the end.
+    """
+
+    node: int
+    listed: bool = True
+    identity: Mapping[Address, Expected] = field(default_factory=dict)
+    find_tries: int = 6
+    keep_alive: bool = False
+    restore: bool = False
+    settings: tuple[Setting, ...] = ()
+    version: tuple[int, int] | None = None
+    heartbeat: float | None = None
+    missed: int = 3
+    start: bool = True
+
+
+# -- requests: each is made up to ``tries`` times, with ``deadline`` seconds each ----------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """Read an object; answered by its value."""
+
+    index: int
+    subindex: int = 0
+    deadline: float = DEADLINE
+    tries: int = TRIES
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """Write an object; ``checked``: against the limits of its description."""
+
+    index: int
+    subindex: int
+    value: Value
+    checked: bool = True
+    deadline: float = DEADLINE
+    tries: int = TRIES
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Send an NMT command and see it confirmed; for the resets, by the boot-up message. Answered by the NMT state."""
+
+    command: NmtCommand
+    deadline: float = 2.0
+    tries: int = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Await a heartbeat; answered by the NMT state."""
+
+    deadline: float
+    tries: int = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """Ask for the NMT state by node guarding; answered by it."""
+
+    deadline: float = 0.1
+    tries: int = TRIES
+
+
+# -- answers, each with the seconds that it took -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Got:
+    """What was asked for."""
+
+    value: Value | NmtState | None = None
+    elapsed: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """An SDO abort."""
+
+    code: int
+    elapsed: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """No answer within the deadline."""
+
+    elapsed: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """The request could not be made, or the application's part failed: another try would be of no use."""
+
+    elapsed: float = 0.0
+
+
+Answer = Got | Refused | Silence | Failed
+
+
+# -- the end -----------------------------------------------------------------------------------------------------------
+
+
+class ErrorControl(Enum):
+    """How the master will notice that the node is gone."""
+
+    HEARTBEAT = "its heartbeat"
+    GUARDING = "node guarding"
+    NONE = "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a boot-up ended, and everything that is known about it.
+
+    ``letter`` is None for plain success, and where a failure has no letter in the standard (a node that falls silent in mid
+    boot-up, an NMT command that is not confirmed); L is no failure. ``tries`` are those of the last request, ``retries`` all that
+    were made more than once; ``elapsed`` is in seconds. ``setting`` is what could not be written. ``consumer`` is the time in
+    seconds after which a missing heartbeat counts as lost.
+    """
+
+    node: int
+    ok: bool
+    letter: Letter | None
+    step: str
+    address: Address | None = None
+    expected: Value | None = None
+    got: Value | None = None
+    abort: int | None = None
+    tries: int = 0
+    retries: int = 0
+    elapsed: float = 0.0
+    identity: Mapping[Address, int] = field(default_factory=dict)
+    found: NmtState = NmtState.UNKNOWN
+    control: ErrorControl = ErrorControl.NONE
+    consumer: float | None = None
+    setting: Setting | None = None
+    written: int = 0
+    done: tuple[str, ...] = ()
+    skipped: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The end in words."""
+        if self.letter is not None:
+            return self.letter.sentence
+        return "the node is booted" if self.ok else f"the node fell silent at the step {self.step}"
+
+
+# -- the application's parts -------------------------------------------------------------------------------------------
+
+
+class Phase(Enum):
+    """Where the application has a part of its own in a boot-up."""
+
+    LOOK = "identified: may it be disturbed?"
+    PREPARE = "about to be configured"
+    COMPLETE = "configured, about to be started"
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """Let the application do its part, knowing what is known so far; to ``LOOK`` it answers False to leave the node as it is."""
+
+    phase: Phase
+    known: Outcome
+    tries: int = 1
+
+
+Request = Read | Write | Command | Listen | Guard | Local

@@ -1,0 +1,353 @@
+"""The boot-up of one NMT slave as CiA 302-2 has it, as a pure machine: answers in, requests out, an outcome at the end.
+
+Theory of operation
+-------------------
+``boot_up(plan)`` is a generator: it yields a ``Request``, is sent the ``Answer``, and returns the ``Outcome``. It knows no bus, no
+clock and no thread; time is what the answers say it took. Two rules:
+
+1. **Each request is repeated by itself.** Silence costs one more try of this request and nothing else; only a request that stays
+   unanswered in all its tries ends the boot-up. Every request can be repeated without harm.
+2. **The first thing that is wrong ends it**, and the outcome has all that is known: letter, step, object, expected, got, abort.
+
+The order is that of the standard: device type, identity, state, restore, configuration, error control, start. Two things differ.
+A node that is found running is never reset: at most it is taken to pre-operational, and where the application says so not even
+that. And what the standard leaves to the application has three places (``Phase``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import Any
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.bootplan import (
+    IDENTITY,
+    LOAD,
+    Address,
+    Answer,
+    Command,
+    ErrorControl,
+    Expected,
+    Failed,
+    Got,
+    Guard,
+    Letter,
+    Listen,
+    Local,
+    Outcome,
+    Phase,
+    Plan,
+    Read,
+    Refused,
+    Request,
+    Setting,
+    Silence,
+    Write,
+)
+from axisbus.cia301.datatypes import Value
+from axisbus.cia301.nmt import NmtCommand, NmtState
+
+Dialogue = Generator[Request, Answer, Answer]
+Step = Generator[Request, Answer, None]
+
+LONGEST_LISTEN = 3.0  # seconds; a node whose heartbeat is rarer is not waited for
+_LEAST_LISTEN = 0.3
+_REAL_TOLERANCE = 1e-6  # REAL32 comes back rounded
+
+
+def boot_up(plan: Plan) -> Generator[Request, Answer, Outcome]:
+    """Boot one node up; see the module. Raises nothing of its own."""
+    run = _Run(plan)
+    try:
+        yield from run.all()
+    except _Ended:
+        return run.outcome
+    letter = Letter.L if run.outcome.found is NmtState.OPERATIONAL else None
+    return replace(run.outcome, ok=True, letter=letter)
+
+
+def same(got: object, wanted: Value) -> bool:
+    """Whether a value that was read back is the one that was written."""
+    if isinstance(got, float) and isinstance(wanted, (int, float)):
+        return abs(got - wanted) <= _REAL_TOLERANCE * max(1.0, abs(wanted))
+    return got == wanted
+
+
+class _Ended(Exception):
+    """The boot-up has ended; the outcome says why."""
+
+
+class _Run:
+    """One boot-up; holds the outcome as far as it is known."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.outcome = Outcome(plan.node, False, None, "list of nodes")
+        self._disturb = True
+
+    def all(self) -> Step:
+        """Do the steps in order."""
+        if not self.plan.listed:
+            self._fail(Letter.A)
+        for name, step in (
+            ("find", self._find),
+            ("identity", self._identify),
+            ("state", self._look),
+            ("pre-operational", self._hold),
+            ("restore", self._restore),
+            ("configuration", self._configure),
+            ("error control", self._control),
+            ("completion", self._complete),
+            ("start", self._start),
+        ):
+            self._note(step=name, address=None, tries=0)
+            yield from step()
+
+    # -- asking ------------------------------------------------------------------------------------------------------
+
+    def _ask(self, request: Request) -> Dialogue:
+        """Make a request until it is answered, at most its ``tries``."""
+        answer: Answer = Silence()
+        for number in range(1, request.tries + 1):
+            answer = yield request
+            more = number > 1
+            self._note(
+                tries=number,
+                elapsed=self.outcome.elapsed + answer.elapsed,
+                retries=self.outcome.retries + more,
+            )
+            if not isinstance(answer, Silence):
+                break
+        return answer
+
+    def _must(self, request: Request, letter: Letter | None = None) -> Dialogue:
+        """As ``_ask``; silence ends the boot-up with ``letter``, and so does a refusal of what cannot be refused."""
+        answer = yield from self._ask(request)
+        if isinstance(answer, Failed):
+            self._fail(None)
+        if isinstance(answer, Silence) or (isinstance(answer, Refused) and not isinstance(request, Read)):
+            self._fail(letter, abort=answer.code if isinstance(answer, Refused) else None)
+        return answer
+
+    def _read(self, index: int, subindex: int = 0) -> Generator[Request, Answer, int | None]:
+        """Read a number; None where the node does not have it."""
+        self._note(address=(index, subindex))
+        answer = yield from self._must(Read(index, subindex))
+        value = answer.value if isinstance(answer, Got) else None
+        return value if isinstance(value, int) else None
+
+    def _fail(self, letter: Letter | None, **facts: Any) -> None:
+        self._note(letter=letter, **facts)
+        raise _Ended
+
+    def _note(self, **facts: Any) -> None:
+        self.outcome = replace(self.outcome, **facts)
+
+    def _did(self, what: str) -> None:
+        self._note(done=(*self.outcome.done, what))
+
+    def _skipped(self, what: str) -> None:
+        self._note(skipped=(*self.outcome.skipped, what))
+
+    # -- who is it ---------------------------------------------------------------------------------------------------
+
+    def _find(self) -> Step:
+        address = (o.DEVICE_TYPE, 0)
+        self._note(address=address)
+        answer = yield from self._ask(Read(*address, tries=1))
+        if isinstance(answer, Silence):
+            yield from self._wake()
+            answer = yield from self._must(Read(*address, tries=self.plan.find_tries), Letter.B)
+        self._learn(address, answer)
+        self._did("found")
+
+    def _wake(self) -> Step:
+        """A node that was left in the NMT state *stopped* has no SDO server; pre-operational gives it one and energises nothing."""
+        answer = yield from self._ask(Listen(_LEAST_LISTEN, tries=1))
+        if isinstance(answer, Got) and answer.value is NmtState.STOPPED:
+            self._did("woken: it was in the NMT state stopped")
+            yield Command(NmtCommand.ENTER_PRE_OPERATIONAL, deadline=_LEAST_LISTEN, tries=1)
+
+    def _identify(self) -> Step:
+        for address, _, letter in IDENTITY:
+            self._note(address=address)
+            answer: Answer | None = None
+            if address != (o.DEVICE_TYPE, 0):
+                answer = yield from self._must(Read(*address), letter)
+                self._learn(address, answer)
+            self._compare(address, letter, answer)
+        self._did("identified")
+
+    def _learn(self, address: Address, answer: Answer) -> None:
+        if isinstance(answer, Got) and isinstance(answer.value, int):
+            self._note(identity={**self.outcome.identity, address: answer.value})
+
+    def _compare(self, address: Address, letter: Letter, answer: Answer | None) -> None:
+        expected = self.plan.identity.get(address)
+        if expected is None or _fits(expected, self.outcome.identity.get(address)):
+            return
+        abort = answer.code if isinstance(answer, Refused) else None
+        got = self.outcome.identity.get(address)
+        self._fail(letter, expected=expected.value, got=got, abort=abort)
+
+    # -- what is it doing --------------------------------------------------------------------------------------------
+
+    def _look(self) -> Step:
+        period = yield from self._read(o.PRODUCER_HEARTBEAT)
+        if period:
+            yield from self._hear(period / 1000)
+        else:
+            self._skipped("its NMT state: it sends no heartbeat yet")
+        self._note(address=None)
+        answer = yield from self._must(Local(Phase.LOOK, self.outcome))
+        allowed = not isinstance(answer, Got) or answer.value is not False
+        kept = self.plan.keep_alive and self.outcome.found is NmtState.OPERATIONAL
+        self._disturb = allowed and not kept
+        self._did("looked at")
+
+    def _hear(self, period: float) -> Step:
+        """A node that says it sends heartbeats is heard (letter E where it is not)."""
+        patience = (self.plan.missed + 1) * period
+        if patience > LONGEST_LISTEN:
+            self._skipped(f"its NMT state: it sends a heartbeat every {period:g} s only")
+            return
+        answer = yield from self._must(Listen(max(patience, _LEAST_LISTEN)), Letter.E)
+        if isinstance(answer, Got) and isinstance(answer.value, NmtState):
+            self._note(found=answer.value)
+
+    def _hold(self) -> Step:
+        """Take it to pre-operational, where it may be disturbed and is not there already."""
+        if not self._disturb:
+            self._skipped("pre-operational: it is left as it was found")
+        elif self.outcome.found is not NmtState.PRE_OPERATIONAL:
+            yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL))
+            self._did("pre-operational")
+
+    # -- configuration -----------------------------------------------------------------------------------------------
+
+    def _restore(self) -> Step:
+        if not self.plan.restore:
+            return
+        if not self._disturb:
+            self._skipped("restoring its defaults: it is left as it was found")
+            return
+        yield from self._set(Setting(o.RESTORE_DEFAULTS, 1, LOAD, "restore_defaults"), verify=False)
+        yield from self._restart()
+        self._did("defaults restored")
+
+    def _restart(self) -> Step:
+        """Reset the node, so that its defaults hold; where the boot-up message was lost it is found by asking."""
+        self._note(address=None)
+        answer = yield from self._ask(Command(NmtCommand.RESET_NODE, tries=1))
+        if isinstance(answer, Silence):
+            self._note(address=(o.DEVICE_TYPE, 0))
+            yield from self._must(Read(o.DEVICE_TYPE, tries=self.plan.find_tries), Letter.B)
+        yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL))
+
+    def _configure(self) -> Step:
+        if not self._disturb:
+            self._skipped("configuration: it is left as it was found")
+            return
+        yield from self._must(Local(Phase.PREPARE, self.outcome))
+        if self.plan.version is not None and (yield from self._is_configured()):
+            self._skipped("configuration: date and time in 1020h are the expected ones")
+            return
+        for setting in self.plan.settings:
+            yield from self._set(setting)
+            self._note(written=self.outcome.written + 1)
+        yield from self._seal()
+        self._did("configured")
+
+    def _is_configured(self) -> Generator[Request, Answer, bool]:
+        date = yield from self._read(o.VERIFY_CONFIGURATION, 1)
+        time = yield from self._read(o.VERIFY_CONFIGURATION, 2)
+        return (date, time) == self.plan.version
+
+    def _seal(self) -> Step:
+        """Let the node remember which configuration it has."""
+        for subindex, value in enumerate(self.plan.version or (), 1):
+            self._note(address=(o.VERIFY_CONFIGURATION, subindex))
+            answer = yield from self._ask(Write(o.VERIFY_CONFIGURATION, subindex, value, checked=False))
+            if isinstance(answer, Refused):
+                self._skipped("1020h: the node does not keep date and time of its configuration")
+                return
+            if not isinstance(answer, Got):
+                self._fail(Letter.J)
+
+    def _set(self, setting: Setting, verify: bool = True) -> Step:
+        """Write an object and read it back; one that may only be written is not read back."""
+        index, subindex, wanted = setting.index, setting.subindex, setting.value
+        self._note(address=(index, subindex), setting=setting)
+        yield from self._must(Write(index, subindex, wanted), Letter.J)
+        if verify:
+            answer = yield from self._must(Read(index, subindex), Letter.J)
+            if isinstance(answer, Got) and not same(answer.value, wanted):
+                self._fail(Letter.J, expected=wanted, got=answer.value)
+        self._note(setting=None)
+
+    # -- error control -----------------------------------------------------------------------------------------------
+
+    def _control(self) -> Step:
+        if self.plan.heartbeat is None:
+            self._skipped("error control: none is planned")
+        elif not self._disturb:
+            self._skipped("error control: it is left as it was found")
+        elif (yield from self._produces(round(self.plan.heartbeat * 1000))):
+            yield from self._await_heartbeat()
+        else:
+            yield from self._guard()
+
+    def _produces(self, period: int) -> Generator[Request, Answer, int | None]:
+        """Have it send heartbeats; return the period in ms that it took, None where it can send none."""
+        self._note(address=(o.PRODUCER_HEARTBEAT, 0))
+        answer = yield from self._ask(Write(o.PRODUCER_HEARTBEAT, 0, period))
+        if isinstance(answer, Refused):
+            return None
+        if not isinstance(answer, Got):
+            self._fail(None)
+        got = yield from self._read(o.PRODUCER_HEARTBEAT)
+        if got:
+            self._note(consumer=max(self.plan.missed * got / 1000, 0.15))
+        return got
+
+    def _await_heartbeat(self) -> Step:
+        consumer = self.outcome.consumer or 0.0
+        if consumer > LONGEST_LISTEN:
+            self._skipped("the first heartbeat: they are too rare to be awaited")
+        else:
+            yield from self._must(Listen(max(consumer, _LEAST_LISTEN)), Letter.K)
+        self._note(control=ErrorControl.HEARTBEAT)
+        self._did("error control by heartbeat")
+
+    def _guard(self) -> Step:
+        """Ask once whether guarding works; not where the first request would start a life time that nobody serves yet."""
+        guard_time = yield from self._read(o.GUARD_TIME)
+        factor = yield from self._read(o.LIFE_TIME_FACTOR)
+        if guard_time is None or factor is None:
+            self._skipped("error control: it has neither heartbeat nor guarding")
+            return
+        if not guard_time * factor:
+            self._note(address=None)
+            yield from self._must(Guard(), Letter.F)
+        self._note(control=ErrorControl.GUARDING)
+        self._did("error control by guarding")
+
+    # -- the end -----------------------------------------------------------------------------------------------------
+
+    def _complete(self) -> Step:
+        yield from self._must(Local(Phase.COMPLETE, self.outcome))
+
+    def _start(self) -> Step:
+        if not self.plan.start:
+            self._skipped("start: not asked for")
+            return
+        if self._disturb or self.outcome.found is not NmtState.OPERATIONAL:
+            yield from self._must(Command(NmtCommand.START))
+        self._did("started")
+
+
+def _fits(expected: Expected, got: int | None) -> bool:
+    if not got and expected.lenient:
+        return True
+    return got is not None and not (got ^ expected.value) & expected.mask

@@ -1,0 +1,100 @@
+"""Carrying out the requests of a node's boot-up, one after the other, over what reaches the node."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator, Mapping
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+from axisbus.cia301 import bootplan as b
+from axisbus.cia301.datatypes import Value
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.errors import AxisbusError, NodeTimeout, SdoAbort, SdoError
+from axisbus.machine.access import Objects
+
+
+class Nmt(Protocol):
+    """What a boot-up needs of a node beside SDO."""
+
+    def command(self, command: NmtCommand, deadline: float) -> NmtState:
+        """Send an NMT command and return the confirmed state; raises ``NodeTimeout``."""
+
+    def listen(self, deadline: float) -> NmtState | None:
+        """Return the state of the next heartbeat, None where none comes."""
+
+    def ask(self, deadline: float) -> NmtState | None:
+        """Return the state by node guarding, None where no answer comes."""
+
+    def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:
+        """Make SDO requests that often, with ``deadline`` seconds each, inside the ``with`` block."""
+
+
+Locals = Mapping[b.Phase, Callable[[b.Outcome], bool | None]]
+
+
+class Answerer:
+    """Answers the requests for one node; holds state: the last error that an answer stands for."""
+
+    def __init__(
+        self, objects: Objects, nmt: Nmt, local: Locals, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """``local`` are the application's own parts: what ``LOOK`` returns says whether the node may be disturbed."""
+        self._objects = objects
+        self._nmt = nmt
+        self._local = local
+        self._clock = clock
+        self.error: AxisbusError | None = None
+
+    def run(self, machine: Generator[b.Request, b.Answer, b.Outcome]) -> b.Outcome:
+        """Answer until the machine is through; blocks. What goes wrong is an answer, too, and ``error`` holds it."""
+        request = next(machine)
+        while True:
+            try:
+                request = machine.send(self.answer(request))
+            except StopIteration as end:
+                outcome: b.Outcome = end.value
+                return outcome
+
+    def answer(self, request: b.Request) -> b.Answer:
+        """Make one request, once; blocks at most about its deadline."""
+        start = self._clock()
+        try:
+            value = self._do(request)
+        except AxisbusError as error:
+            self.error = error
+            return _bad_answer(request, error, self._clock() - start)
+        elapsed = self._clock() - start
+        if value is None and isinstance(request, (b.Listen, b.Guard)):
+            return b.Silence(elapsed)
+        return b.Got(value, elapsed)
+
+    def _do(self, request: b.Request) -> Value | NmtState | None:
+        match request:
+            case b.Local():
+                with self._nmt.trying(b.TRIES, b.DEADLINE):
+                    return self._local[request.phase](request.known)
+            case b.Command():
+                return self._nmt.command(request.command, request.deadline)
+            case b.Listen():
+                return self._nmt.listen(request.deadline)
+            case b.Guard():
+                return self._nmt.ask(request.deadline)
+        with self._nmt.trying(1, request.deadline):
+            if isinstance(request, b.Read):
+                return self._objects.read(request.index, request.subindex)
+            self._write(request)
+        return None
+
+    def _write(self, request: b.Write) -> None:
+        if request.checked:
+            self._objects.write(request.index, request.subindex, request.value)
+        else:
+            assert isinstance(request.value, int)
+            self._objects.write_unchecked(request.index, request.subindex, request.value)
+
+
+def _bad_answer(request: b.Request, error: AxisbusError, elapsed: float) -> b.Answer:
+    if isinstance(request, b.Local) or not isinstance(error, (SdoError, NodeTimeout)):
+        return b.Failed(elapsed)
+    return b.Refused(error.code, elapsed) if isinstance(error, SdoAbort) else b.Silence(elapsed)

@@ -1,0 +1,125 @@
+"""What is told of a node that did not come up: the outcome of its boot-up as an error."""
+
+from __future__ import annotations
+
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as o
+from axisbus.cia301.bootplan import IDENTITY, Letter, Outcome
+from axisbus.errors import AxisbusError, BootError, SdoAbort
+from axisbus.machine import identity
+from axisbus.machine.cell import NodeConfig
+
+_OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
+
+_OTHER_VALUE = "give a value that the drive takes (its manual lists them), or leave the line out"
+# Letter -> message after "node N", what was seen, and what to do first.
+_ERROR_CONTROL = {
+    Letter.E: (
+        "it sends no heartbeat, though 1017h says that it does",
+        "check the bus load and the way back from the node: its SDO answers come, its heartbeats do not",
+    ),
+    Letter.F: (
+        "it does not answer node guarding, and has no heartbeat",
+        "check that the CAN adapter passes remote frames on; without error control a lost node is noticed by its PDOs only "
+        '(heartbeat = "off" in [bus] does without)',
+    ),
+    Letter.K: (
+        "it sends no heartbeat after 1017h was set",
+        "check the bus load and the way back from the node: its SDO answers come, its heartbeats do not",
+    ),
+}
+
+
+def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> AxisbusError:
+    """Return the error of a boot-up that failed; ``cause`` is the error of its last request that had none or a bad answer."""
+    if outcome.letter in _OTHER_DEVICE:
+        error = identity.another_device(outcome, node)
+    elif outcome.letter is Letter.J:
+        error = _configuration(outcome, cause)
+    elif outcome.letter in _ERROR_CONTROL:
+        error = _error_control(outcome)
+    elif cause is not None:
+        error = at_step(node.node_id, outcome.step, cause)
+    else:
+        error = BootError(
+            f"node {node.node_id}, step {outcome.step}: {outcome.sentence}",
+            node=node.node_id,
+            step=outcome.step,
+        )
+    return with_facts(error, outcome)
+
+
+def with_facts(error: BootError, outcome: Outcome) -> BootError:
+    """Give an error the letter, tries and time of the boot-up that it ended."""
+    error.letter = outcome.letter.name if outcome.letter is not None else ""
+    if error.index is None and outcome.address is not None:
+        error.index, error.subindex = outcome.address
+    error.abort, error.tries, error.elapsed = outcome.abort, outcome.tries, outcome.elapsed
+    return error
+
+
+def at_step(node_id: int, step: str, error: AxisbusError) -> BootError:
+    """Return an error of a step as one that names node and step."""
+    if isinstance(error, BootError):
+        return error
+    failed = BootError(
+        f"node {node_id}, step {step}: {error.message}",
+        node=node_id,
+        step=step,
+        index=getattr(error, "index", None),
+        subindex=getattr(error, "subindex", 0),
+        observed=error.observed,
+        remedy=error.remedy,
+    )
+    failed.__cause__ = error
+    return failed
+
+
+def _configuration(outcome: Outcome, cause: AxisbusError | None) -> BootError:
+    what, observed, remedy = _what_went_wrong(outcome, cause)
+    index, subindex = outcome.address or (o.VERIFY_CONFIGURATION, 0)
+    setting = outcome.setting
+    wish = f"cannot be set to {setting.value!r} ({setting.source})" if setting else "cannot be set"
+    error = BootError(
+        f"node {outcome.node}: {index:04X}h:{subindex:02X} {wish}: {what}",
+        node=outcome.node,
+        step=outcome.step,
+        index=index,
+        subindex=subindex,
+        observed=observed,
+        remedy=remedy or _OTHER_VALUE,
+    )
+    error.__cause__ = cause
+    return error
+
+
+def _what_went_wrong(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+    if outcome.expected is not None:
+        return (
+            "reads back another value",
+            f"expected {outcome.expected!r}, got {outcome.got!r}",
+            "the drive limits or rounds this value: write one that it takes (its manual lists the range)",
+        )
+    if isinstance(cause, SdoAbort):
+        refused = cause.code in abort.VALUE_REFUSED
+        return (
+            "the drive refuses it",
+            cause.observed,
+            _OTHER_VALUE if refused else cause.remedy or abort.explain(cause.code).hint,
+        )
+    if cause is None:
+        return "no answer", "", ""
+    return cause.message, cause.observed, cause.remedy
+
+
+def _error_control(outcome: Outcome) -> BootError:
+    assert outcome.letter is not None
+    what, remedy = _ERROR_CONTROL[outcome.letter]
+    return BootError(
+        f"node {outcome.node}, step {outcome.step}: {what}",
+        node=outcome.node,
+        step=outcome.step,
+        index=None if outcome.address is None else outcome.address[0],
+        observed=f"{outcome.tries} times awaited, nothing came; {outcome.elapsed:.1f} s since its boot-up began",
+        remedy=remedy,
+    )

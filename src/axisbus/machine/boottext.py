@@ -1,0 +1,75 @@
+"""How a boot-up went, as lines for a person and as plain values: letter, step, object, expected, got, abort, tries, time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from axisbus.cia301 import abort
+from axisbus.cia301.bootplan import Outcome
+
+_WIDTH = 14
+
+
+def rows(outcome: Outcome | None) -> list[str]:
+    """Return what is worth a line; a boot-up without incident has one."""
+    if outcome is None:
+        return []
+    found = [("boot-up", _summary(outcome))]
+    if not outcome.ok:
+        found += [
+            ("object", object_text(outcome)),
+            ("expected", _number(outcome.expected)),
+            ("got", _number(outcome.got)),
+            ("abort", "" if outcome.abort is None else abort.describe(outcome.abort)),
+            ("done before", ", ".join(outcome.done)),
+        ]
+    found += [("skipped", text) for text in outcome.skipped]
+    return [f"  {title:<{_WIDTH}}{text}" for title, text in found if text]
+
+
+def as_json(outcome: Outcome) -> dict[str, Any]:
+    """Return a boot-up as plain values; numbers are numbers."""
+    return {
+        "ok": outcome.ok,
+        "letter": None if outcome.letter is None else outcome.letter.name,
+        "sentence": outcome.sentence,
+        "step": outcome.step,
+        "object": object_text(outcome) or None,
+        "expected": _plain(outcome.expected),
+        "got": _plain(outcome.got),
+        "abort": outcome.abort,
+        "abort_text": None if outcome.abort is None else abort.explain(outcome.abort).text,
+        "tries": outcome.tries,
+        "retries": outcome.retries,
+        "elapsed": round(outcome.elapsed, 3),
+        "found": outcome.found.text,
+        "error_control": outcome.control.value,
+        "done": list(outcome.done),
+        "skipped": list(outcome.skipped),
+    }
+
+
+def object_text(outcome: Outcome) -> str:
+    """Return the object that the boot-up ended at, such as ``1018h:02``; empty where it was none."""
+    return "" if outcome.address is None else f"{outcome.address[0]:04X}h:{outcome.address[1]:02X}"
+
+
+def _summary(outcome: Outcome) -> str:
+    letter = f"{outcome.letter.name}: {outcome.letter.sentence}; " if outcome.letter is not None else ""
+    again = f", {outcome.retries} requests repeated" if outcome.retries else ""
+    end = f"{outcome.elapsed:.2f} s{again}"
+    return (
+        f"{letter}in {end}"
+        if outcome.ok
+        else f"{letter}step {outcome.step}, try {outcome.tries}, after {end}"
+    )
+
+
+def _number(value: object) -> str:
+    if value is None:
+        return ""
+    return f"0x{value:X} ({value})" if isinstance(value, int) and not isinstance(value, bool) else repr(value)
+
+
+def _plain(value: object) -> object:
+    return value.hex() if isinstance(value, bytes) else value

@@ -1,0 +1,161 @@
+"""What boot-up needs of one node on a bus beside SDO: NMT, error control, PDOs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from axisbus.bus.nmt import guarding_answer
+from axisbus.bus.node import Node
+from axisbus.bus.pdo import configure, set_pdo
+from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
+from axisbus.bus.port import CanPort
+from axisbus.bus.rpdo import CONTROLWORD
+from axisbus.cia301 import cob
+from axisbus.cia301.bootplan import DEADLINE
+from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.cia301.pdo import MappedObject
+from axisbus.cia402.port import Capabilities
+from axisbus.errors import NodeTimeout
+from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.configure import HEARTBEATS
+
+_FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
+
+
+class CanComms:
+    """What boot-up needs of one node on a bus; holds the ports that it made."""
+
+    def __init__(self, cell: CellConfig, node: Node, find_time: float) -> None:
+        """``find_time``: seconds that the node may take to answer for the first time."""
+        self._cell = cell
+        self._config = cell.nodes[node.node_id]
+        self._tables = self._config.pdos
+        self._node = node
+        self._find_time = find_time
+        self.ports: dict[str, CanPort] = {}
+        self.guarding: float | None = None
+
+    # -- what boot-up asks for ---------------------------------------------------------------------------------------
+
+    @property
+    def find_tries(self) -> int:
+        """As many as fit into ``find_time``."""
+        return max(1, math.ceil(self._find_time / DEADLINE - 1e-9) - 1)
+
+    def command(self, command: NmtCommand, deadline: float) -> NmtState:
+        """Send an NMT command and wait until it is confirmed; one that asks for the state which it reports is not sent.
+
+        Raises:
+            NodeTimeout: it is not.
+        """
+        monitor = self._node.nmt
+        if monitor.assumed or monitor.state is not RESULT[command]:
+            self._node.command(command, deadline)
+        return monitor.state
+
+    def listen(self, deadline: float) -> NmtState | None:
+        """Return the state of the next heartbeat."""
+        monitor = self._node.nmt
+        return monitor.state if monitor.wait_report(monitor.reports, deadline) else None
+
+    def ask(self, deadline: float) -> NmtState | None:
+        """Return its state by node guarding."""
+        return guarding_answer(self._node.channel, self._node.nmt, deadline)
+
+    @contextmanager
+    def trying(self, tries: int, deadline: float) -> Iterator[None]:
+        """Make SDO requests ``tries`` times."""
+        sdo = self._node.sdo
+        before = sdo.tries, sdo.timeout
+        sdo.tries, sdo.timeout = tries, deadline
+        try:
+            yield
+        finally:
+            sdo.tries, sdo.timeout = before
+
+    def restarts(self) -> int:
+        """How many boot-up messages have come."""
+        return self._node.nmt.bootups
+
+    def nobody(self) -> NodeTimeout:
+        """Return the error of a node that does not answer, with what is known of it and of the bus."""
+        channel = self._node.channel
+        health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"
+        seen = self._node.nmt.describe(time.monotonic())
+        return NodeTimeout(
+            f"node {self._node.node_id} does not answer",
+            node=self._node.node_id,
+            observed=f"no answer to the SDO request for 1000h within {self._find_time:g} s, {seen}; {health}",
+            remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan shows who is there)",
+        )
+
+    def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
+        """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
+        if disturb:
+            self._set_tables()
+        policy = Policy(
+            sync=self._cell.bus.sync,
+            remap=disturb and self._config.remappable and not self._config.pdos,
+            communication=disturb,
+            taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
+            spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
+        )
+        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis)
+        port = CanPort(
+            self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
+        )
+        port.prime()
+        self.ports[axis.name] = port
+        return port.capabilities
+
+    def _set_tables(self) -> None:
+        """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
+        tables, self._tables = self._tables, ()
+        for table in tables:
+            entries = [self._node.sdo.dictionary.resolve(key) for key in table.map or ()]
+            mapping = tuple(
+                MappedObject(entry.index, entry.subindex, entry.data_type.bits or 0)
+                for entry in entries
+                if entry.data_type is not None
+            )
+            set_pdo(
+                self._node.sdo,
+                table.receive,
+                table.number,
+                mapping=None if table.map is None else mapping,
+                transmission_type=table.transmission,
+                event_timer=None if table.event_timer is None else round(table.event_timer * 1000),
+                inhibit_time=None if table.inhibit_time is None else round(table.inhibit_time * 10_000),
+                cob_id=table.cob_id,
+            )
+
+    def watch(self, timeout: float | None) -> None:
+        """Expect its heartbeat."""
+        self._node.nmt.watch(timeout)
+
+    def guard(self, period: float) -> None:
+        """Have the scan ask for its state; answers may stay away three times."""
+        self.guarding = period
+        if self._node.nmt.watched is None:
+            self._node.nmt.guard(HEARTBEATS * period + _FIRST_GUARDING)
+
+    def state(self) -> str:
+        """Its NMT state."""
+        return self._node.nmt.state.text
+
+    def cyclic_rpdos(self) -> list[int]:
+        """The RPDOs that hold a controlword: from the first command on the scan sends them in every cycle."""
+        first = [_controlword_pdo(port) for port in self.ports.values()]
+        return [number for number in first if number is not None]
+
+
+def _controlword_pdo(port: CanPort) -> int | None:
+    pdos = [pdo for pdo in port.plan.active if pdo.receive and CONTROLWORD in pdo.values]
+    return pdos[0].target.number if len(pdos) == 1 else None
+
+
+def _cob_ids_of(node_ids: set[int]) -> frozenset[int]:
+    return frozenset(base + node_id for node_id in node_ids for base in (*cob.RPDO, *cob.TPDO))

@@ -1,0 +1,113 @@
+"""What error control tells of a node: losses, restarts and states with their reaction times, and the toggle bit of guarding."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from bus_peer import FakeBus, Slave, eventually
+
+from axisbus.bus.channel import Channel
+from axisbus.bus.nmt import guarding_answer
+from axisbus.bus.node import Node
+from axisbus.bus.nodeevents import NodeEvent, NodeEvents
+from axisbus.cia301.nmt import NmtState
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(5)
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def node(channel: Channel, slave: Slave) -> Iterator[Node]:
+    with Node(channel, 5) as node:
+        yield node
+
+
+def hear(fake: FakeBus, node: Node, data: str) -> float:
+    """Have a message of error control arrive, and return when."""
+    before = node.nmt.reports
+    fake.inject(0x705, data)
+    eventually(lambda: node.nmt.reports > before)
+    assert node.nmt.stamp is not None
+    return node.nmt.stamp
+
+
+def test_nothing_is_told_while_all_is_well(node: Node, fake: FakeBus) -> None:
+    hear(fake, node, "05")
+    node.nmt.watch(0.3)
+    events = NodeEvents(node.nmt)
+    events.look(hear(fake, node, "05") + 0.1)
+    events.look(hear(fake, node, "05") + 0.2)
+    assert not events.history
+
+
+def test_a_loss_and_a_return_are_told_once_each_with_times(node: Node, fake: FakeBus) -> None:
+    hear(fake, node, "05")
+    node.nmt.watch(0.3)
+    events = NodeEvents(node.nmt)
+    heard = hear(fake, node, "05")
+    for late in (0.29, 0.302, 0.306):
+        events.look(heard + late)
+    (lost,) = events.history
+    assert (lost.kind.name, lost.state) == ("LOST", NmtState.OPERATIONAL)
+    assert lost.silent == pytest.approx(0.302)
+    assert lost.reaction == pytest.approx(0.002)
+    again = hear(fake, node, "05")
+    events.look(again + 0.001)
+    assert [event.kind.name for event in events.history] == ["LOST", "BACK"]
+    assert events.history[1].reaction == pytest.approx(0.001)
+
+
+def test_a_restart_between_two_looks_is_not_missed(node: Node, fake: FakeBus) -> None:
+    hear(fake, node, "05")
+    events = NodeEvents(node.nmt)
+    hear(fake, node, "00")
+    hear(fake, node, "05")
+    events.look(time.monotonic())
+    events.look(time.monotonic())
+    assert [event.kind.name for event in events.history] == ["BOOT_UP", "OPERATIONAL"]
+
+
+@pytest.mark.parametrize(("data", "state"), [("04", NmtState.STOPPED), ("7F", NmtState.PRE_OPERATIONAL)])
+def test_another_state_is_told_to_whoever_asked_for_it(
+    node: Node, fake: FakeBus, data: str, state: int
+) -> None:
+    hear(fake, node, "05")
+    events = NodeEvents(node.nmt)
+    told: list[NodeEvent] = []
+    events.on_event = told.append
+    hear(fake, node, data)
+    events.look(time.monotonic())
+    assert [(event.kind.name, event.state) for event in told] == [("STATE", state)]
+    assert "another NMT state" in str(told[0])
+
+
+def test_an_answer_to_guarding_with_the_same_toggle_bit_counts_as_none(node: Node, fake: FakeBus) -> None:
+    """CiA 301 7.2.8.3.2.1: the toggle bit changes with each answer, and begins at 0 after the boot-up."""
+    node.nmt.guard(1.0)
+    first = hear(fake, node, "05")
+    fake.inject(0x705, "05")
+    eventually(lambda: node.nmt.toggle_errors == 1)
+    assert node.nmt.stamp == first
+    assert hear(fake, node, "85") > first
+    hear(fake, node, "00")
+    hear(fake, node, "05")
+    assert node.nmt.toggle_errors == 1
+
+
+def test_heartbeats_have_no_toggle_bit(node: Node, fake: FakeBus) -> None:
+    hear(fake, node, "05")
+    hear(fake, node, "05")
+    assert node.nmt.toggle_errors == 0
+
+
+def test_a_node_is_asked_once_by_guarding(node: Node, slave: Slave, channel: Channel) -> None:
+    assert guarding_answer(channel, node.nmt, 0.02) is None
+    slave.answers_guarding, slave.nmt_state = True, 4
+    assert guarding_answer(channel, node.nmt, 2.0) is NmtState.STOPPED
+    assert not node.nmt.has_heartbeat

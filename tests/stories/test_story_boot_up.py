@@ -1,0 +1,473 @@
+"""Boot-up on a bus: the letters of CiA 302-2 by drives that misbehave, optional nodes, lost frames, a master that comes again."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from contextlib import suppress
+
+import pytest
+from story_bus import Line, until
+from story_rig import ENABLED, GENERIC, OFF
+
+from axisbus import eds
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cli.common import run
+from axisbus.cli.main import cli
+from axisbus.eds.builtin import resolve
+from axisbus.errors import BootError, DriveError, NodeError, StateError
+from axisbus.machine import pickup, wire
+from axisbus.machine.machine import Machine, boot
+from axisbus.machine.stopping import Watchdog
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+from lossy_line import LossyLine
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """Nodes that are not there are given up soon, and asked for again soon."""
+    monkeypatch.setattr(wire, "FIND_TIME", 0.8)
+    monkeypatch.setattr(pickup, "ASK_EVERY", 0.2)
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys):
+    """Run the command line in this process; returns exit code and output."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
+        code = run(cli)
+        return code, capsys.readouterr().out
+
+    return call
+
+
+def with_lines(line: Line, node: int, *lines: str) -> None:
+    """Add lines to the table of a node."""
+    head = f"[nodes.{node}]\n"
+    text = line.file.read_text("utf-8")
+    assert head in text
+    line.file.write_text(text.replace(head, head + "".join(f"{each}\n" for each in lines)), encoding="utf-8")
+
+
+def with_bus_line(line: Line, text: str) -> None:
+    """Add a line to ``[bus]``."""
+    line.file.write_text(line.file.read_text("utf-8").replace("[bus]\n", f"[bus]\n{text}\n"), "utf-8")
+
+
+def refused(line: Line) -> BootError:
+    """Open the machine, which must fail, and return why."""
+    with pytest.raises(BootError) as caught:
+        line.open()
+    return caught.value
+
+
+# -- letters -------------------------------------------------------------------------------------------------------------
+
+
+def test_letter_b_nobody_is_there(tmp_path, impatient):
+    with Line(tmp_path, present="") as line:
+        error = refused(line)
+    assert (error.letter, error.step, error.index) == ("B", "find", 0x1000)
+    assert error.elapsed > 0.8
+
+
+def test_letter_o_the_drive_was_exchanged(tmp_path):
+    with Line(tmp_path) as line:
+        line.devices["x"].dictionary.set(0x1018 << 8 | 4, 4711)
+        with_lines(line, 1, "serial = 4712")
+        error = refused(line)
+    assert (error.letter, error.index, error.subindex) == ("O", 0x1018, 4)
+    assert error.observed == "1018h:04 is 0x1267, cell.toml says 0x1268"
+
+
+def test_letter_n_the_firmware_is_another_one(tmp_path):
+    with Line(tmp_path) as line:
+        line.devices["x"].dictionary.set(0x1018 << 8 | 3, 0x20001)
+        with_lines(line, 1, "revision = 0x10001")
+        assert refused(line).letter == "N"
+
+
+def test_letter_j_the_drive_refuses_an_object(tmp_path):
+    with Line(tmp_path, more='[nodes.1.objects]\n"6065" = 3000\n') as line:
+        line.devices["x"].dials.sdo_write_aborts[0x6065, 0] = 0x0609_0030
+        error = refused(line)
+    assert (error.letter, error.index, error.abort) == ("J", 0x6065, 0x0609_0030)
+    assert "leave the line out" in error.remedy
+
+
+def test_letter_e_a_drive_that_says_it_sends_heartbeats_and_does_not(tmp_path):
+    with Line(tmp_path) as line:
+        line.devices["x"].write(0x1017, 0, 50)
+        line.devices["x"].dials.heartbeat_stops = True
+        error = refused(line)
+    assert (error.letter, error.step) == ("E", "state")
+
+
+def test_letter_k_no_heartbeat_comes_after_it_was_asked_for(tmp_path):
+    with Line(tmp_path) as line:
+        line.devices["x"].dials.heartbeat_stops = True
+        error = refused(line)
+        assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
+    assert (error.letter, error.step) == ("K", "error control")
+
+
+def test_letter_l_a_master_that_comes_again_finds_its_nodes_operational_and_resets_nobody(tmp_path):
+    with Line(tmp_path, "xy") as line:
+        with line.open():
+            pass
+        for device in line.devices.values():  # as a master leaves them that was killed
+            with line.stand_ins.lock:
+                device.write(0x1017, 0, 100)
+                device.nmt_command(NmtCommand.START)
+        booted = {name: device.boot_ups for name, device in line.devices.items()}
+        with line.open() as machine:
+            assert [report.outcome.letter.name for report in machine.reports] == ["L", "L"]
+            machine["x"].enable().wait(10)
+            machine["x"].move_relative(2.0).wait(10)
+        assert booted == {name: device.boot_ups for name, device in line.devices.items()}
+
+
+def test_a_node_that_was_left_stopped_is_woken_and_booted(tmp_path):
+    with Line(tmp_path) as line:
+        line.devices["x"].write(0x1017, 0, 100)
+        until(lambda: line.devices["x"].nmt is NmtState.PRE_OPERATIONAL)
+        with line.stand_ins.lock:
+            line.devices["x"].nmt_command(NmtCommand.STOP)
+        with line.open() as machine:
+            assert machine.node(1).nmt is NmtState.OPERATIONAL
+            assert machine.reports[0].outcome.done[0].startswith("woken")
+
+
+# -- what the cell file asks for -----------------------------------------------------------------------------------------
+
+
+def eds_with_1020(folder) -> None:
+    """Write the generic drive's EDS with 1020h (verify configuration)."""
+    text = resolve(GENERIC, folder).read_text(encoding="ascii")
+    text += "\n[1020]\nParameterName=Verify configuration\nObjectType=0x8\nSubNumber=3\n"
+    text += "\n[1020sub0]\nParameterName=Highest sub-index supported\nObjectType=0x7\nDataType=0x0005\n"
+    text += "AccessType=const\nDefaultValue=2\n"
+    for subindex, name in ((1, "Configuration date"), (2, "Configuration time")):
+        text += f"\n[1020sub{subindex}]\nParameterName={name}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\nDefaultValue=0\n"
+    (folder / "drive.eds").write_text(text, encoding="ascii")
+
+
+def test_a_configuration_of_the_same_date_is_downloaded_once(tmp_path):
+    """2026-03-31 is day 15430 after 1984-01-01, 14:30 is 52200000 ms after midnight (by hand)."""
+    eds_with_1020(tmp_path)
+    with Line(tmp_path, eds="drive.eds", more='[nodes.1.objects]\n"6065" = 3000\n') as line:
+        with_lines(line, 1, "configuration_date = 2026-03-31", "configuration_time = 14:30:00")
+        assert boot(line.file)[0].outcome.written > 0
+        device = line.devices["x"]
+        assert (device.read(0x1020, 1), device.read(0x1020, 2)) == (15_430, 52_200_000)
+        device.write(0x6065, 0, 2999)
+        report = boot(line.file)[0]
+        assert report.outcome.written == 0
+        assert "1020h" in report.configured
+        assert device.read(0x6065) == 2999
+
+
+def test_defaults_are_restored_before_the_configuration(tmp_path):
+    with Line(tmp_path) as line:
+        with_lines(line, 1, "restore_defaults = true")
+        device = line.devices["x"]
+        device.write(0x6081, 0, 12345)
+        before = device.boot_ups
+        with line.open() as machine:
+            assert machine["x"].name == "x"
+        assert device.read(0x6081) != 12345
+        assert device.boot_ups > before
+
+
+# -- optional nodes ------------------------------------------------------------------------------------------------------
+
+
+def test_an_optional_node_that_is_absent_blocks_nobody_and_its_axis_says_why(tmp_path, impatient):
+    with Line(tmp_path, "xy", present="x") as line:
+        with_lines(line, 2, "optional = true")
+        with line.open() as machine:
+            assert [axis.name for axis in machine] == ["x"]
+            with pytest.raises(
+                StateError, match="axis y cannot be used: node 2 is optional and is not there"
+            ):
+                machine["y"]
+            machine["x"].enable().wait(10)
+            machine["x"].move_relative(2.0).wait(10)
+        assert line.stage() in OFF
+
+
+def test_an_optional_node_that_appears_later_is_picked_up(tmp_path, impatient):
+    with Line(tmp_path, "xy", more='[groups.xy]\naxes = ["x", "y"]\n') as line:
+        with_lines(line, 2, "optional = true")
+        late = line.devices["y"]
+        late.dials.dead = True
+        with line.open() as machine:
+            assert "y" not in machine
+            with pytest.raises(StateError, match="node 2 is optional"):
+                machine.group("xy")
+            machine["x"].enable().wait(10)
+            late.dials.dead = False
+            until(lambda: "y" in machine, 20)
+            machine["y"].enable().wait(10)
+            machine.group("xy").move_direct((2.0, -2.0), velocity=20.0).wait(20)
+            assert line.where("y") == pytest.approx(-2.0, abs=1.5)
+            assert [report.ok for report in machine.reports] == [True, True]
+        assert late.read(0x1016, 1) == 0  # let go like the others
+        assert line.stage("y") in OFF
+
+
+def test_an_optional_node_that_is_another_device_is_told_and_not_used(tmp_path):
+    with Line(tmp_path, "xy") as line:
+        with_lines(line, 2, "optional = true", "serial = 99")
+        with line.open() as machine, pytest.raises(StateError, match="did not come up") as caught:
+            machine["y"]
+        assert "serial number differs" in caught.value.observed
+        assert line.devices["y"].nmt is not NmtState.OPERATIONAL
+
+
+def test_boot_tells_an_optional_node_apart_from_one_that_must_be_there(axisbus, tmp_path, impatient):
+    with Line(tmp_path, "xy", present="x") as line:
+        with_lines(line, 2, "optional = true")
+        code, out = axisbus("boot", line.file)
+    assert code == 0, out
+    assert "node 2: not there; it is optional" in out
+    assert "1 of 2 nodes came up" in out
+
+
+def test_boot_prints_letter_step_object_expected_and_got(axisbus, tmp_path):
+    with Line(tmp_path) as line:
+        line.devices["x"].dictionary.set(0x1018 << 8 | 4, 16)
+        with_lines(line, 1, "serial = 17")
+        code, out = axisbus("boot", line.file)
+        code_of_json, plain = axisbus("boot", "--json", line.file)
+    assert code == code_of_json == 3
+    assert re.search(
+        r"boot-up +O: the serial number \(1018h:04\) is not the expected one; step identity, try 1",
+        out,
+    )
+    assert re.search(r"object +1018h:04\n +expected +0x11 \(17\)\n +got +0x10 \(16\)", out)
+    (node,) = json.loads(plain)
+    facts = {
+        key: node["boot"][key] for key in ("letter", "step", "object", "expected", "got", "abort", "tries")
+    }
+    assert facts == {
+        "letter": "O",
+        "step": "identity",
+        "object": "1018h:04",
+        "expected": 17,
+        "got": 16,
+        "abort": None,
+        "tries": 1,
+    }
+    assert node["boot"]["elapsed"] > 0
+
+
+# -- the watch over us ---------------------------------------------------------------------------------------------------
+
+
+def eds_without(folder, *sections: str) -> None:
+    """Write the generic drive's EDS without some objects."""
+    text = resolve(GENERIC, folder).read_text(encoding="ascii")
+    for section in sections:
+        text = re.sub(rf"\[{section}(?:sub[0-9A-F]+)?\]\n(?:(?!\[).*\n)*", "", text)
+    (folder / "drive.eds").write_text(text, encoding="ascii")
+
+
+def test_a_drive_that_can_only_watch_its_rpdos_does_so_and_is_let_go(tmp_path):
+    eds_without(tmp_path, "1016", "100C", "100D")
+    with Line(tmp_path, eds="drive.eds") as line:
+        device = line.devices["x"]
+        number = None
+        with line.open() as machine:
+            watchdog = machine.reports[0].watchdog
+            assert watchdog.kind is Watchdog.ARMED
+            number = int(re.search(r"(14\d\d)h:05 expects our RPDO within 600 ms", watchdog.text)[1], 16)
+            assert device.read(number, 5) == 600
+            machine["x"].enable().wait(10)
+            machine["x"].move_relative(30.0).wait(20)
+        assert device.read(number, 5) == 0
+        time.sleep(1.0)
+        assert device.drive.error_code == 0
+
+
+def test_a_drive_that_can_only_watch_its_rpdos_notices_that_they_end(tmp_path):
+    eds_without(tmp_path, "1016", "100C", "100D")
+    with Line(tmp_path, eds="drive.eds") as line:
+        machine = line.open()
+        try:
+            machine["x"].enable().wait(10)
+            assert line.stage() == ENABLED
+            machine.scan.quit()  # the scan ends, the drive gets no RPDO any more
+            until(lambda: line.stage() != ENABLED)
+        finally:
+            machine.close()
+
+
+# -- lost nodes ----------------------------------------------------------------------------------------------------------
+
+
+def simulated(line: Line) -> Machine:
+    """Open the cell in virtual time, where a busy computer makes nobody late."""
+    described = eds.load(resolve(GENERIC, line.file.parent))
+    made = {node: device_from_eds(described, node) for node, _ in enumerate(line.names, start=1)}
+    return Machine.simulated(line.file, made)
+
+
+@pytest.mark.parametrize(
+    ("word", "stopped"), [("group", "y"), ("cell", "yzw"), ("report", "")], ids=["group", "cell", "report"]
+)
+def test_what_a_lost_node_stops_is_a_choice(tmp_path, word, stopped):
+    """x and y are a group, z and w another: the loss of x stops y, or everybody, or nobody else."""
+    groups = '[groups.xy]\naxes = ["x", "y"]\n[groups.zw]\naxes = ["z", "w"]\n'
+    line = Line(tmp_path, "xyzw", more=groups)
+    with_bus_line(line, f'on_lost_node = "{word}"')
+    machine = simulated(line)
+    try:
+        plants = {
+            name: machine.stand_in(node).drive().axis.motor for node, name in enumerate("xyzw", start=1)
+        }
+        for axis in machine:
+            axis.enable().wait(5)
+        for name in "yzw":
+            machine[name].move_velocity(60.0).wait(5)
+        machine.stand_in(1).device.dials.dead = True
+        machine.sleep(3.0)
+        assert isinstance(machine["x"].error, NodeError)
+        assert {name for name in "yzw" if plants[name].velocity == 0.0} == set(stopped)
+    finally:
+        with suppress(DriveError):  # the way out tells that x could only be stopped the hard way
+            machine.close()
+
+
+# -- lost frames ---------------------------------------------------------------------------------------------------------
+
+
+def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_path):
+    """``tests/lossy_boot.py`` does it fifty times."""
+    names = "abcdefghijklmnop"
+    line = Line(tmp_path, names)
+    far = f"{line.channel}-far"
+    line.stand_ins = StandIns(far, list(line.devices.values()))
+    with LossyLine(line.channel, far, 0.02, seed=302), line:
+        reports = boot(line.file)
+    assert [report.error for report in reports] == [None] * 16
+    assert sum(report.outcome.retries for report in reports) > 0
+
+
+# -- events of error control ---------------------------------------------------------------------------------------------
+
+
+def kinds(machine: Machine) -> list[str]:
+    return [event.kind.name for event in machine.node(1).events]
+
+
+def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_path):
+    with Line(tmp_path) as line, line.open() as machine:
+        line.devices["x"].dials.dead = True
+        until(lambda: "LOST" in kinds(machine))
+        line.devices["x"].dials.dead = False
+        until(lambda: "BACK" in kinds(machine))
+        lost = next(event for event in machine.events if event.kind.name == "LOST")
+        assert lost.node == 1
+        assert lost.silent >= 0.6  # three heartbeats of 200 ms
+        assert lost.reaction == pytest.approx(lost.silent - 0.6, abs=0.02)
+        assert "noticed within" in str(lost)
+
+
+def test_a_restart_and_another_nmt_state_are_told(tmp_path):
+    with Line(tmp_path) as line, line.open() as machine:
+        machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        until(lambda: kinds(machine) == ["STATE"])
+        machine.node(1).command(NmtCommand.START)
+        until(lambda: kinds(machine) == ["STATE", "OPERATIONAL"])
+        with line.stand_ins.lock:
+            line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
+        until(lambda: "BOOT_UP" in kinds(machine))
+        event = machine.node(1).events[2]
+        assert event.kind.name == "BOOT_UP"
+        assert 0.0 <= event.reaction < 2.0
+
+
+@pytest.mark.parametrize(("word", "stops"), [("group", True), ("report", False)])
+def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_told(tmp_path, word, stops):
+    with Line(tmp_path, "xy") as line:
+        text = line.file.read_text("utf-8")
+        line.file.write_text(text[: text.index("[axes.y]")], "utf-8")  # node 2 is there without an axis
+        with_bus_line(line, f'on_lost_node = "{word}"')
+        with line.open() as machine:
+            machine["x"].enable().wait(10)
+            machine["x"].move_velocity(60.0).wait(10)
+            line.devices["y"].dials.dead = True
+            until(lambda: [event.kind.name for event in machine.node(2).events] == ["LOST"])
+            if stops:
+                until(lambda: line.speed() == 0.0)
+            else:
+                time.sleep(0.3)  # (on a busy computer x may stop for a reason of its own)
+                assert line.speed() > 20.0 or machine["x"].error is not None
+            line.devices["y"].dials.dead = False
+
+
+def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
+
+    line = Line(tmp_path, "xy")
+    with_lines(line, 2, "optional = true")
+    made = {node: device_from_eds(eds.load(resolve(GENERIC, tmp_path)), node) for node in (1, 2)}
+    made[2].dials.dead = True
+    with Machine.simulated(line.file, made) as machine:
+        assert [axis.name for axis in machine] == ["x"]
+        machine["x"].enable().wait(5)
+        machine["x"].move_relative(5.0).wait(5)
+        with pytest.raises(StateError, match="node 2 is optional and is not there"):
+            machine["y"]
+
+
+# -- node guarding -------------------------------------------------------------------------------------------------------
+
+
+def guarded_line(folder) -> Line:
+    """A drive that has guarding and neither sends nor consumes heartbeats."""
+    eds_without(folder, "1016", "1017", "100C", "100D")
+    with (folder / "drive.eds").open("a", encoding="ascii") as file:
+        for index, name, kind in (("100C", "Guard time", 6), ("100D", "Life time factor", 5)):
+            file.write(
+                f"\n[{index}]\nParameterName={name}\nObjectType=7\nDataType={kind}\nAccessType=rw\nDefaultValue=0\n"
+            )
+    return Line(folder, eds="drive.eds")
+
+
+def test_letter_f_a_drive_that_does_not_answer_node_guarding(tmp_path):
+    with guarded_line(tmp_path) as line:
+        line.stand_ins.nodes[0].slave._on_remote = lambda _: None
+        error = refused(line)
+    assert (error.letter, error.step) == ("F", "error control")
+    assert "remote frames" in error.remedy
+
+
+def test_a_guarded_drive_is_lost_when_its_answers_stay_away(tmp_path):
+    with guarded_line(tmp_path) as line, line.open() as machine:
+        assert machine.reports[0].outcome.control.name == "GUARDING"
+        time.sleep(0.5)
+        assert machine.node(1).events == []
+        line.devices["x"].dials.dead = True
+        until(lambda: kinds(machine) == ["LOST"])
+        line.devices["x"].dials.dead = False
+
+
+def test_a_drive_that_restarts_while_it_is_configured_is_not_started_with_half_of_it(tmp_path):
+    with Line(tmp_path) as line:
+        device = line.devices["x"]
+        restart = []
+
+        def blip(value: int) -> None:
+            if not restart:
+                restart.append(value)
+                device.nmt_command(NmtCommand.RESET_NODE)
+
+        device.dictionary.on_write(0x1016 << 8 | 1, blip)
+        error = refused(line)
+        assert device.nmt is not NmtState.OPERATIONAL
+    assert "node 1, step restart: node 1 restarted while it was being configured" in str(error)
