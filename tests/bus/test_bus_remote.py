@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from bus_peer import FakeBus, Slave, eventually
+from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.node import Node
-from axisbus.bus.remote import remote_node
-from axisbus.eds import load
+from axisbus.bus.remote import canopen_dictionary, remote_node
+from axisbus.eds import Eds, canopen_text, load, loads
 from axisbus.errors import StateError
 
 EDS = load(Path(__file__).parents[2] / "eds" / "generic-cia402.eds")
@@ -60,3 +63,43 @@ def test_nmt_commands_go_out_and_short_emergencies_harm_nothing(
     fake.inject(0x085, "11 86")
     eventually(lambda: node.emcy.history)
     node.channel.check()
+
+
+FORMULAS = """[DeviceComissioning]
+NodeID=3
+[2000]
+ParameterName=Sum
+DataType=7
+AccessType=rw
+DefaultValue=$NODEID+0x600
+ParameterValue=$NODEID+1
+[2001]
+ParameterName=Text
+DataType=9
+AccessType=rw
+DefaultValue=$NODEID+5
+[2002]
+ParameterName=Plain
+DataType=7
+AccessType=rw
+DefaultValue=5
+"""
+
+
+@pytest.mark.parametrize("eds", [EDS, loads(FORMULAS.encode(), "x.dcf")])
+def test_each_node_has_a_dictionary_of_its_own_with_its_node_id(eds: Eds) -> None:
+    dictionaries = {}
+    for node_id in (5, 127):
+        dictionaries[node_id] = ours = canopen_dictionary(eds, node_id)
+        theirs = import_eds(io.StringIO(canopen_text(eds)), node_id)
+        assert ours.node_id == theirs.node_id
+        for index in theirs:
+            pairs = zip(variables(ours[index]), variables(theirs[index]), strict=True)
+            for our, their in pairs:
+                assert {**vars(our), "parent": None} == {**vars(their), "parent": None}
+    first, second = dictionaries.values()
+    assert first[next(iter(eds.objects))] is not second[next(iter(eds.objects))]
+
+
+def variables(entry: object) -> list[ODVariable]:
+    return [entry] if isinstance(entry, ODVariable) else list(entry.subindices.values())  # type: ignore[attr-defined]

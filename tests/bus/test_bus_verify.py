@@ -1,16 +1,19 @@
 """An EDS held against a live device, and taken from one: stand-ins on the virtual bus."""
 
+import configparser
 import itertools
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 
 from axisbus import eds
 from axisbus.bus.channel import Channel
-from axisbus.bus.from_device import skeleton, stored_eds
+from axisbus.bus.from_device import as_file, skeleton, stored_eds
 from axisbus.bus.node import Node
 from axisbus.bus.verify import Kind, verify
 from axisbus.cia301.datatypes import DataType
+from axisbus.eds import writer
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
 
@@ -133,8 +136,36 @@ def test_a_skeleton_has_the_standard_objects_of_the_device_with_their_types(live
     assert made.get(0x6041).access == "ro"
     assert made.get(0x607A).pdo_mapping
     assert made.get(0x1018, 1).default == model.get(0x1018, 1).default
-    again = eds.loads(eds.canopen_text(made).encode(), "skeleton.eds")
+    assert made.get(0x1010, 1).object_flags == 1  # a download must not store
+    again = eds.loads(writer.dumps(made), "skeleton.eds")
+    assert again.findings == ()
     assert verify(sdo, again).agrees
+
+
+def test_a_skeleton_is_a_whole_file(live):
+    device = changed("1018sub1", "DefaultValue=", "DefaultValue=0x78\n;")
+    made = as_file(skeleton(live(device)), "node-5.eds", datetime(2024, 3, 25, 14, 38), 500_000)
+    text = writer.dumps(made).decode()
+    assert text.startswith(
+        "[FileInfo]\nFileName=node-5.eds\nFileVersion=1\nFileRevision=0\nEDSVersion=4.0\nDescription=skeleton read from node 5, "
+        "types and access by the standard\nCreationTime=02:38PM\nCreationDate=03-25-2024\nCreatedBy=axisbus\n\n[DeviceInfo]\n"
+    )
+    parser = configparser.ConfigParser()
+    parser.read_string(text)
+    assert parser.getint("DeviceInfo", "VendorNumber") == 0x78
+    assert parser.getint("DeviceInfo", "BaudRate_500") == 1
+    listed = {
+        int(index, 16): name
+        for name in ("MandatoryObjects", "OptionalObjects")
+        for key, index in parser.items(name)
+        if key.isdigit()
+    }
+    assert listed.keys() == made.objects.keys()
+    assert [index for index, name in listed.items() if name == "MandatoryObjects"] == [0x1000, 0x1001, 0x1018]
+    for entry in made:
+        if entry.is_record:
+            subs = [name for name in parser.sections() if name.startswith(f"{entry.index:04X}sub")]
+            assert parser.getint(f"{entry.index:04X}", "SubNumber") == len(subs)
 
 
 def test_the_stored_eds_is_taken_where_there_is_one(live):

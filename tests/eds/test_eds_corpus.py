@@ -5,6 +5,7 @@ from __future__ import annotations
 import configparser
 import logging
 import os
+import random
 import re
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from eds_texts import canopen_facts, our_facts
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import canopen_text, reader, writer
+from axisbus.eds import canopen_text, edit, reader, writer
 
 FOLDER = Path(
     os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
@@ -97,3 +98,22 @@ def test_clean_files_mean_to_us_what_they_mean_to_canopen(readings: dict[str, re
         assert comparable(our_facts(eds, 5)) == comparable(theirs), path.name
         compared += 1
     assert compared >= len(FILES) // 4
+
+
+def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.Reading]) -> None:
+    chance = random.Random(306)
+    for path in FILES:
+        document = readings[path.name].document
+        sections = [section for section in document.sections.values() if section.entries]
+        for section in chance.sample(sections, min(5, len(sections))):
+            key = chance.choice(list(section.entries))
+            after = writer.dumps(edit.apply(document, [edit.set_value(document, section, key, "4711x")]))
+            line, column = document.place(section, key)
+            changed = document.lines[line - 1][: column - 1] + "4711x"
+            tail = document.lines[line - 1][column - 1 :].removeprefix(section.entries[key])
+            lines = [*document.lines[: line - 1], changed + tail, *document.lines[line:]]
+            assert after == document.bom + document.newline.join(lines).encode(document.encoding), (
+                path.name,
+                section,
+                key,
+            )

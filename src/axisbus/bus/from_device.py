@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from datetime import datetime
 
 from axisbus.bus.sdo import SdoClient
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode
 from axisbus.cia402 import objects as c402
+from axisbus.eds.dcf import BAUD_RATES
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import EdsError, SdoAbort
 
@@ -22,6 +25,9 @@ _KINDS = {"VAR": ObjectType.VAR, "ARRAY": ObjectType.ARRAY, "RECORD": ObjectType
 _KNOWN_ACCESS = ("const", "ro", "wo", "rw")
 _BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED32, 8: DataType.UNSIGNED64}
 _LARGEST_RECORD = 64
+_IDENTITY = {"vendornumber": 1, "productnumber": 2, "revisionnumber": 3}  # sub-indices of 1018h
+_CONSTANT = frozenset((0x6502, 0x67FF))  # of the profile area: what a value read once says for good
+_NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))
 
 
 def stored_eds(sdo: SdoClient) -> bytes | None:
@@ -66,17 +72,45 @@ def skeleton(sdo: SdoClient, progress: Callable[[int, int], None] | None = None)
     heads = _candidates()
     objects: dict[int, Object] = {}
     for number, (index, row) in enumerate(heads.items(), start=1):
-        found = _object(sdo, index, row)
+        found = _object(sdo, index, _name(index, row), row)
         if found is not None:
             objects[index] = found
         if progress is not None:
             progress(number, len(heads))
-    info = {
-        "fileinfo": {
-            "description": f"skeleton read from node {sdo.node_id}, types and access by the standard"
-        }
-    }
+    description = f"skeleton read from node {sdo.node_id}, types and access by the standard"
+    info = {"fileinfo": {"description": description}, "deviceinfo": _device(objects)}
     return Eds(f"node {sdo.node_id}", objects, info)
+
+
+def _device(objects: Mapping[int, Object]) -> dict[str, str]:
+    """Return what [DeviceInfo] can say of the objects that were found; bit rates and names nobody can read."""
+    identity = objects[c301.IDENTITY].subs if c301.IDENTITY in objects else {}
+    found = {}
+    for key, subindex in _IDENTITY.items():
+        value = identity[subindex].default if subindex in identity else None
+        if isinstance(value, Number):
+            found[key] = str(value.value)
+    for key, first in (("nrofrxpdo", c301.RPDO_COMMUNICATION), ("nroftxpdo", c301.TPDO_COMMUNICATION)):
+        found[key] = str(sum(first <= index < first + 0x200 for index in objects))
+    return found
+
+
+def as_file(eds: Eds, name: str, now: datetime, bitrate: int | None = None) -> Eds:
+    """Return the model with the information of a new file of this name, made ``now`` over a bus of ``bitrate`` (bit/s)."""
+    date, clock = now.strftime("%m-%d-%Y"), now.strftime("%I:%M%p")
+    entries = {
+        "filename": name,
+        "fileversion": "1",
+        "filerevision": "0",
+        "edsversion": "4.0",
+        **eds.info.get("fileinfo", {}),
+        "creationtime": clock,
+        "creationdate": date,
+        "createdby": "axisbus",
+    }
+    rate = {f"baudrate_{each}": "1" for each in BAUD_RATES if bitrate == each * 1000}
+    device = {**eds.info.get("deviceinfo", {}), **rate}
+    return replace(eds, info={**eds.info, "fileinfo": entries, "deviceinfo": device})
 
 
 def _candidates() -> dict[int, dict[str, str]]:
@@ -93,20 +127,26 @@ def _candidates() -> dict[int, dict[str, str]]:
     return heads
 
 
-def _object(sdo: SdoClient, index: int, row: dict[str, str]) -> Object | None:
+def _name(index: int, row: dict[str, str]) -> str:
+    """Return an object's name, with a number where the standard has one name for a range of PDO parameters."""
+    first = next((start for start, count in _PDO_RANGES if start <= index < start + count), None)
+    return row["name"] if first is None else f"{row['name']} {index - first + 1}"
+
+
+def _object(sdo: SdoClient, index: int, name: str, row: dict[str, str]) -> Object | None:
     first = _upload(sdo, index, 0)
     if first is None:
         return None
     kind = _KINDS.get(row["object_type"].split()[0], ObjectType.VAR)
     if kind is ObjectType.VAR:
-        return Object(index, row["name"], kind, {0: _variable(sdo, index, 0, row["name"], first)})
+        return Object(index, name, kind, {0: _variable(sdo, index, 0, name, first)})
     subs = {
         0: Variable(
             index, 0, "Highest sub-index supported", DataType.UNSIGNED8, "const", Number(_count(first))
         )
     }
-    subs.update(_subs(sdo, index, row["name"], _count(first)))
-    return Object(index, row["name"], kind, subs)
+    subs.update(_subs(sdo, index, name, _count(first)))
+    return Object(index, name, kind, subs)
 
 
 def _subs(sdo: SdoClient, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
@@ -135,9 +175,16 @@ def _variable(sdo: SdoClient, index: int, subindex: int, name: str, data: bytes)
     if known is None or (bits is not None and data and (bits + 7) // 8 != len(data)):
         known = _BY_SIZE.get(len(data), DataType.OCTET_STRING)
     access, mappable = _attributes(index, subindex)
-    fixed = access in ("const", "ro") and index < 0x2000
+    fixed = access in ("const", "ro") and (index < 0x2000 or index in _CONSTANT)
     return Variable(
-        index, subindex, name, known, access, _default(data, known) if fixed else None, pdo_mapping=mappable
+        index,
+        subindex,
+        name,
+        known,
+        access,
+        _default(data, known) if fixed else None,
+        pdo_mapping=mappable,
+        object_flags=int(index in _NOT_FOR_A_DOWNLOAD),
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -89,18 +91,27 @@ def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, 
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is either the old one or the new one, never half of it.
+    """Write a file so that it is either the old one or the new one, never half of it; a link stays, and so do permissions.
 
     Raises:
-        UserError: it cannot be written.
+        UserError: it cannot be written; then nothing has changed.
     """
-    beside = path.with_name(path.name + ".new")
+    target = Path(os.path.realpath(path))
+    beside = target.with_name(f"{target.name}.{os.getpid()}.new")
     try:
-        beside.write_bytes(data)
-        beside.replace(path)
+        try:
+            with beside.open("xb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            if target.exists():
+                shutil.copymode(target, beside)
+            beside.replace(target)
+        finally:
+            beside.unlink(missing_ok=True)
     except OSError as error:
         raise UserError(
-            f"{path} cannot be written", observed=str(error), remedy="give another path with -O"
+            f"{path} cannot be written", observed=str(error), remedy="give another path"
         ) from error
 
 

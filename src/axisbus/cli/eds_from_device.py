@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from datetime import datetime
 from pathlib import Path
 
 import click
@@ -34,9 +35,9 @@ def command(
 
     Writes nothing to the drive. A skeleton has the standard's names, types and access; the maker's objects are not in it.
     """
-    from axisbus.bus.from_device import skeleton, stored_eds
+    from axisbus.bus.from_device import as_file, skeleton, stored_eds
     from axisbus.bus.node import Node
-    from axisbus.eds import canopen_text
+    from axisbus.eds import writer
 
     target = output or Path(f"node-{node}.eds")
     with ExitStack() as stack:
@@ -48,7 +49,7 @@ def command(
         else:
             tell = stack.enter_context(progress_bar("asking for objects"))
             found = skeleton(device.sdo, tell)
-            data = _HEADER.encode() + canopen_text(found).encode()
+            data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), bitrate))
             what = f"a skeleton of {len(found.objects)} objects"
     write_whole(target, data)
     say(f"{target}: {what}")

@@ -18,6 +18,10 @@ ACCESS_TYPES = frozenset(("ro", "wo", "rw", "rwr", "rww", "const"))
 _WITH_SUBS = frozenset((ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT))
 _KNOWN_TYPES = frozenset(ObjectType)
 _KNOWN_DATA_TYPES = frozenset(DataType)
+# As nearly every file writes them: 7, 0x7, 0x0007.
+_PLAIN_DATA_TYPES = {
+    text: kind for kind in DataType for text in (f"{kind:d}", f"0x{kind:X}", f"0x{kind:02X}", f"0x{kind:04X}")
+}
 _FIRST_OWN_TYPE = 0x40  # from here lie the types that a maker or a file defines (CiA 301 table 44)
 _SPELLED = {
     key.lower(): key
@@ -72,20 +76,23 @@ class Builder:
 
     def _subs(
         self, head: Section, index: int, name: str, sub_sections: Mapping[int, Section]
-    ) -> dict[int, Variable]:
-        subs = self._compact_subs(head, index, name) if "compactsubobj" in head.entries else {}
+    ) -> Mapping[int, Variable]:
+        compacted = self._compact_subs(head, index, name) if "compactsubobj" in head.entries else {}
+        beside = self._parts.beside
+        if not sub_sections and (index, "value") not in beside and (index, "denotation") not in beside:
+            return compacted
+        subs = dict(compacted)
         for subindex, section in sub_sections.items():
             sub_name = self._name(section, index, subindex)
             kind = self._sub_type(section, index, subindex)
             subs[subindex] = self.variable(section, index, subindex, sub_name, kind)
-        beside = self._parts.beside
         for kind_of_list in ("value", "denotation"):
             listed = beside.get((index, kind_of_list))
             if listed is not None:
                 self._apply(subs, listed, kind_of_list, index)
         return dict(sorted(subs.items()))
 
-    def _compact_subs(self, head: Section, index: int, name: str) -> dict[int, Variable]:
+    def _compact_subs(self, head: Section, index: int, name: str) -> Mapping[int, Variable]:
         text = head.entries["compactsubobj"]
         count = values.plain(text) if text else 0
         if count is None or not 0 <= count <= compact.MAX_ENTRIES:
@@ -95,7 +102,7 @@ class Builder:
             return {}
         template = self.variable(head, index, 1, name, ObjectType.VAR)
         names = self._parts.beside.get((index, "name"))
-        return compact.sub_indices(template, count, _NOTHING if names is None else names.entries)
+        return compact.SubIndices(template, count, _NOTHING if names is None else names.entries)
 
     def _apply(self, subs: dict[int, Variable], listed: Section, kind: str, index: int) -> None:
         """Enter what ``[xxxxValue]`` or ``[xxxxDenotation]`` says of sub-indices, whose numbers are decimal there (DS 306 5)."""
@@ -116,21 +123,30 @@ class Builder:
         self, section: Section, index: int, subindex: int, name: str, object_type: ObjectType
     ) -> Variable:
         """Return the entry that a section describes; what ``name`` and ``object_type`` default to, the caller knows."""
-        entries = section.entries
-        data_type = self._data_type(section, index, subindex, object_type)
-        low, high = self._limits(section, data_type, index, subindex)
+        entries = (
+            section.entries
+        )  # asked before each helper is called: a file has tens of thousands of keys, most of them plain
+        data_type = self._data_type(section, entries.get("datatype", ""), index, subindex, object_type)
+        limited = "lowlimit" in entries or "highlimit" in entries
+        low, high = self._limits(section, data_type, index, subindex) if limited else (None, None)
+        access = entries.get("accesstype")
+        mapping, flags = entries.get("pdomapping", "0"), entries.get("objflags", "0")
         return Variable(
             index,
             subindex,
             name,
             data_type,
-            self._access(section, index, subindex, object_type),
-            self._value(section, "defaultvalue", data_type, index, subindex),
-            self._value(section, "parametervalue", data_type, index, subindex),
+            access if access in ACCESS_TYPES else self._access(section, index, subindex, object_type),
+            self._value(section, "defaultvalue", data_type, index, subindex)
+            if "defaultvalue" in entries
+            else None,
+            self._value(section, "parametervalue", data_type, index, subindex)
+            if "parametervalue" in entries
+            else None,
             low,
             high,
-            bool(self._flag(section, "pdomapping", index, subindex)),
-            self._flag(section, "objflags", index, subindex),
+            mapping != "0" and bool(self._flag(section, "pdomapping", index, subindex)),
+            self._flag(section, "objflags", index, subindex) if flags != "0" else 0,
             section.line,
             object_type,
             entries.get("denotation", ""),
@@ -164,8 +180,12 @@ class Builder:
             self._problems(problems, section, "objecttype", index, subindex)
         return found
 
-    def _data_type(self, section: Section, index: int, subindex: int, object_type: ObjectType) -> DataType:
-        text = section.entries.get("datatype", "")
+    def _data_type(
+        self, section: Section, text: str, index: int, subindex: int, object_type: ObjectType
+    ) -> DataType:
+        found = _PLAIN_DATA_TYPES.get(text)
+        if found is not None:
+            return found
         if not text and object_type is ObjectType.DOMAIN:
             return DataType.DOMAIN
         found, problems = _data_type(text)

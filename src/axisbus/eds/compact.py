@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,29 +26,48 @@ _COMMUNICATION = (
     (5, "Event-timer", _U16),
     (6, "SYNC start value", _U8),
 )
+_NOTHING: Mapping[str, str] = {}
 _INVALID_PDO = 0x80000000
 _EVENT_DRIVEN = 255
 
 
-def sub_indices(template: Variable, count: int, names: Mapping[str, str]) -> dict[int, Variable]:
-    """Return sub-index 0 and ``count`` copies of ``template``, named by ``names`` (decimal sub-index) or by number."""
-    subs = {0: _count(template.index, count, template.line, "NrOfObjects")}
-    for subindex in range(1, count + 1):
-        subs[subindex] = Variable(
-            template.index,
-            subindex,
-            names.get(str(subindex)) or f"{template.name}{subindex}",
-            template.data_type,
-            template.access,
-            template.default,
-            template.parameter_value,
-            template.low,
-            template.high,
-            template.pdo_mapping,
-            template.object_flags,
-            template.line,
-        )  # written out: ``replace`` takes several times as long, and there may be thousands
-    return subs
+class SubIndices(Mapping[int, Variable]):
+    """Sub-index 0 and ``count`` copies of ``template``, named by ``names`` (decimal sub-index) or by number.
+
+    An entry is made when it is first looked at, which is all the state: a file may have thousands, of which few are ever needed.
+    """
+
+    __slots__ = ("_count", "_made", "_names", "_template")
+
+    def __init__(self, template: Variable, count: int, names: Mapping[str, str]) -> None:
+        self._template = template
+        self._count = count
+        self._names = names
+        self._made: dict[int, Variable] = {}
+
+    def __getitem__(self, subindex: int) -> Variable:
+        found = self._made.get(subindex)
+        if found is None:
+            if subindex not in range(self._count + 1):
+                raise KeyError(subindex)
+            found = self._made.setdefault(subindex, self._make(subindex))
+        return found
+
+    def _make(self, subindex: int) -> Variable:
+        template = self._template
+        if subindex == 0:
+            return _count(template.index, self._count, template.line, "NrOfObjects")
+        name = self._names.get(str(subindex)) or f"{template.name}{subindex}"
+        return replace(template, subindex=subindex, name=name, denotation="", more=_NOTHING)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(self._count + 1))
+
+    def __len__(self) -> int:
+        return self._count + 1
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
 
 
 def valued(entry: Variable, value: Default) -> Variable:

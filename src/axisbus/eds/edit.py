@@ -108,15 +108,30 @@ def set_value(document: Document, section: Section, key: str, value: str) -> Cha
     return Change(number, 1, (f"{head}={before}{value}{after}",))
 
 
-def insert_key(document: Document, section: Section, key: str, value: str) -> Change:
+def insert_key(document: Document, section: Section, key: str, value: str, *, first: bool = False) -> Change:
     """Return the change that adds ``key=value`` behind the last entry of a section, in the style of that entry.
+
+    With ``first`` it comes before all entries, below the header.
 
     Raises:
         ArgumentError: the key or value cannot stand in an EDS.
     """
     check_key(key, value)
-    last = _last_entry(document, section)
+    last = section.line if first else _last_entry(document, section)
     return Change(last + 1, 0, (_style(document, section).entry(key, value),))
+
+
+def rename_key(document: Document, line: int, key: str) -> Change:
+    """Return the change that gives the entry in ``line`` (from 1) another key; its value and spacing stay.
+
+    Raises:
+        ArgumentError: the key cannot stand in an EDS.
+    """
+    check_key(key, "")
+    head, _, rest = document.lines[line - 1].removesuffix("\r").partition("=")
+    old = head.strip()
+    start = head.index(old)
+    return Change(line, 1, (f"{head[:start]}{key}{head[start + len(old) :]}={rest}",))
 
 
 def remove_keys(document: Document, section: Section, keys: Iterable[str]) -> Iterator[Change]:
@@ -152,9 +167,10 @@ def add_sections(
     start = before.line if before is not None else len(document.lines) + (document.lines[-1] != "")
     while before is not None and start > 1 and document.lines[start - 2].lstrip()[:1] == ";":
         start -= 1  # a comment above a section belongs to it
-    if start == 1 or not document.lines[start - 2].strip():
-        del lines[:1]
-    return Change(start, 0, (*lines, "") if before is not None else tuple(lines))
+    spaced = start == 1 or not document.lines[start - 2].strip()  # whether blank lines stand between sections
+    if before is not None and not spaced:
+        return Change(start, 0, tuple(line for line in lines if line))
+    return Change(start, 0, tuple(lines[1:] if spaced else lines) + (("",) if before is not None else ()))
 
 
 def remove_section(document: Document, section: Section) -> Change:

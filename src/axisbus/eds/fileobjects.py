@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from axisbus.eds import compact, modules, sections, text, values
 from axisbus.eds.build import Builder
-from axisbus.eds.findings import Findings
+from axisbus.eds.findings import MAX_FINDINGS, Findings
 from axisbus.eds.model import Finding, Object
 from axisbus.eds.sections import Sorted
 from axisbus.eds.text import Document
@@ -53,11 +53,12 @@ class FileObjects(Mapping[int, Object]):
     def findings(self) -> tuple[Finding, ...]:
         """Return what is odd about the file, in the order of the lines; goes through all of it when first called."""
         if self._findings is None:
-            self._findings = self._gone_through()
+            self._findings = self.gone_through()
         return self._findings
 
-    def _gone_through(self) -> tuple[Finding, ...]:
-        document, found = self.document, Findings()
+    def gone_through(self, most: int = MAX_FINDINGS) -> tuple[Finding, ...]:
+        """Go through the whole file; return at most so many findings, and one that says how many more there are."""
+        document, found = self.document, Findings(most)
         text.report(document, found)
         sections.report(document.sections, self.parts, found)
         builder = Builder(document, self.parts, found)

@@ -71,9 +71,10 @@ RULES: dict[str, Rule] = {
 
 
 class Findings:
-    """Collects findings while one file is read; the only state is the list, which stops growing at ``MAX_FINDINGS``."""
+    """Collects findings while one file is read; the only state is the list, which stops growing at ``most`` findings."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = MAX_FINDINGS) -> None:
+        self._most = most
         self._found: list[Finding] = []
         self._left_out = 0
 
@@ -88,7 +89,7 @@ class Findings:
         subindex: int | None = None,
     ) -> None:
         """Note one finding of ``rule`` (a key of ``RULES``) at ``line`` (from 1; 0: the whole file)."""
-        if len(self._found) >= MAX_FINDINGS:
+        if len(self._found) >= self._most:
             self._left_out += 1
             return
         severity, remedy = RULES[rule]

@@ -27,6 +27,7 @@ from axisbus.eds.text import Document
 from axisbus.errors import EdsError
 
 MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest EDS that we know of
+MAX_SECTIONS = 500_000  # fifty times as many
 SUFFIXES = (".eds", ".dcf")
 
 _ANY_SECTION = re.compile(
@@ -53,7 +54,7 @@ def load(path: str | Path) -> Eds:
         EdsError: the file is missing, cannot be read, is larger than 16 MiB, or is no EDS at all.
     """
     path = Path(path)
-    return loads(_bytes(path), str(path))
+    return loads(file_bytes(path), str(path))
 
 
 def loads(data: bytes, source: str) -> Eds:
@@ -86,6 +87,11 @@ def read(data: bytes, source: str) -> Reading:
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )
+    if content.text.count("[") > MAX_SECTIONS:
+        raise EdsError(
+            "the file has more sections than any device has objects", file=source, observed=f"more than {MAX_SECTIONS} brackets",
+            remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
+        )  # fmt: skip
     return read_document(text.parse(content), source)
 
 
@@ -120,7 +126,12 @@ def _parsed(data: bytes) -> Eds:
     return read(data, "").eds
 
 
-def _bytes(path: Path) -> bytes:
+def file_bytes(path: Path) -> bytes:
+    """Return the content of a file that may be an EDS.
+
+    Raises:
+        EdsError: it is missing, no file, larger than 16 MiB, or cannot be read; the remedy names files that are there.
+    """
     try:
         if path.is_dir():
             raise EdsError(

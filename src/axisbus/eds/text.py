@@ -104,7 +104,7 @@ class Document:
         number = section.places.get(key)
         if number is None:
             return section.line, 1
-        raw = self.lines[number - 1]
+        raw = self.lines[number - 1].removesuffix("\r")
         value = raw.partition("=")[2]
         return number, len(raw) - len(value.lstrip()) + 1
 

@@ -1,0 +1,162 @@
+"""``axisbus eds dcf``: the configuration of one node as a DCF or concise DCF, and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.common import OK, say, say_json, say_next, write_whole
+from axisbus.cli.eds_files import file_argument, say_lines
+from axisbus.eds import assign, builtin, concise, configuration, dcf, reader, writer
+from axisbus.eds.compose import written
+from axisbus.eds.model import Eds, Variable
+from axisbus.eds.reader import Reading
+from axisbus.errors import ArgumentError
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command("dcf")
+@file_argument
+@click.option("--node", type=click.IntRange(1, 127), help="Node ID [default: that of a DCF].")
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="OBJECT=VALUE",
+    help="6081=1000, 0x6099:1=0x64, 'Profile velocity=1000'.",
+)
+@click.option("--baudrate", type=int, help="Bit rate in kbit/s: 10, 20, 50, 125, 250, 500, 800 or 1000.")
+@click.option("--name", help="NodeName.")
+@click.option("--network-name", help="NetworkName.")
+@click.option("--net-number", type=int, help="NetNumber.")
+@click.option("-o", "--output", type=_PATH, help="Write the DCF (with --to-eds: the EDS) here.")
+@click.option("--concise", "concise_out", type=_PATH, help="Write a concise DCF, the content of 1F22h, here.")
+@click.option("--from-concise", type=_PATH, help="Take the values of this concise DCF first.")
+@click.option("--values", is_flag=True, help="Print what differs from the defaults, and write nothing.")
+@click.option("--to-eds", is_flag=True, help="Take node and values out of a DCF again; needs -o.")
+@click.option("--json", "as_json", is_flag=True, help="With --values: print JSON.")
+def command(
+    file: str,
+    node: int | None,
+    sets: tuple[str, ...],
+    baudrate: int | None,
+    name: str | None,
+    network_name: str | None,
+    net_number: int | None,
+    output: Path | None,
+    concise_out: Path | None,
+    from_concise: Path | None,
+    values: bool,
+    to_eds: bool,
+    as_json: bool,
+) -> int:
+    """Make a DCF for one node of FILE (an EDS or DCF): node ID, bit rate, and values that are checked against type, limits, access.
+
+    What is not set stays as FILE has it, byte for byte. With --concise also (or only) the writes that configure the device, in the
+    order that it takes them: PDOs disabled first and enabled last, 1020h at the end.
+
+    Nothing is sent to a device.
+    """
+    path = builtin.resolve(file, Path())
+    reading = reader.read(reader.file_bytes(path), str(path))
+    if to_eds:
+        return _to_eds(reading, output)
+    settings = dcf.Settings(
+        _node(reading, node, values), baudrate, name, network_name, net_number,
+        file_name=output.name if output is not None else None,
+        last_eds=path.name if reading.eds.node_id is None and output is not None else None,
+    )  # fmt: skip
+    reading = _configured(reading, settings, sets, from_concise)
+    if values:
+        _show(reading, as_json)
+        return OK
+    if output is None and concise_out is None:
+        raise click.UsageError("give -o FILE.dcf, --concise FILE.bin, or --values")
+    _write(reading, output, concise_out)
+    return OK
+
+
+def _node(reading: Reading, node: int | None, values: bool) -> int:
+    found = node if node is not None else reading.eds.node_id
+    if found is None:
+        raise ArgumentError(
+            "a DCF is made for one node, and nobody said for which",
+            observed="" if values else f"{reading.eds.source} has no node ID",
+            remedy="give --node 5 (1 to 127)",
+        )
+    return found
+
+
+def _configured(
+    reading: Reading, settings: dcf.Settings, sets: tuple[str, ...], from_concise: Path | None
+) -> Reading:
+    if from_concise is not None:
+        writes = concise.decode(reader.file_bytes(from_concise), str(from_concise))
+        reading = dcf.make(reading, settings, configuration.parameters(reading.eds, writes))
+    return dcf.make(reading, settings, [_assigned(reading.eds, each) for each in sets])
+
+
+def _assigned(eds: Eds, text: str) -> tuple[Variable, str]:
+    wanted, equals, given = text.partition("=")
+    if not equals:
+        raise ArgumentError(
+            f"--set {text!r} has no '='", remedy="write OBJECT=VALUE, such as --set 0x6081=1000"
+        )
+    return assign.entry(eds, wanted), given
+
+
+def _write(reading: Reading, output: Path | None, concise_out: Path | None) -> None:
+    made = configuration.configuration(reading) if concise_out is not None else None
+    if output is not None:
+        write_whole(output, writer.dumps(reading))
+        many = len(dcf.differing(reading.eds))
+        say(f"{output}: node {reading.eds.node_id}, {many} values differ from the defaults")
+    if concise_out is not None and made is not None:
+        data = concise.encode(made.writes)
+        write_whole(concise_out, data)
+        say(
+            f"{concise_out}: {len(made.writes)} writes, {len(data)} octets for 1F22h:{reading.eds.node_id:02X}"
+        )
+        for each in made.left_out:
+            say(
+                f"  left out: {each.index:04X}h:{each.subindex:02X} ({each.name}), access {each.access}: not for a download"
+            )
+    if output is not None:
+        say_next(f"axisbus eds check {output}")
+
+
+def _to_eds(reading: Reading, output: Path | None) -> int:
+    if output is None:
+        raise click.UsageError("--to-eds needs -o FILE.eds")
+    made = dcf.to_eds(reading, output.name)
+    write_whole(output, writer.dumps(made))
+    say(f"{output}: written without node ID and values")
+    say_next(f"axisbus eds check {output}")
+    return OK
+
+
+def _show(reading: Reading, as_json: bool) -> None:
+    eds = reading.eds
+    found = [_plain(each) for each in dcf.differing(eds)]
+    if as_json:
+        say_json({"file": eds.source, "node_id": eds.node_id, "values": found})
+        return
+    lines = [f"{each['object']}={each['value']}" for each in found]
+    width = max(map(len, lines), default=0)
+    say_lines(
+        f"{line:<{width}}  {each['name']} (default {each['default'] or 'not given'})"
+        for line, each in zip(lines, found, strict=True)
+    )
+    say(f"{len(found)} values differ from the defaults for node {eds.node_id}")
+
+
+def _plain(variable: Variable) -> dict[str, str]:
+    sub = "" if variable.subindex == 0 else f":{variable.subindex:02X}"
+    return {
+        "object": f"0x{variable.index:04X}{sub}",
+        "name": variable.name,
+        "value": written(variable.parameter_value, variable.data_type),
+        "default": written(variable.default, variable.data_type),
+    }

@@ -1,0 +1,76 @@
+"""The concise DCF of CiA 302-3: the writes that configure a node, as the octets of 1F22h.
+
+Theory of operation. The stream is a number of entries (4 octets), and of each entry index (2), sub-index (1), size (4) and data,
+all little endian. A device takes the writes in their order; which order that must be, ``configuration`` knows.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from axisbus.errors import EdsError
+
+_COUNT = struct.Struct("<I")
+_HEAD = struct.Struct("<HBI")
+
+
+class Write(NamedTuple):
+    """One write to a device: ``data`` as SDO sends it, little endian."""
+
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
+    subindex: int
+    data: bytes
+
+
+def encode(writes: Iterable[Write]) -> bytes:
+    """Return the stream of these writes, in their order."""
+    every = tuple(writes)
+    parts = [_COUNT.pack(len(every))]
+    for write in every:
+        parts += (_HEAD.pack(write.index, write.subindex, len(write.data)), write.data)
+    return b"".join(parts)
+
+
+def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
+    """Return the writes of a stream, in their order; ``source`` is the name that messages show.
+
+    Raises:
+        EdsError: it is cut off, holds more than it says, or less.
+    """
+    if len(data) < _COUNT.size:
+        raise _broken(source, f"it has {len(data)} octets, the number of entries alone takes 4")
+    (count,) = _COUNT.unpack_from(data)
+    writes: list[Write] = []
+    at = _COUNT.size
+    while at < len(data) and len(writes) < count:
+        write = _entry(data, at, source, len(writes) + 1)
+        at += _HEAD.size + len(write.data)
+        writes.append(write)
+    if len(writes) < count or at < len(data):
+        raise _broken(
+            source, f"it says {count} entries, and holds {len(writes)} and {len(data) - at} octets more"
+        )
+    return tuple(writes)
+
+
+def _entry(data: bytes, at: int, source: str, number: int) -> Write:
+    if at + _HEAD.size > len(data):
+        raise _broken(source, f"entry {number} at octet {at} is cut off in its head")
+    index, subindex, size = _HEAD.unpack_from(data, at)
+    start = at + _HEAD.size
+    if start + size > len(data):
+        raise _broken(
+            source, f"entry {number} ({index:04X}h:{subindex:02X}) has {len(data) - start} of {size} octets"
+        )
+    return Write(index, subindex, data[start : start + size])
+
+
+def _broken(source: str, observed: str) -> EdsError:
+    return EdsError(
+        "this is no whole concise DCF",
+        file=source,
+        observed=observed,
+        remedy="make it again from the DCF, or read it again from 1F22h",
+    )

@@ -1,0 +1,207 @@
+"""From an EDS to the DCF of one node, and back: node ID, bit rate, names, and parameter values (DS 306 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from axisbus.eds import assign, edit, reader, values
+from axisbus.eds.edit import Change
+from axisbus.eds.model import Eds, Number, Variable
+from axisbus.eds.reader import Reading
+from axisbus.eds.text import Document, Section
+from axisbus.errors import ArgumentError, EdsError
+
+BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+_SECTION = "DeviceComissioning"  # spelt so by the standard
+_MISSPELT = "devicecommissioning"
+_OF_A_DCF = ("parametervalue", "denotation", "uploadfile", "downloadfile")
+_MAX_U32 = 0xFFFF_FFFF
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a DCF says of its node beside the values; None leaves out, or leaves as it was, what it is for.
+
+    ``node_id`` is 1 to 127, ``baudrate`` in kbit/s one of CiA 301's. ``file_name`` and ``last_eds`` are the names of the DCF and of
+    the EDS that it is made of, for [FileInfo].
+    """
+
+    node_id: int
+    baudrate: int | None = None
+    node_name: str | None = None
+    network_name: str | None = None
+    net_number: int | None = None
+    manager: bool | None = None
+    file_name: str | None = None
+    last_eds: str | None = None
+
+
+def make(reading: Reading, settings: Settings, parameters: Iterable[tuple[Variable, str]] = ()) -> Reading:
+    """Return the DCF of a node: ``reading`` (an EDS or DCF) with the settings, and with each text as the entry's ParameterValue.
+
+    All other lines stay as they are. The texts are those that ``assign.text_for`` takes; the entries are of this reading.
+
+    Raises:
+        ArgumentError: a setting is out of its range, or an entry cannot be written or cannot have the value.
+        LimitError: a value does not fit its type, or lies outside the limits of its entry.
+        EdsError: the bit rate is one that the file says the device does not have, or the file has no place for a value.
+    """
+    _check(reading, settings)
+    chosen = {
+        (variable.index, variable.subindex): assign.text_for(variable, given, settings.node_id)
+        for variable, given in parameters
+    }
+    in_sections = {key: text for key, text in chosen.items() if _section(reading, *key) is not None}
+    changes = [
+        edit.set_value(reading.document, section, "ParameterValue", text)
+        for key, text in in_sections.items()
+        if (section := _section(reading, *key)) is not None
+    ]
+    document = edit.apply(reading.document, [*changes, *_file_info(reading.document, settings)])
+    document = _commissioned(document, settings)
+    for (index, subindex), text in chosen.items():
+        if (index, subindex) not in in_sections:
+            document = _listed(reading, document, index, subindex, text)
+    return reader.read_document(document, reading.eds.source)
+
+
+def _check(reading: Reading, settings: Settings) -> None:
+    for what, value, low, high in (
+        ("a node ID", settings.node_id, 1, 127),
+        ("a network number", settings.net_number or 0, 0, _MAX_U32),
+    ):
+        if not low <= value <= high:
+            raise ArgumentError(
+                f"{value} is no {what.partition(' ')[2]}", remedy=f"give {what} of {low} to {high}"
+            )
+    rate = settings.baudrate
+    if rate is None:
+        return
+    if rate not in BAUD_RATES:
+        raise ArgumentError(
+            f"{rate} kbit/s is no bit rate of CiA 301", remedy=f"give one of {_list(BAUD_RATES)}"
+        )
+    device = reading.eds.info.get("deviceinfo", {})
+    if values.plain(device.get(f"baudrate_{rate}", "")) == 0:
+        has = [each for each in BAUD_RATES if values.plain(device.get(f"baudrate_{each}", ""))]
+        raise EdsError(
+            f"the device does not support {rate} kbit/s", file=reading.eds.source, observed=f"BaudRate_{rate}=0 in [DeviceInfo]",
+            remedy=f"give one of {_list(has)}" if has else "correct [DeviceInfo]",
+        )  # fmt: skip
+
+
+def _list(numbers: Iterable[int]) -> str:
+    return ", ".join(str(number) for number in numbers)
+
+
+def _section(reading: Reading, index: int, subindex: int) -> Section | None:
+    """Return the section that describes an entry by itself, None where it is implied."""
+    listed = reading.parts.beside.get((index, "value"))
+    if listed is not None and str(subindex) in listed.entries:
+        return None
+    section = reading.parts.subs.get(index, {}).get(subindex)
+    if section is None and subindex == 0 and not reading.eds.objects[index].is_record:
+        section = reading.parts.heads.get(index)
+    return section
+
+
+def _listed(reading: Reading, document: Document, index: int, subindex: int, text: str) -> Document:
+    """Return the document with a value in ``[xxxxValue]``, the place of compact sub-indices (DS 306 5)."""
+    name = f"{index:04x}value"
+    section = document.sections.get(name)
+    head = document.sections.get(f"{index:04x}")
+    if head is None or "compactsubobj" not in head.entries:
+        raise EdsError(
+            f"the file has no place for a value of {index:04X}h:{subindex:02X}",
+            file=reading.eds.source,
+            observed="the object is implied, by CompactPDO or by its object",
+            remedy=f"describe it in a section of its own, [{index:04X}sub{subindex:X}]",
+        )
+    if section is None:
+        after = _next(document, head)
+        entries = {"NrOfEntries": "1", str(subindex): text}
+        return edit.apply(document, [edit.add_section(document, f"{index:04X}Value", entries, after)])
+    document = edit.apply(document, [edit.set_value(document, section, str(subindex), text)])
+    section = document.sections[name]
+    count = str(sum(key[:1].isdigit() for key in section.entries))
+    return edit.apply(document, [edit.set_value(document, section, "NrOfEntries", count)])
+
+
+def _next(document: Document, section: Section) -> Section | None:
+    later = [each for each in document.sections.values() if each.line >= section.end]
+    return min(later, key=lambda each: each.line, default=None)
+
+
+def _file_info(document: Document, settings: Settings) -> Iterator[Change]:
+    section = document.sections.get("fileinfo")
+    for key, name in (("FileName", settings.file_name), ("LastEDS", settings.last_eds)):
+        if section is not None and name is not None and name.isascii():
+            yield edit.set_value(document, section, key, name)
+
+
+def _commissioned(document: Document, settings: Settings) -> Document:
+    entries = _entries(settings)
+    misspelt = document.sections.get(_MISSPELT)
+    section = document.sections.get(_SECTION.lower())
+    if section is None and misspelt is not None:
+        document = edit.apply(document, [edit.rename_section(document, misspelt, _SECTION)])
+        section = document.sections[_SECTION.lower()]
+    if section is not None:
+        return edit.apply(
+            document, [edit.set_value(document, section, key, text) for key, text in entries.items()]
+        )
+    before = document.sections.get("deviceinfo") or document.sections.get("fileinfo")
+    after = _next(document, before) if before is not None else next(iter(document.sections.values()))
+    return edit.apply(document, [edit.add_section(document, _SECTION, entries, after)])
+
+
+def _entries(settings: Settings) -> Mapping[str, str]:
+    given = {
+        "NodeID": settings.node_id,
+        "NodeName": settings.node_name,
+        "Baudrate": settings.baudrate,
+        "NetNumber": settings.net_number,
+        "NetworkName": settings.network_name,
+        "CANopenManager": None if settings.manager is None else int(settings.manager),
+    }
+    return {key: str(value) for key, value in given.items() if value is not None}
+
+
+def to_eds(reading: Reading, file_name: str | None = None) -> Reading:
+    """Return the EDS behind a DCF: without node, values, denotations and files; all other lines stay as they are.
+
+    ``file_name`` is the name of the EDS, for [FileInfo].
+    """
+    document, parts = reading.document, reading.parts
+    dropped = [section for (_, kind), section in parts.beside.items() if kind in ("value", "denotation")]
+    dropped += [
+        document.sections[name]
+        for name in (_SECTION.lower(), _MISSPELT, "connectedmodules")
+        if name in document.sections
+    ]
+    changes = [edit.remove_section(document, section) for section in dropped]
+    for section in (*parts.heads.values(), *(sub for subs in parts.subs.values() for sub in subs.values())):
+        changes += edit.remove_keys(document, section, _OF_A_DCF)
+    info = document.sections.get("fileinfo")
+    if info is not None:
+        changes += edit.remove_keys(document, info, ("LastEDS",))
+        changes += _file_info(document, Settings(1, file_name=file_name))
+    return reader.read_document(edit.apply(document, changes), reading.eds.source)
+
+
+def differing(eds: Eds, node_id: int | None = None) -> tuple[Variable, ...]:
+    """Return the entries whose parameter value is not their default, for a node ID (1 to 127; else the file's own)."""
+    node = eds.node_id if node_id is None else node_id
+    return tuple(
+        sub
+        for entry in eds
+        for sub in entry.subs.values()
+        if sub.parameter_value is not None and sub.initial(node) != default(sub, node)
+    )
+
+
+def default(variable: Variable, node_id: int | None) -> int | float | str | bytes | None:
+    """Return the default of an entry for a node (1 to 127), None where the file gives none."""
+    value = variable.default
+    return value.resolve(node_id) if isinstance(value, Number) else value

@@ -1,0 +1,120 @@
+"""Mending an EDS or DCF as text: only what is safe, and each change by the rule that it mends.
+
+Theory of operation. A mend looks at a reading and names changes of lines. The mends stand in stages: what a later one counts, an
+earlier one may have removed or renamed. Within a stage all mends look at the same reading; of two that want the same line the later
+one waits for the next round. A stage ends when no mend of it finds anything, and the whole ends when no stage does. Every mend
+takes away what it looks for, so that mending what was mended changes nothing.
+
+Safe means: what the file says to ``axisbus`` stays the same, apart from counts and from values that could not be read at all.
+Comments stay. What needs a person's judgement is left to ``axisbus eds check``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from axisbus.eds import edit, reader
+from axisbus.eds.edit import Change
+from axisbus.eds.mends import counts, encoding, spelling, text, values
+from axisbus.eds.mends.mend import Bench, Mend, Mended
+from axisbus.eds.reader import Reading
+from axisbus.eds.text import Document
+
+STAGES: tuple[Mapping[str, Mend], ...] = (
+    {**text.MENDS, **spelling.MENDS, **values.MENDS},
+    counts.NUMBERING,
+    counts.MENDS,
+)
+RULES = frozenset(
+    (*encoding.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
+)
+
+_MAX_ROUNDS = 100  # far more than mends that wait for each other can need
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """A mended reading, what was mended (lines are those of the original), and the original's line of each line now.
+
+    ``origins`` holds 0 for a line that is new or changed.
+    """
+
+    reading: Reading
+    mended: tuple[Mended, ...]
+    origins: tuple[int, ...]
+
+
+def fix(reading: Reading) -> Fixed:
+    """Return the reading with everything mended that safely can be; pure, the given one stays as it is.
+
+    Raises:
+        EdsError: nothing is left that describes an object, which no file that was read should come to.
+    """
+    reading, done = _whole(reading)
+    origins = tuple(range(1, len(reading.document.lines) + 1))
+    for _ in range(_MAX_ROUNDS):
+        before = len(done)
+        for stage in STAGES:
+            reading, more, origins = _stage(reading, stage, origins)
+            done += more
+        if len(done) == before:
+            break
+    return Fixed(reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
+
+
+def _whole(reading: Reading) -> tuple[Reading, list[Mended]]:
+    """Mend the encoding and the line ends."""
+    done = []
+    for rule, (mend, what) in encoding.WHOLE.items():
+        document = mend(reading.document)
+        if document is not None:
+            reading = reader.read_document(document, reading.eds.source)
+            done.append(Mended(rule, 1, what, ()))
+    return reading, done
+
+
+def _stage(
+    reading: Reading, stage: Mapping[str, Mend], origins: tuple[int, ...]
+) -> tuple[Reading, list[Mended], tuple[int, ...]]:
+    done: list[Mended] = []
+    for _ in range(_MAX_ROUNDS):
+        chosen = _chosen(Bench(reading), stage.values())
+        if not chosen:
+            break
+        changes = [change for mended in chosen for change in mended.changes]
+        done += [mended._replace(line=_original(mended.line, origins)) for mended in chosen]
+        document = edit.apply(reading.document, changes)
+        origins = _moved(origins, changes, document)
+        reading = reader.read_document(document, reading.eds.source)
+    return reading, done, origins
+
+
+def _chosen(bench: Bench, mends: Iterable[Mend]) -> list[Mended]:
+    """Return what the mends want, without what touches a line that an earlier one touches."""
+    taken: set[int] = set()
+    chosen = []
+    for mend in mends:
+        for mended in mend(bench):
+            lines = {change.line for change in mended.changes}
+            if lines and taken.isdisjoint(lines):
+                taken |= lines
+                chosen.append(mended)
+    return chosen
+
+
+def _original(line: int, origins: tuple[int, ...]) -> int:
+    """Return the original's line of a line, or of the nearest before it that has one."""
+    return next((origins[at] for at in range(line - 1, -1, -1) if origins[at]), 1)
+
+
+def _moved(origins: tuple[int, ...], changes: Iterable[Change], document: Document) -> tuple[int, ...]:
+    """Return the original's line of each line after changes were made."""
+    made: list[int] = []
+    done = 0
+    for change in sorted(changes, key=lambda change: (change.line, change.count > 0)):
+        made += origins[done : change.line - 1]
+        made += [0] * len(change.lines)
+        done = change.line - 1 + change.count
+    made += origins[done:]
+    return tuple(made[: len(document.lines)])

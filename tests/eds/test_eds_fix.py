@@ -1,0 +1,295 @@
+"""Mending: each defect becomes the text that was meant, nothing else changes, and what needs judgement stays."""
+
+from __future__ import annotations
+
+import codecs
+import difflib
+from dataclasses import replace
+
+import pytest
+from eds_texts import HEAD, canopen_facts, our_facts, record, variable
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_eds_corpus import FILES
+
+from axisbus.eds import Eds, fix_diff, reader, writer
+from axisbus.eds.fix import Fixed, fix
+from axisbus.eds.model import Object
+
+
+def fixed(body: str, head: str = HEAD) -> Fixed:
+    return fix(reader.read((head + body).encode(), "test.eds"))
+
+
+def mended(body: str) -> str:
+    """Return the body as mended, without the usual head."""
+    whole = writer.dumps(fixed(body).reading).decode()
+    assert whole.startswith(HEAD)
+    return whole[len(HEAD) :]
+
+
+def without_lines(eds: Eds) -> dict[int, Object]:
+    """Return the objects, those that say the same equal, wherever they stand."""
+    return {
+        index: replace(entry, line=0, subs={key: replace(sub, line=0) for key, sub in entry.subs.items()})
+        for index, entry in eds.objects.items()
+    }
+
+
+COMPACT = "[2000]\nObjectType=8\nDataType=5\nAccessType=rw\nParameterName=a\nCompactSubObj=2\n"
+I8, I32, U8, BOOL, TEXT, OCTETS = "0x2", "0x4", "0x5", "0x1", "0x9", "0xA"
+
+
+@pytest.mark.parametrize(
+    ("rule", "data_type", "given", "meant"),
+    [
+        ("V006", "7", "0x80+$NODEID", "$NODEID+0x80"),
+        ("V006", "7", "$NodeID + 0x200", "$NODEID+0x200"),
+        ("V006", "7", "640 + $nodeid", "$NODEID+640"),
+        ("V020", "7", "=$NODEID+0x00000300", "$NODEID+0x00000300"),
+        ("V020", "7", "$MY_NODE_ID+0x40000180", "$NODEID+0x40000180"),
+        ("V010", I32, "0x80000000", "-2147483648"),
+        ("V010", I8, "0xFD", "-3"),
+        ("V010", I32, "0x-3", "-3"),
+        ("V011", U8, "12.0", "12"),
+        ("V015", BOOL, "False", "0"),
+        ("V013", TEXT, '"Gen4"', "Gen4"),
+        ("V017", OCTETS, "0x01FF", "01FF"),
+        ("V001", U8, "1Fh", "0x1F"),
+        ("V001", "7", "Ox1F", "0x1F"),
+        ("V001", "0x1B", "0x1234567890ABCDEFLL", "0x1234567890ABCDEF"),
+    ],
+)
+def test_a_value_is_written_as_the_standard_has_it(rule: str, data_type: str, given: str, meant: str) -> None:
+    before = variable("2000", DataType=data_type, DefaultValue=given)
+    done = fixed(before)
+    assert [each.rule for each in done.mended] == [rule]
+    assert mended(before) == variable("2000", DataType=data_type, DefaultValue=meant)
+    assert rule not in [each.rule for each in done.reading.eds.findings]
+
+
+@pytest.mark.parametrize(
+    ("data_type", "given"),
+    [
+        (U8, "4x0"),  # 0x40, 0x04 or 0x0
+        (U8, "010"),  # octal by the standard, ten for many an author
+        (U8, "12.5"),
+        (U8, "-1"),
+        (U8, "0x100"),
+        (U8, "FF"),
+        ("7", "$NODEID+$NODEID"),
+        (OCTETS, "0x0"),
+        (OCTETS, "NULL"),
+        ("0x8", "0x40490FDB"),
+        (TEXT, '""quoted""'),
+        (TEXT, '" "'),
+    ],
+)
+def test_what_needs_judgement_is_left_alone(data_type: str, given: str) -> None:
+    before = variable("2000", DataType=data_type, DefaultValue=given)
+    assert fixed(before).mended == ()
+    assert mended(before) == before
+
+
+@pytest.mark.parametrize(
+    ("rule", "before", "after"),
+    [
+        ("L003", "[OptionalObjects]\nSupportedObjects=4\n1=0x1000\n", "[OptionalObjects]\nSupportedObjects=1\n1=0x1000\n"),
+        ("L003", "[OptionalObjects]\nSupportedObjects=0x4\n1=0x1000\n", "[OptionalObjects]\nSupportedObjects=0x1\n1=0x1000\n"),
+        ("L001", "[OptionalObjects]\n1=0x1000\n", "[OptionalObjects]\nSupportedObjects=1\n1=0x1000\n"),
+        ("S017", "[OptionalObjects]\nSupported Objects=1\n1=0x1000\n", "[OptionalObjects]\nSupportedObjects=1\n1=0x1000\n"),
+        ("L004", "[OptionalObjects]\nSupportedObjects=2\n1=0x1\n3=0x2\n", "[OptionalObjects]\nSupportedObjects=2\n1=0x1\n2=0x2\n"),
+        ("D017", "[Comments]\nLines=7\nLine1=a\nLine2=b\n", "[Comments]\nLines=2\nLine1=a\nLine2=b\n"),
+        ("K001", "[DeviceCommissioning]\nNodeID=5\n", "[DeviceComissioning]\nNodeID=5\n"),
+        ("B002", COMPACT + "[2000Name]\nNrOfEntries=9\n1=a\n", COMPACT + "[2000Name]\nNrOfEntries=1\n1=a\n"),
+        ("B003", "[1000ObjectLinks]\nObjectLinks=0x2\n1=0x1000\n", "[1000ObjectLinks]\nObjectLinks=0x1\n1=0x1000\n"),
+        ("X004", "[M1FixedObjects]\nNrOfEntries=0\n1=0x6000\n", "[M1FixedObjects]\nNrOfEntries=1\n1=0x6000\n"),
+        ("S009", "\t[DummyUsage]\nDummy0001=0\n", "[DummyUsage]\nDummy0001=0\n"),
+        ("S010", "[DummyUsage\nDummy0001=0\n", "[DummyUsage]\nDummy0001=0\n"),
+        ("S011", "[DummyUsage] ; none\nDummy0001=0\n", "[DummyUsage]\n; none\nDummy0001=0\n"),
+        ("S006", "[DummyUsage]\n# none\nDummy0001=0\n", "[DummyUsage]\n;# none\nDummy0001=0\n"),
+        ("S004", "[DummyUsage]\nDummy0001=0\nDUMMY0001 = 0\n", "[DummyUsage]\nDummy0001=0\n"),
+    ],
+)  # fmt: skip
+def test_a_section_is_mended_in_its_lines(rule: str, before: str, after: str) -> None:
+    done = fixed(before)
+    assert [each.rule for each in done.mended] == [rule]
+    assert mended(before) == after
+
+
+def test_letters_of_the_baud_rates_and_the_access_are_those_of_the_standard() -> None:
+    head = HEAD.replace("VendorNumber=1", "Baudrate_500=1\nBaudRate_125=1")
+    done = fixed(variable("2000", AccessType="RO"), head)
+    assert [each.rule for each in done.mended] == ["D012", "O019"]
+    assert writer.dumps(done.reading).decode() == (head + variable("2000", AccessType="ro")).replace(
+        "Baudrate", "BaudRate"
+    )
+
+
+def test_the_number_of_sub_indices_counts_all_but_the_structure() -> None:
+    subs = (variable("2000sub0", DataType=U8), variable("2000sub1"), variable("2000subFF"))
+    before = record("2000", *subs).replace("SubNumber=3", "SubNumber=9")
+    assert mended(before) == before.replace("SubNumber=9", "SubNumber=2")
+    assert mended(before.replace("SubNumber=9\n", "")) == before.replace("SubNumber=9", "SubNumber=2")
+
+
+def test_255_compact_sub_indices_are_254_and_stand_alone() -> None:
+    before = "[2000]\nParameterName=a\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=0xFF\nSubNumber=255\n"
+    done = fixed(before)
+    assert [each.rule for each in done.mended] == ["O013", "B001"]
+    assert mended(before) == before.replace("0xFF", "0xFE").replace("SubNumber=255", "SubNumber=0")
+
+
+def test_a_list_with_one_number_twice_gets_every_object_its_own() -> None:
+    before = "[OptionalObjects]\nSupportedObjects=4\n1=0x1001\n2=0x1002\n2=0x1003\n4=0x1004\n2=0x1004\n"
+    assert mended(before) == "[OptionalObjects]\nSupportedObjects=4\n1=0x1001\n2=0x1002\n3=0x1003\n4=0x1004\n"
+
+
+def test_a_list_in_the_middle_of_a_merge_is_left_to_a_person() -> None:
+    before = (
+        "[OptionalObjects]\nSupportedObjects=9\n<<<<<<< HEAD\n1=0x1001\n=======\n1=0x1002\n>>>>>>> theirs\n"
+    )
+    assert fixed(before).mended == ()
+
+
+def test_the_second_of_two_equal_sections_goes_and_its_comment_stays() -> None:
+    twin = variable("2000").rstrip() + "\n"
+    other = variable("2001")
+    assert mended(f"{twin}\n{twin}; mine\n\n{other}") == f"{twin}\n; mine\n{other}"
+    assert mended(f"{twin}\n{twin}") == f"{twin}\n"
+    different = twin + "\n" + variable("2000", DefaultValue="1")
+    assert fixed(different).mended == ()
+
+
+def test_leading_zeros_go_unless_the_name_is_taken() -> None:
+    before = record("2000", variable("2000sub00", DataType=U8), variable("2000sub0A"))
+    assert mended(before) == before.replace("sub00", "sub0").replace("sub0A", "subA")
+    taken = record("2000", variable("2000sub0", DataType=U8), variable("2000sub00", DataType="6"))
+    assert "O012" not in [each.rule for each in fixed(taken).mended]
+
+
+def test_a_comment_behind_a_value_comes_below_it_before_the_value_is_mended() -> None:
+    before = variable("2000", DataType=I8, DefaultValue="0xFF ; minus one", AccessType="RW ; both")
+    after = variable("2000", DataType=I8, DefaultValue="-1\n; minus one", AccessType="rw\n; both")
+    assert mended(before) == after
+
+
+def test_limits_and_lists_of_values_are_mended_too() -> None:
+    before = variable("2000", DataType=I8, LowLimit="0x80", HighLimit="127") + (
+        "[2001]\nParameterName=a\nObjectType=8\nDataType=2\nAccessType=rw\nCompactSubObj=1\n[2001Value]\nNrOfEntries=1\n1=0xFE\n"
+    )
+    assert mended(before) == before.replace("0x80", "-128").replace("0xFE", "-2")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
+def test_a_byte_order_mark_goes(encoding: str) -> None:
+    bom = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}[
+        encoding
+    ]
+    for name in ("Speed", "Größe"):
+        text = HEAD + variable("2000", ParameterName=name)
+        done = fix(reader.read(bom + text.encode(encoding), "x.eds"))
+        assert [each.rule for each in done.mended] == ["S002"]
+        assert writer.dumps(done.reading) == text.encode()
+
+
+def test_lines_that_end_in_cr_alone_end_in_lf() -> None:
+    done = fix(reader.read(HEAD.replace("\n", "\r").encode(), "x.eds"))
+    assert [each.rule for each in done.mended] == ["S014"]
+    assert writer.dumps(done.reading) == HEAD.encode()
+
+
+def test_line_ends_spacing_and_everything_else_stay() -> None:
+    before = ("; top\r\n" + HEAD.replace("\n", "\r\n") + "[2000]\r\n ParameterName = x \r\nDataType =\t0x2\r\nAccessType=rw\r\n"
+              "DefaultValue =  0xFF  \r\nodd line\r\n").encode()  # fmt: skip
+    done = fix(reader.read(before, "x.eds"))
+    assert writer.dumps(done.reading) == before.replace(b"0xFF", b"-1")
+
+
+def test_lines_are_named_as_the_original_has_them() -> None:
+    before = "[OptionalObjects]\nSupportedObjects=1 ; one\n1=0x1000\n\n" + variable(
+        "2000", DataType=I8, DefaultValue="0xFF"
+    )
+    original = reader.read((HEAD + before).encode(), "test.eds")
+    done = fix(original)
+    wrong = [line for line, raw in enumerate(original.document.lines, 1) if "0xFF" in raw]
+    assert [each.line for each in done.mended if each.rule == "V010"] == wrong
+
+
+def test_the_diff_is_the_one_that_everybody_knows() -> None:
+    body = "".join(
+        record(f"{index:X}", variable(f"{index:X}sub0", DataType=I8, DefaultValue="0xFF ; minus"), variable(f"{index:X}sub01"))
+        for index in (0x2000, 0x2010, 0x2011)
+    ) + "[Comments]\nLines=1 ; last line"  # fmt: skip
+    before = reader.read((HEAD + body).encode(), "test.eds")
+    done = fix(before)
+    ours = list(fix_diff.unified(before.document, done, "x"))
+    theirs = difflib.unified_diff(before.document.lines, done.reading.document.lines, lineterm="")
+    assert ours[:2] == ["--- x", "+++ x (mended)"]
+    assert [line for line in ours[2:] if line[0] == "@"] == [line for line in theirs if line[0] == "@"]
+    assert patched(list(before.document.lines), ours[2:]) == list(done.reading.document.lines)
+    assert list(fix_diff.unified(before.document, fix(reader.read(HEAD.encode(), "x")), "x"))[:0] == []
+
+
+def patched(lines: list[str], diff: list[str]) -> list[str]:
+    """Apply a unified diff by what its lines say, as ``patch`` does."""
+    made: list[str] = []
+    at = 0
+    for line in diff:
+        if line.startswith("@@"):
+            start = int(line.split()[1].split(",")[0][1:]) - 1
+            made += lines[at:start]
+            at = start
+            continue
+        if line[0] in " -":
+            assert lines[at] == line[1:]
+            at += 1
+        if line[0] in " +":
+            made.append(line[1:])
+    return made + lines[at:]
+
+
+LINES = st.sampled_from(
+    [
+        *("[2000]", "[2000sub1]", "[2000sub01]", "[OptionalObjects]", "[2000Value]", "[Comments]", "[2000", " [2001] ; x"),
+        *("ParameterName=a", "DataType=2", "DataType=0x9", "AccessType=RW", "ObjectType=8", "CompactSubObj=255", "SubNumber=3"),
+        *("DefaultValue=0xFF", "DefaultValue=0x80+$nodeid ; c", 'DefaultValue="a"', "DefaultValue=1Fh", "LowLimit=0x-2"),
+        *("SupportedObjects=9", "1=0x2000", "1=0x2001", "3=0x2000", "NrOfEntries=x", "Lines=1", "Line1=c", "# c", "; c", "", "?"),
+    ]
+)  # fmt: skip
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(LINES, max_size=20), st.sampled_from(["\n", "\r\n", "\r"]))
+def test_whatever_the_lines_mending_twice_is_mending_once(lines: list[str], newline: str) -> None:
+    before = reader.read((HEAD + "\n".join(lines)).replace("\n", newline).encode(), "x.eds")
+    done = fix(before)
+    again = reader.read(writer.dumps(done.reading), "x.eds")
+    assert list(again.document.lines) == list(done.reading.document.lines)
+    assert fix(again).mended == ()
+    comments = [line.strip() for line in before.document.lines if line.strip()[:1] == ";"]
+    kept = [line.strip() for line in again.document.lines]
+    assert all(comment in kept for comment in comments)
+
+
+@pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
+def test_real_files_say_the_same_when_mended() -> None:
+    for path in FILES:
+        before = reader.read(path.read_bytes(), path.name)
+        done = fix(before)
+        again = reader.read(writer.dumps(done.reading), path.name)
+        assert fix(again).mended == (), path.name
+        unreadable = [each.index for each in before.eds.findings if each.rule == "V001"]
+        ours, then = without_lines(again.eds), without_lines(before.eds)
+        assert {k: v for k, v in ours.items() if k not in unreadable} == {
+            k: v for k, v in then.items() if k not in unreadable
+        }, path.name
+
+
+def test_a_mended_file_means_to_canopen_what_it_means_to_us() -> None:
+    body = variable("2000", DataType=I32, DefaultValue="0xFFFFFFFF", AccessType="RW") + variable(
+        "2001", DefaultValue="0x180+$NodeID"
+    )
+    done = fixed(body).reading
+    text = writer.dumps(done).decode()
+    assert canopen_facts(text, 5) == our_facts(done.eds, 5)
