@@ -16,6 +16,9 @@
     │   ├── SdoError                 an SDO transfer that failed
     │   │   ├── SdoAbort             the drive refused it and said why
     │   │   └── SdoTimeout           no answer (also TimeoutError)
+    │   ├── LssError                 a layer setting service (CiA 305) that failed, or several slaves answered where one was meant
+    │   │   ├── LssRefused           the slave refused it and said why
+    │   │   └── LssTimeout           no answer (also TimeoutError)
     │   ├── BootError                a node that could not be brought up, with step and object
     │   └── ScanError                the cyclic scan ended
     ├── DriveError                   the drive answers, but not as asked
@@ -148,6 +151,40 @@ class SdoAbort(SdoError):
 
 class SdoTimeout(SdoError, TimeoutError):
     """The node did not answer an SDO request in time."""
+
+
+class LssError(BusError):
+    """A layer setting service (CiA 305) failed; ``service`` is the standard's name of it, ``slave`` says whom it was for."""
+
+    def __init__(
+        self, message: str, *, service: str, slave: str = "", observed: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.service = service
+        self.slave = slave
+
+
+class LssRefused(LssError):
+    """The slave refused; ``code`` is the service's error code (255: its maker's own, then in ``specific``)."""
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        service: str,
+        slave: str,
+        code: int,
+        specific: int = 0,
+        observed: str = "",
+        remedy: str = "",
+    ) -> None:
+        super().__init__(message, service=service, slave=slave, observed=observed, remedy=remedy)
+        self.code = code
+        self.specific = specific
+
+
+class LssTimeout(LssError, TimeoutError):
+    """No LSS slave answered in time."""
 
 
 class BootError(BusError):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from axisbus.cia402.modes import ModeOfOperation
+
 SWITCH_ON = 1 << 0
 ENABLE_VOLTAGE = 1 << 1
 QUICK_STOP = 1 << 2  # active low
@@ -49,12 +51,26 @@ class Command(Enum):
 DISABLE_OPERATION = Command.SWITCH_ON
 
 
-def words(controlword: int) -> str:
-    """Return the controlword's command and set bits for a person, such as ``enable operation, halt``."""
+# What bits 4, 5, 6 and 9 say in each mode.
+_POSITION_BITS = {4: "new set-point", 5: "change set immediately", 6: "relative", 9: "change on set-point"}
+MODE_WORDS: dict[ModeOfOperation, dict[int, str]] = {
+    ModeOfOperation.PROFILE_POSITION: _POSITION_BITS,
+    ModeOfOperation.HOMING: {4: "homing start"},
+    ModeOfOperation.INTERPOLATED_POSITION: {4: "enable interpolation"},
+    ModeOfOperation.VELOCITY: {4: "enable ramp", 5: "unlock ramp", 6: "reference ramp"},
+}
+
+
+def words(controlword: int, mode: ModeOfOperation | None = None) -> str:
+    """Return the controlword's command and set bits for a person, such as ``enable operation, halt``.
+
+    Bits 4, 5, 6 and 9 are read as ``mode`` (6060h) gives them a meaning, and by their numbers where it is not known.
+    """
     named = [_command_text(controlword)]
     if controlword & HALT:
         named.append("halt")
-    named += [f"bit {bit}" for bit in (4, 5, 6, 9) if controlword >> bit & 1]
+    texts = MODE_WORDS.get(mode, {}) if mode is not None else {}
+    named += [texts.get(bit, f"bit {bit}") for bit in (4, 5, 6, 9) if controlword >> bit & 1]
     return ", ".join(named)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import click
 
 from axisbus.cli.common import MISUSE, OK, WRONG, say_error, say_json
-from axisbus.cli.eds_files import node_option, open_eds, say_lines
+from axisbus.cli.eds_files import hint, node_option, open_eds, say_lines
 from axisbus.eds import compare, compare_text
+from axisbus.eds.difference import Difference
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
 
@@ -35,7 +36,14 @@ def command(a: str, b: str, node: int | None, as_json: bool) -> int:
         say_json(compare_text.plain(first, second, differences, node_id))
     else:
         say_lines(compare_text.lines(first, second, differences, node_id))
+        if differences:
+            hint(f"axisbus eds show {b} {_example(differences)}".rstrip())
     return WRONG if differences else OK
+
+
+def _example(differences: tuple[Difference, ...]) -> str:
+    """Return the index of an object that differs and that B has; empty where there is none."""
+    return next((f"{each.index:04X}" for each in differences if each.index is not None and each.b), "")
 
 
 def _common_node(a: Eds, b: Eds, node: int | None) -> int | None:

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 
 import click
 
-from axisbus.cli.common import say
+from axisbus.cli.common import say, say_next, write_whole
 from axisbus.eds import Eds, builtin, load
-from axisbus.errors import ConfigError
+from axisbus.errors import UserError
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -26,6 +26,17 @@ def node_option(function: _F) -> _F:
         "--node",
         type=click.IntRange(1, 127),
         help="Node ID for values with $NODEID [default: that of a DCF].",
+    )
+    return option(function)
+
+
+def output_option(function: _F) -> _F:
+    """Add ``-o``."""
+    option = click.option(
+        "-o",
+        "--output",
+        type=click.Path(path_type=Path),
+        help="Where to write.",
     )
     return option(function)
 
@@ -69,19 +80,34 @@ def say_lines(lines: Iterable[str]) -> None:
     say(text)
 
 
-def write(path: Path, text: str, newline: str = "\n") -> None:
-    """Write a text as UTF-8.
+def hint(text: str) -> None:
+    """Print what to type next, on a terminal only: a report in a pipe is nothing but the report."""
+    if sys.stdout.isatty():
+        say_next(text)
+
+
+def say_text(text: str) -> None:
+    """Print a whole file to standard output as UTF-8, whatever the encoding of the terminal: it is for a program."""
+    sys.stdout.flush()
+    sys.stdout.buffer.write(text.encode())
+    sys.stdout.buffer.flush()
+
+
+def tell(text: str) -> None:
+    """Print a remark to standard error, so that it does not mix with a file on standard output."""
+    click.echo(text, err=True)
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text as UTF-8, whole or not at all; its folder is made.
 
     Raises:
-        ConfigError: the file cannot be written.
+        UserError: the file cannot be written.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline=newline)
     except OSError as error:
-        raise ConfigError(
-            "the file cannot be written",
-            file=str(path),
-            observed=str(error),
-            remedy="give another path with -o",
+        raise UserError(
+            f"{path} cannot be written", observed=str(error), remedy="give another path with -o"
         ) from error
+    write_whole(path, text.encode())

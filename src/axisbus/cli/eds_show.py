@@ -10,6 +10,7 @@ from axisbus.cli.common import OK, say_json
 from axisbus.cli.eds_files import (
     can_print,
     file_argument,
+    hint,
     node_of,
     node_option,
     open_eds,
@@ -46,6 +47,7 @@ def command(file: str, wanted: str | None, node: int | None, expand: bool, as_js
     )
     screen = Screen(terminal_width(), style, fold=not expand)
     say_lines(show.tree(eds, node_id, screen) if found is None else _found(eds, found, node_id, screen))
+    hint(f"axisbus eds show {file} 6041" if found is None else f"axisbus eds doc {file} -o reference.html")
     return OK
 
 

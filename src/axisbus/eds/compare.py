@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cia301.datatypes import DataType
 from axisbus.eds import compare_object, layout, matters, overview, pdo_text, values, wording
 from axisbus.eds.difference import Difference, Group
 from axisbus.eds.layout import Layout
@@ -35,6 +36,12 @@ _DEVICE_NUMBERS = (
     ("compactpdo", "CompactPDO"),
 )
 
+_COMMISSIONING = (
+    ("nodeid", "NodeID", "made for another node ID"),
+    ("baudrate", "Baudrate", "made for another bit rate"),
+    ("nodename", "NodeName", ""),
+)
+
 
 def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
     """Return what ``b`` says differently from ``a``, by group and object; empty where they mean the same.
@@ -46,6 +53,7 @@ def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[Difference, ...]:
     found = [
         *_identity(a, b, node_id),
         *_pdos(a, b, node_id),
+        *_dummies(a, b),
         *_presence(a, b, Group.REMOVED),
         *_presence(b, a, Group.ADDED),
     ]
@@ -67,7 +75,21 @@ def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
         given = ours.get(key, "").strip(), theirs.get(key, "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
             yield Difference(Group.IDENTITY, title, *given, matters=matters.DEVICE.get(title, ""))
+    yield from _commissioning(a, b)
     yield from _modes(a, b, node_id)
+
+
+def _commissioning(a: Eds, b: Eds) -> Iterator[Difference]:
+    """Return what two DCFs say differently of the node that they are made for; nothing where one is an EDS."""
+    ours, theirs = (
+        eds.info.get("devicecomissioning") or eds.info.get("devicecommissioning") or {} for eds in (a, b)
+    )
+    if not ours or not theirs:
+        return
+    for key, title, meaning in _COMMISSIONING:
+        given = ours.get(key, "").strip(), theirs.get(key, "").strip()
+        if _device_number(given[0]) != _device_number(given[1]):
+            yield Difference(Group.IDENTITY, f"DCF: {title}", *given, matters=meaning)
 
 
 def _device_number(text: str) -> int | str | None:
@@ -116,6 +138,14 @@ def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
             one.mapping,
             matters=matters.mapping(one, other),
         )
+
+
+def _dummies(a: Eds, b: Eds) -> Iterator[Difference]:
+    """Return which data types may fill space in a PDO in one file only."""
+    texts = [", ".join(DataType(number).name for number in sorted(eds.dummies)) for eds in (a, b)]
+    if a.dummies != b.dummies:
+        meaning = "a mapping that fills space with them is refused" if a.dummies - b.dummies else ""
+        yield Difference(Group.PDO, "DummyUsage", texts[0], texts[1], matters=meaning)
 
 
 def _mapping_entries(a: Eds, b: Eds, node_id: int | None) -> Iterator[tuple[int, int]]:

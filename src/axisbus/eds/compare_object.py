@@ -121,6 +121,8 @@ def object_differences(
         types = (one.object_type.name, other.object_type.name)
         meaning = "" if one.is_record == other.is_record else "its values are under other sub-indices"
         yield Difference(Group.TYPES, f"{one.name}: ObjectType", *types, one.index, None, meaning, *lines)
+    if one.is_record != other.is_record:
+        return  # sub-index 0 is a value here and a count there: nothing to compare
     if one.is_record and other.is_record and one.name != other.name:
         yield Difference(Group.NAMES, "ParameterName", one.name, other.name, one.index, None, "", *lines)
     for subindex, sub in one.subs.items():

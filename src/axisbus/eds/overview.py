@@ -8,7 +8,8 @@ from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds import values, wording
+from axisbus.eds import values
+from axisbus.eds.dictionary import PROFILE_AREA
 from axisbus.eds.model import Eds, Identity, Object
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInfo] (DS 306 4.5)
@@ -123,7 +124,7 @@ def axis_count(eds: Eds) -> int:
     """Return how many axes of CiA 402 the file describes: each has a controlword and statusword at its own +800h."""
     return sum(
         cia402.CONTROLWORD + offset in eds and cia402.STATUSWORD + offset in eds
-        for offset in range(0, len(wording.PROFILE_AREA), cia402.AXIS_OFFSET)
+        for offset in range(0, len(PROFILE_AREA), cia402.AXIS_OFFSET)
     )
 
 
@@ -161,9 +162,7 @@ def _areas(eds: Eds) -> list[tuple[str, range]]:
         ("Maker's own objects", range(0x2000, 0x6000)),
     ]
     word, profile = _profile(eds)
-    several = any(
-        index + cia402.AXIS_OFFSET in wording.PROFILE_AREA and index >= 0x6800 for index in eds.objects
-    )
+    several = any(index + cia402.AXIS_OFFSET in PROFILE_AREA and index >= 0x6800 for index in eds.objects)
     for number, first in enumerate(range(0x6000, 0xA000, cia402.AXIS_OFFSET), 1):
         title = f"{profile}, {word} {number}" if several else profile
         parts.append((title, range(first, first + cia402.AXIS_OFFSET)))

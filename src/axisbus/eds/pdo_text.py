@@ -55,7 +55,7 @@ def legend(layout: Layout, width: int) -> list[tuple[str, str, str, str, str]]:
     scale = _scale(layout, width)[0] if layout.bits else 1
     return [
         (
-            _letter(number) if _narrow(slot, scale) else "",
+            letter(number) if _narrow(slot, scale) else "",
             slot.where,
             slot.address,
             slot.name or "(not described)",
@@ -144,14 +144,15 @@ def _narrow(slot: Slot, scale: int) -> bool:
     return slot.bits * scale - 1 < _ROOM_FOR_ADDRESS
 
 
-def _letter(number: int) -> str:
+def letter(number: int) -> str:
+    """Return the letter of the mapped object at place ``number`` (from 0), for boxes too narrow for more."""
     return _LETTERS[number % len(_LETTERS)]
 
 
 def _row(layout: Layout, first: int, in_row: int, scale: int, style: Style) -> list[str]:
     low, high = first * 8, (first + in_row) * 8
     boxes = [
-        _Box(slot, _letter(number), low, high, scale)
+        _Box(slot, letter(number), low, high, scale)
         for number, slot in enumerate(layout.slots)
         if slot.bits and slot.first_bit < high and slot.end > low
     ]
@@ -166,8 +167,8 @@ def _row(layout: Layout, first: int, in_row: int, scale: int, style: Style) -> l
 class _Box:
     """The part of a slot that lies in one row."""
 
-    def __init__(self, slot: Slot, letter: str, low: int, high: int, scale: int) -> None:
-        self._labels = (letter, "") if _narrow(slot, scale) else (slot.address, slot.name)
+    def __init__(self, slot: Slot, short: str, low: int, high: int, scale: int) -> None:
+        self._labels = (short, "") if _narrow(slot, scale) else (slot.address, slot.name)
         self._continued = slot.first_bit < low
         self.room = (min(slot.end, high) - max(slot.first_bit, low)) * scale - 1
 

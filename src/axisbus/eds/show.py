@@ -144,9 +144,9 @@ def _object(
         return
     yield Row(address, entry.name, entry.object_type.name, "", "", "")
     subs = [sub for sub in entry.subs.values() if only is None or sub.subindex in only]
-    runs = list(_runs(subs)) if screen.fold and only is None else [[sub] for sub in subs]
-    for number, run in enumerate(runs, 1):
-        mark = screen.style.last if number == len(runs) else screen.style.branch
+    groups = list(runs(subs)) if screen.fold and only is None else [[sub] for sub in subs]
+    for number, run in enumerate(groups, 1):
+        mark = screen.style.last if number == len(groups) else screen.style.branch
         yield _sub_row(eds, run, node_id, mark)
 
 
@@ -174,7 +174,7 @@ def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
     return wording.initial(sub, node_id)
 
 
-def _runs(subs: list[Variable]) -> Iterator[list[Variable]]:
+def runs(subs: list[Variable]) -> Iterator[list[Variable]]:
     """Return neighbours that differ only in their number together, where there are enough of them."""
     run: list[Variable] = []
     for sub in subs:

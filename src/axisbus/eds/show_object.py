@@ -66,6 +66,11 @@ def _facts(
         yield "type", f"{entry.object_type.name}, {wording.type_name(sub)}, {sub.access}, {mapping}"
         yield "value", wording.initial(sub, node_id) or "none given"
         yield "limits", wording.limits(sub, node_id, whole=True) or "none"
+    yield from remarks(entry, sub, pdos)
+
+
+def remarks(entry: Object, sub: Variable, pdos: tuple[Layout, ...]) -> Iterator[tuple[str, str]]:
+    """Return what is to be said of an entry beside its row, as (title, text); of most sub-indices there is nothing."""
     if sub.denotation and sub.denotation != sub.name:
         yield "name", sub.name
     carried = ", ".join(carriers(sub, pdos))

@@ -5,11 +5,10 @@ from __future__ import annotations
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects as cia402
+from axisbus.eds.dictionary import PROFILE_AREA
 from axisbus.eds.model import Number, Object, ObjectType, Variable
 
 Default = Number | float | str | bytes | None
-
-PROFILE_AREA = range(0x6000, 0xA000)  # eight logical devices of 800h each (CiA 301 table 40)
 
 # 32-bit objects of the communication area that count something; the others are identifiers and bit fields.
 _COUNTED = frozenset((0x1006, 0x1007, 0x1013, 0x1028))

@@ -28,8 +28,8 @@ from axisbus.machine.node import NodeAccess
 from axisbus.machine.node_stop import NodeStop
 from axisbus.machine.parting import Parting, Stopped, in_parallel
 from axisbus.machine.runtime import Runtime
+from axisbus.machine.simulated import devices
 from axisbus.machine.standin import StandIn
-from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
 
 SIM = "sim"
@@ -186,9 +186,9 @@ def open_channel(
     if bus.interface != SIM:
         return stack.enter_context(Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
-    devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()]
-    network = stack.enter_context(StandIns(name, devices))
-    stand_ins = {device.node_id: StandIn(device, network.lock) for device in devices}
+    made = devices(cell, dictionaries)
+    network = stack.enter_context(StandIns(name, list(made.values())))
+    stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
     return stack.enter_context(Channel.open("virtual", name)), stand_ins
 
 

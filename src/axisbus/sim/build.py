@@ -64,8 +64,12 @@ def device_from_eds(
     *,
     dials: NodeDials | None = None,
     seed: int = 0,
+    serial: int | None = None,
 ) -> Device:
-    """Make a whole node, with as many axes as its EDS has controlwords; ``params`` replaces every derived motor."""
+    """Make a whole node, with as many axes as its EDS has controlwords; ``params`` replaces every derived motor.
+
+    ``node_id`` 255 and ``serial``: see ``Device``.
+    """
     axes = count_axes(eds)
     return Device(
         eds,
@@ -75,6 +79,7 @@ def device_from_eds(
         modes=modes_of(eds, 0),
         dials=dials,
         seed=seed,
+        serial=serial,
     )
 
 

@@ -12,6 +12,7 @@ from axisbus.sim.dictionary import CANNOT_STORE, DEVICE_STATE, INVALID_VALUE, Di
 from axisbus.sim.drive import Drive
 from axisbus.sim.guard import HeartbeatConsumer, LifeGuard
 from axisbus.sim.history import ErrorHistory
+from axisbus.sim.lss import NO_NODE_ID, LssSlave
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.pdo import PdoTable
@@ -43,15 +44,19 @@ class Device:
         modes: frozenset[int] = IMPLEMENTED,
         dials: NodeDials | None = None,
         seed: int = 0,
+        serial: int | None = None,
     ) -> None:
         """Make a node from what its EDS says; ``axes`` (1 to 8) are counted by their controlwords where None.
 
-        ``params`` is one motor for all axes or one for each.
+        ``params`` is one motor for all axes or one for each. A ``node_id`` of 255 is a node that waits for one by LSS. ``serial``
+        takes the place of the file's 1018h:4, so that several made from one file can be told apart.
         """
         self.eds = eds
         self.node_id = node_id
         self.dials = dials or NodeDials()
+        self.serial = serial
         self.dictionary = Dictionary(eds, node_id)
+        self._number_serially()
         self.errors = ErrorHistory(_history_length(self.dictionary))
         self.drives = [
             Drive(
@@ -69,6 +74,7 @@ class Device:
         self.pdos = PdoTable(self.dictionary, self.dials)
         self.consumer = HeartbeatConsumer()
         self.life_guard = LifeGuard()
+        self.lss = LssSlave(self._address, node_id, self.dials.lss, seed)
         self.nmt = NmtState.INITIALISING
         self.time = 0.0
         self.boot_ups = 0  # boot-up messages owed since power-on
@@ -98,6 +104,8 @@ class Device:
         self.time += dt
         for drive in self.drives:
             drive.step(dt)
+        if self.node_id == NO_NODE_ID:
+            return  # it stays initialising until LSS gives it one
         if self.nmt is NmtState.INITIALISING:
             self._boot_timer -= dt
             if self._boot_timer <= 1e-9:
@@ -146,6 +154,26 @@ class Device:
         if code is not None:
             raise self.dictionary.abort("written" if writing else "read", index, subindex, code)
 
+    @property
+    def hears_lss(self) -> bool:
+        """Whether it listens to LSS: always, except while it boots."""
+        return self.node_id == NO_NODE_ID or self.nmt is not NmtState.INITIALISING
+
+    def lss_request(self, data: bytes, now: float) -> None:
+        """Take an LSS frame that came at ``now``; a node-ID given to a node without one makes it boot."""
+        self.lss.on_frame(data, now)
+        if self.node_id == NO_NODE_ID and self.lss.ready:
+            self._reset(whole=False)
+
+    def _number_serially(self) -> None:
+        key = 0x1018 << 8 | 4
+        if self.serial is not None and key in self.dictionary:
+            self.dictionary.values[key] = self.dictionary.defaults[key] = self.serial
+
+    def _address(self) -> tuple[int, int, int, int]:
+        vendor, product, revision, serial = (self.dictionary.get_int(0x1018, part) for part in (1, 2, 3, 4))
+        return vendor, product, revision, serial
+
     def heartbeat_of(self, node: int) -> None:
         """A heartbeat of another node came."""
         if self.consumer.beat(node, self.time):
@@ -182,6 +210,11 @@ class Device:
         """Restart: parameters as stored (or as from the factory), NMT state *initialising* for a while."""
         if self._restore:
             self._stored, self._restore = {}, False
+        node_id = self.lss.restart(whole=whole)
+        if node_id != self.node_id:
+            self.node_id = node_id
+            self.dictionary.renumber(self.eds, node_id)
+            self._number_serially()
         self.nmt = NmtState.INITIALISING
         self._boot_timer = self.dials.reboot_time
         self.consumer.reset()

@@ -57,6 +57,35 @@ class DriveDials:
 
 
 @dataclass(slots=True)
+class LssDials:
+    """Misbehaviour of one node's LSS slave.
+
+    absent: the node has no LSS (it is deaf for it)
+    delay: seconds from a request to its answer
+    jitter: up to so many seconds more, at random
+    loss: probability with which each request and each answer is lost
+    lost_requests, lost_answers: the next so many are lost (they count down)
+    store_time: seconds more until the answer to *store configuration*
+    refused_rates: bit rates (bit/s) that the node does not support
+    node_id_error, bit_rate_error, store_error: error code of the answer (0: none; 1 to *store* is "not supported")
+    specific_error: the maker's own code beside an error code of 255
+    """
+
+    absent: bool = False
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    lost_requests: int = 0
+    lost_answers: int = 0
+    store_time: float = 0.0
+    refused_rates: frozenset[int] = frozenset()
+    node_id_error: int = 0
+    bit_rate_error: int = 0
+    store_error: int = 0
+    specific_error: int = 0
+
+
+@dataclass(slots=True)
 class NodeDials:
     """Misbehaviour of one node's communication.
 
@@ -71,6 +100,7 @@ class NodeDials:
     event_timer_ignored: 18xxh:05 is accepted and not obeyed
     reboot_time: seconds of silence on a reset before boot-up
     reboot_on_store: storing parameters (1010h) restarts the node
+    lss: those of its LSS slave
     """
 
     dead: bool = False
@@ -84,6 +114,7 @@ class NodeDials:
     event_timer_ignored: bool = False
     reboot_time: float = 0.05
     reboot_on_store: bool = False
+    lss: LssDials = field(default_factory=LssDials)
 
     def refusal(self, index: int, subindex: int, *, writing: bool) -> int | None:
         """Return the abort code with which an SDO request is refused, None where it is not."""

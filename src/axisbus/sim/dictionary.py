@@ -238,6 +238,17 @@ class Dictionary:
             if low <= key >> 8 <= high:
                 self.set(key, values.get(key, default))
 
+    def renumber(self, eds: Eds, node_id: int) -> None:
+        """Take the defaults and limits that ``eds`` gives for another node-ID; values change with the next ``load``."""
+        self.node_id = node_id
+        for item in eds:
+            for variable in item.subs.values():
+                key = variable.index << 8 | variable.subindex
+                self.entries[key] = entry = _entry(variable, node_id)
+                value = variable.initial(node_id)
+                if value is not None:
+                    self.defaults[key] = _initial(entry, value)
+
     def _find(self, index: int, subindex: int) -> Entry:
         entry = self.entries.get(index << 8 | subindex)
         if entry is None:

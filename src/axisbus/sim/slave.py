@@ -20,6 +20,7 @@ from axisbus.sim.sdo import SdoServer
 
 Frame = tuple[int, bytes]
 _HEARTBEAT = 0x700
+_LSS_REQUEST, _LSS_ANSWER = 0x7E5, 0x7E4
 _SHORT_PDO = 0x8210
 
 
@@ -58,7 +59,7 @@ class Slave:
 
     def listens_to(self, can_id: int) -> bool:
         """Whether a frame with this identifier means anything to the node."""
-        return can_id in self._routes or _HEARTBEAT < can_id <= _HEARTBEAT + 127
+        return can_id in self._routes or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
 
     def take_frames(self) -> list[Frame]:
         """Return the frames to be sent, as (identifier, data), and forget them."""
@@ -68,7 +69,14 @@ class Slave:
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
         """Take a frame that came at ``now``; one that means nothing here, or is malformed, is passed over."""
         device = self.device
-        if device.dials.dead or device.nmt is NmtState.INITIALISING:
+        if device.dials.dead:
+            return
+        if can_id == _LSS_REQUEST and not remote and device.hears_lss:
+            device.lss_request(bytes(data), now)
+            self._answer_lss(now)
+            self._after(now)
+            return
+        if device.nmt is NmtState.INITIALISING:
             return
         if remote:
             self._on_remote(can_id)
@@ -90,6 +98,7 @@ class Slave:
         if device.dials.dead:
             device.errors.take()
             return
+        self._answer_lss(now)
         self._announce_boot(now)
         if device.nmt is NmtState.INITIALISING:
             return
@@ -112,6 +121,7 @@ class Slave:
 
     def _on_nmt_change(self) -> None:
         self._nmt = self.device.nmt
+        self._index_routes()  # its node-ID may be another one
         self._sent.clear()
         self._pending.clear()
         self._heard.clear()
@@ -164,6 +174,11 @@ class Slave:
         device = self.device
         if can_id == _HEARTBEAT + device.node_id and device.dictionary.get_int(0x1017) == 0:
             self._frames.append((can_id, device.life_guard.answer(device.nmt, device.time)))
+
+    # LSS.
+
+    def _answer_lss(self, now: float) -> None:
+        self._frames += [(_LSS_ANSWER, answer) for answer in self.device.lss.take_answers(now)]
 
     # SDO.
 

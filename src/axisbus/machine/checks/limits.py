@@ -106,7 +106,7 @@ def torque(case: Case) -> Found:
                     "drives count torque in 0.1 % of their rated torque",
                     f"add rated_torque in N·m to [axes.{axis.name}] (the drive's 6076h holds it in mN·m), or delete {key}",
                 )
-            elif round(value / rated * 1000) > _TORQUE_TYPES[key].range[1]:
+            elif value / rated * 1000 >= _TORQUE_TYPES[key].range[1] + 0.5:
                 yield case.error(
                     at.of(key),
                     f"axis {axis.name}: {key} in [{at.name}] is beyond what the drive's object holds",

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from axisbus.bus.mapping import axis_objects
-from axisbus.bus.plan import Change, Policy, make_plan
 from axisbus.cia301.pdo import Pdo
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds.dictionary import Dictionary
-from axisbus.eds.model import Eds
 from axisbus.errors import LimitError
-from axisbus.machine.cell import BusConfig, NodeConfig
-from axisbus.machine.checks import pdomodel
+from axisbus.machine.cell import BusConfig
 from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.machine.pdoplan import travelling
 from axisbus.motion.follow import interpolation_period
 
 ERROR_LOAD = 0.9
@@ -97,9 +93,9 @@ def _traffic(case: Case) -> Iterator[Traffic]:
         yield Traffic("SYNC", 1, worst_bits(0))
     frames: dict[tuple[str, int], float] = {}
     for node, eds, dictionary in case.nodes:
-        for receive, pdo in _travelling(case, node, eds, dictionary):
+        for receive, pdo in travelling(case.cell, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
-            frames[key] = frames.get(key, 0.0) + _per_cycle(pdo, receive, bus)
+            frames[key] = frames.get(key, 0.0) + per_cycle(pdo, receive, bus)
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:
@@ -107,34 +103,7 @@ def _traffic(case: Case) -> Iterator[Traffic]:
         yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
 
 
-def _travelling(case: Case, node: NodeConfig, eds: Eds, dictionary: Dictionary) -> Iterator[tuple[bool, Pdo]]:
-    """The PDOs of a node that travel after boot: those of the plan, and those that are on and that no plan touches."""
-    device = pdomodel.device_pdos(node, eds)
-    seen: set[tuple[bool, int]] = set()
-    policy = Policy(sync=case.cell.bus.sync, remap=node.remappable and not node.pdos)
-    for axis in case.cell.axes_of(node.node_id):
-        if not axis.at.sound("drive_axis"):
-            continue
-        plan = make_plan(
-            node.node_id,
-            device,
-            axis_objects(dictionary, device, axis.drive_axis),
-            policy=policy,
-            axis=axis.drive_axis,
-        )
-        for planned in plan.pdos:
-            number = (planned.receive, planned.target.number)
-            if number not in seen and planned.change is not Change.DISABLE:
-                yield planned.receive, planned.target
-            seen.add(number)
-    for receive, pdos in ((True, device.rpdos), (False, device.tpdos)):
-        for pdo in pdos:
-            # An RPDO outside the plan is sent by nobody.
-            if not receive and pdo.valid and pdo.mapping and (receive, pdo.number) not in seen:
-                yield receive, pdo
-
-
-def _per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
+def per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
     """Return how often a PDO travels in one cycle at worst: an event-driven one as often as its inhibit time lets it, or once."""
     if pdo.synchronous and pdo.transmission_type > 0 and not receive:
         return 1 / pdo.transmission_type

@@ -1,0 +1,62 @@
+"""Listening to a bus without a word: every frame of an adapter as it comes, remote and error frames included."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import can
+
+from axisbus.bus import adapter, failures, socketcan
+from axisbus.bus.recording import of_message
+from axisbus.cia301.frame import Frame
+
+_SLICE = 0.1  # seconds; the longest that a stop is noticed late
+
+
+class Listener:
+    """An open adapter that only receives; holds state: the adapter. It sends nothing, not even an error frame of our making."""
+
+    def __init__(self, bus: can.BusABC, name: str) -> None:
+        self._bus = bus
+        self._name = name
+
+    def frames(self, seconds: float | None = None) -> Iterator[Frame]:
+        """Yield frames as they come, for ``seconds`` (None: for ever); blocks between them.
+
+        Raises:
+            AdapterError: the adapter failed.
+        """
+        end = None if seconds is None else time.monotonic() + seconds
+        while (left := _SLICE if end is None else end - time.monotonic()) > 0:
+            try:
+                message = self._bus.recv(min(left, _SLICE))
+            except Exception as error:  # drivers raise anything
+                raise failures.deaf(self._name, error) from error
+            if message is not None:
+                yield of_message(message)
+
+
+@contextmanager
+def listen(
+    interface: str, channel: str | int | None, bitrate: int | None, options: Mapping[str, object]
+) -> Iterator[Listener]:
+    """Open an adapter for listening; closes it behind the block. Blocks as long as its driver does.
+
+    Raises:
+        AdapterError, ArgumentError: see ``adapter.open_adapter``.
+    """
+    bus = adapter.open_adapter(interface, channel, bitrate, options)
+    try:
+        yield Listener(bus, f"{interface}:{channel}")
+    finally:
+        bus.shutdown()
+
+
+def link_bitrate(interface: str, channel: str | int | None) -> int | None:
+    """Return the bit rate that the operating system knows of a link, None where it knows none."""
+    if interface != "socketcan":
+        return None
+    found = socketcan.link(str(channel))
+    return None if found is None else found.bitrate

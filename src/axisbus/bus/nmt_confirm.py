@@ -1,0 +1,173 @@
+"""NMT commands given by hand to one node or to all, each confirmed by what the node then shows (CiA 301 7.2.8, 7.3.2).
+
+Theory of operation
+-------------------
+Before the command it is found out how each node can show that it took it: by heartbeats, which are listened for; else by answers to
+guarding requests, but only where the node's life guarding is off (100Ch x 100Dh is 0), because the first request would arm it and
+our silence afterwards would fault the node; else by whether its SDO server answers. A reset is shown by the boot-up message alone.
+Then the command is sent once, and all nodes are looked at side by side.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+from axisbus.bus import nmt
+from axisbus.bus.channel import Channel
+from axisbus.bus.nmt import Confirmation
+from axisbus.bus.node import Node
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.errors import SdoAbort, SdoError
+
+LISTEN = 1.2  # seconds: the usual heartbeat of 1 s fits in
+PATIENCE = 2.0
+BOOT_PATIENCE = 5.0  # seconds that a node may take to restart
+_GUARD_WAIT = 0.1
+_SDO_TIMEOUT = 0.4
+_SLICE = 0.02
+_T = TypeVar("_T")
+_RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a node can show its state: by what, its state before (None: not known), and its heartbeat's period in s (0: none)."""
+
+    by: Confirmation
+    before: NmtState | None
+    period: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a node did: ``state`` is the one it showed (None: it showed nothing), ``seconds`` how long that took."""
+
+    node_id: int
+    ok: bool
+    way: Way
+    state: NmtState | None
+    seconds: float
+
+    @property
+    def text(self) -> str:
+        """The outcome in words."""
+        before = f" (was {self.way.before.text})" if self.way.before is not None else ""
+        if self.ok and self.state is not None:
+            return f"{self.state.text}{before}, confirmed by {self.way.by.value} after {self.seconds:.2f} s"
+        seen = f"it still says {self.state.text}" if self.state is not None else "it shows nothing"
+        return f"NOT confirmed{before}: {seen} {self.seconds:.1f} s after the command (looked for {self.way.by.value})"
+
+
+def ways(nodes: Iterable[Node]) -> dict[int, Way]:
+    """Find out how each node shows its state; blocks up to ``LISTEN`` seconds, and for some SDO transfers where one is silent.
+
+    Raises:
+        AdapterError: the channel failed.
+    """
+    listed = list(nodes)
+    end = time.monotonic() + LISTEN
+    while any(node.nmt.reports == 0 for node in listed) and time.monotonic() < end:
+        time.sleep(_SLICE)
+    return dict(zip((node.node_id for node in listed), _side_by_side(_way, listed), strict=True))
+
+
+def command(
+    channel: Channel, nodes: Sequence[Node], wanted: NmtCommand, found: dict[int, Way], *, everybody: bool
+) -> list[Outcome]:
+    """Send an NMT command to each node, or one to all (``everybody``), and see what they do; blocks up to about 5 s.
+
+    A node that shows nothing is an outcome, no exception.
+
+    Raises:
+        AdapterError: the channel failed.
+    """
+    marks = {node.node_id: (node.nmt.reports, node.nmt.bootups) for node in nodes}
+    begin = time.monotonic()
+    for node_id in (0,) if everybody else tuple(marks):
+        nmt.send(channel, wanted, node_id)
+
+    def look(node: Node) -> Outcome:
+        return _look(node, wanted, found[node.node_id], marks[node.node_id], begin)
+
+    return _side_by_side(look, nodes)
+
+
+def _way(node: Node) -> Way:
+    if node.nmt.reports:
+        return Way(Confirmation.HEARTBEAT, node.nmt.state, _read(node, o.PRODUCER_HEARTBEAT) / 1000)
+    period = _read(node, o.PRODUCER_HEARTBEAT) / 1000
+    if period:
+        return Way(Confirmation.HEARTBEAT, None, period)
+    if _read(node, o.GUARD_TIME) * _read(node, o.LIFE_TIME_FACTOR) == 0 and _guarded(node) is not None:
+        return Way(Confirmation.GUARDING, node.nmt.state)
+    return Way(Confirmation.SDO, None)
+
+
+def _read(node: Node, index: int) -> int:
+    """Return a number of the node, 0 where it has none or does not answer (a stopped one does not)."""
+    try:
+        return int.from_bytes(node.sdo.upload(index, timeout=_SDO_TIMEOUT, tries=1), "little")
+    except SdoError:
+        return 0
+
+
+def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begin: float) -> Outcome:
+    reports, bootups = marks
+    if wanted in _RESETS:
+        way = Way(Confirmation.BOOT_UP, way.before, way.period)
+        ok = _until(lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE)
+    else:
+        ok = _reaches(node, RESULT[wanted], way, reports, begin)
+    state = node.nmt.state if node.nmt.reports > reports or node.nmt.assumed else None
+    return Outcome(node.node_id, ok, way, state, time.monotonic() - begin)
+
+
+def _reaches(node: Node, state: NmtState, way: Way, reports: int, begin: float) -> bool:
+    deadline = begin + max(PATIENCE, 2.5 * way.period)
+    if way.by is Confirmation.HEARTBEAT:
+        return node.nmt.wait_state(state, max(0.0, deadline - time.monotonic()), after=reports)
+    if way.by is Confirmation.GUARDING:
+        return _until(lambda: _guarded(node) is state, deadline)
+    serves = state is not NmtState.STOPPED
+    if _until(lambda: _answers(node) is serves, deadline):
+        node.nmt.assume(state)
+        return True
+    return False
+
+
+def _guarded(node: Node) -> NmtState | None:
+    """Ask once by remote frame; None where nothing comes."""
+    asked = node.nmt.reports
+    node.channel.send_remote(cob.HEARTBEAT + node.node_id)
+    return node.nmt.state if node.nmt.wait_report(asked, _GUARD_WAIT) else None
+
+
+def _answers(node: Node) -> bool:
+    try:
+        node.sdo.upload(o.DEVICE_TYPE, timeout=_SDO_TIMEOUT, tries=1)
+    except SdoAbort:
+        return True
+    except SdoError:
+        return False
+    return True
+
+
+def _until(done: Callable[[], bool], deadline: float) -> bool:
+    while not done():
+        if time.monotonic() >= deadline:
+            return False
+        time.sleep(_SLICE)
+    return True
+
+
+def _side_by_side(work: Callable[[Node], _T], nodes: Sequence[Node]) -> list[_T]:
+    if not nodes:
+        return []
+    with ThreadPoolExecutor(len(nodes), thread_name_prefix="axisbus nmt") as pool:
+        return list(pool.map(work, nodes))

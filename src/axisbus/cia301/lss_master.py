@@ -1,0 +1,233 @@
+"""What an LSS master does with slaves that it can name (CiA 305): inquire, give a node-ID, a bit rate, store, activate.
+
+Each function is a dialogue (``cia301.lss_dialogue``) that begins by switching every slave to *waiting*. Where it takes an address,
+None means "the only slave on the bus": every slave is then switched to *configuration*, which is right with one and wrong with two,
+because answers that differ collide on the wire.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from axisbus.cia301 import lss
+from axisbus.cia301.lss import LssAddress, Service
+from axisbus.cia301.lss_dialogue import (
+    CONFIRM_WAIT,
+    STORE_WAIT,
+    Dialogue,
+    Pace,
+    absent,
+    all_waiting,
+    ask,
+    configured,
+    confirmed,
+    enter,
+    say,
+    select,
+)
+from axisbus.errors import ArgumentError, LssError, LssTimeout
+
+_ROUNDS = 5
+SHORTEST_DELAY = 0.01  # s; less leaves a slave no time to change over
+
+
+@dataclass(frozen=True, slots=True)
+class Inquired:
+    """What a slave says of itself; ``node_id`` is 255 where it has none, None where it does not tell."""
+
+    address: LssAddress
+    node_id: int | None
+
+    @property
+    def configured(self) -> bool:
+        """Whether it has a node-ID."""
+        return self.node_id is not None and self.node_id != lss.UNCONFIGURED
+
+
+@dataclass(frozen=True, slots=True)
+class NodeIdSet:
+    """A node-ID that a slave took; ``old`` as ``Inquired.node_id``.
+
+    A slave that had none uses it at once and boots; one that had a node-ID keeps that until NMT resets its communication.
+    """
+
+    address: LssAddress
+    old: int | None
+    node_id: int
+    stored: bool
+
+    @property
+    def at_once(self) -> bool:
+        """Whether it uses the new one already."""
+        return self.old == lss.UNCONFIGURED
+
+
+def name(address: LssAddress | None) -> str:
+    """Return how a slave is called in an error."""
+    return "the only LSS slave on the bus" if address is None else f"the LSS slave {address}"
+
+
+def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
+    """Read a slave's identity and node-ID; leaves it in *configuration*.
+
+    Raises:
+        LssTimeout: there is none, or it does not answer an inquiry of its identity.
+        LssError: several answer.
+    """
+    yield from enter(pace, address)
+    who = name(address)
+    found = (yield from _own_address(pace)) if address is None else address
+    if address is not None:
+        yield from _same_serial(pace, address)
+    try:
+        answer = yield from confirmed(pace, lss.inquire(Service.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2)
+    except LssTimeout:  # older slaves do not have this service
+        return Inquired(found, None)
+    return Inquired(found, answer[1])
+
+
+def _own_address(pace: Pace) -> Dialogue[LssAddress]:
+    numbers = []
+    for service in lss.INQUIRIES:
+        answer = yield from confirmed(pace, lss.inquire(service), name(None))
+        numbers.append(lss.number_in(answer))
+    return LssAddress(*numbers)
+
+
+def _same_serial(pace: Pace, address: LssAddress) -> Dialogue[None]:
+    """Check that the slave that answers is the one that is meant, and the only one, before anything is changed."""
+    service = Service.INQUIRE_SERIAL_NUMBER
+    try:
+        answer = yield from confirmed(pace, lss.inquire(service), name(address), CONFIRM_WAIT / 2)
+    except LssTimeout:  # it need not have this service
+        return
+    if lss.number_in(answer) != address.serial_number:
+        raise LssError(
+            f"another LSS slave than {address} answered",
+            service=service.text,
+            slave=str(address),
+            observed=f"its serial number is 0x{lss.number_in(answer):X}",
+            remedy="see whether a second LSS master is on the bus, and try again",
+        )
+
+
+def set_node_id(pace: Pace, address: LssAddress | None, node_id: int, *, store: bool) -> Dialogue[NodeIdSet]:
+    """Give a slave a node-ID (1 to 127; 255 takes it away), and store it if asked; leaves every slave in *waiting*.
+
+    Raises:
+        ArgumentError: the node-ID is none.
+        LssRefused: the slave does not take or store it; LssTimeout, LssError: as ``inquire``.
+    """
+    lss.require_node_id(node_id)
+    before = yield from inquire(pace, address)
+    who = name(before.address)
+    yield from configured(pace, lss.configure_node_id(node_id), who)
+    if store:
+        yield from configured(pace, lss.store_configuration(), who, STORE_WAIT)
+    yield from all_waiting(pace)
+    return NodeIdSet(before.address, before.node_id, node_id, store)
+
+
+def set_bit_rate(
+    pace: Pace, addresses: Sequence[LssAddress] | None, bitrate: int, *, store: bool
+) -> Dialogue[None]:
+    """Tell slaves (None: all at once) the bit rate in bit/s to be activated later; leaves every slave in *waiting*.
+
+    Raises:
+        ArgumentError: CiA 305 has no such rate.
+        LssRefused: a slave does not take or store it; LssTimeout, LssError: as ``inquire``.
+    """
+    frame = lss.configure_bit_timing(lss.bit_timing_index(bitrate))
+    for address in [None] if addresses is None else addresses:
+        yield from enter(pace, address)
+        who = "an LSS slave (all were asked)" if address is None else name(address)
+        yield from configured(pace, frame, who, many=address is None)
+        if store:
+            keep = lss.store_configuration()
+            yield from configured(pace, keep, who, STORE_WAIT, many=address is None)
+    yield from all_waiting(pace)
+
+
+def store(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
+    """Have a slave store its node-ID and bit rate; leaves every slave in *waiting*.
+
+    Raises:
+        LssRefused: it cannot; LssTimeout, LssError: as ``inquire``.
+    """
+    before = yield from inquire(pace, address)
+    yield from configured(pace, lss.store_configuration(), name(before.address), STORE_WAIT)
+    yield from all_waiting(pace)
+
+
+def activate(pace: Pace, addresses: Sequence[LssAddress] | None, delay: float) -> Dialogue[None]:
+    """Have slaves (None: all) change to the bit rate that they were told, ``delay`` s after this returns.
+
+    Nothing is activated unless every slave named has answered: a bus with two bit rates is dead.
+
+    Raises:
+        ArgumentError: the delay is not 0.01 to 65.535 s.
+        LssTimeout, LssError: as ``inquire``.
+    """
+    require_delay(delay)
+    yield from (enter(pace, None) if addresses is None else _gather(pace, addresses))
+    yield from say(pace, lss.activate_bit_timing(delay), 0.0)
+
+
+def require_delay(delay: float) -> None:
+    """Check a switch delay in s.
+
+    Raises:
+        ArgumentError: it is not 0.01 to 65.535 s.
+    """
+    if not SHORTEST_DELAY <= delay <= lss.LONGEST_DELAY:
+        raise ArgumentError(
+            f"a switch delay of {delay:g} s cannot be used",
+            remedy=f"give one from {SHORTEST_DELAY:g} to {lss.LONGEST_DELAY:g} s",
+        )
+
+
+def identify(pace: Pace, low: LssAddress, high: LssAddress) -> Dialogue[bool]:
+    """Return whether any slave lies in a range of revision and serial numbers, with or without a node-ID; changes no state.
+
+    ``low`` and ``high`` must agree in vendor-ID and product code.
+
+    Raises:
+        ArgumentError: they do not.
+    """
+    if low.parts[:2] != high.parts[:2]:
+        raise ArgumentError("identify remote slave takes one vendor-ID and one product code")
+    return (yield from _anybody(pace, lss.identify_remote(low, high)))
+
+
+def any_unconfigured(pace: Pace) -> Dialogue[bool]:
+    """Return whether any slave has no node-ID; changes no state."""
+    return (yield from _anybody(pace, (lss.identify_non_configured(),)))
+
+
+def _anybody(pace: Pace, frames: Sequence[bytes]) -> Dialogue[bool]:
+    *before, last = frames
+    for _ in range(pace.timing.tries):
+        for frame in before:
+            yield from say(pace, frame)
+        heard = yield from ask(pace, last, pace.patience)
+        if heard.answers:
+            return True
+    return False
+
+
+def _gather(pace: Pace, addresses: Sequence[LssAddress]) -> Dialogue[None]:
+    """Have these slaves, and no others, in *configuration*, each confirmed.
+
+    A slave whose answer was lost is there and silent, which only beginning again can tell from one that never heard.
+    """
+    silent = addresses[0]
+    for _ in range(_ROUNDS):
+        yield from all_waiting(pace)
+        for address in addresses:
+            if not ((yield from select(pace, address)) or (yield from select(pace, address, pace.timeout))):
+                silent = address
+                break
+        else:
+            return
+    raise absent(pace, silent)

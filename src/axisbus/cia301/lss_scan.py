@@ -1,0 +1,225 @@
+"""LSS fast scan (CiA 305): finds every slave without a node-ID, one after another, by asking for its address bit by bit.
+
+Theory of operation
+-------------------
+Slaves in *waiting* without a node-ID answer a request when their part ``LSSSub`` agrees with ``IDNumber`` from bit 31 down to
+``BitCheck``. Several answer at once with the same frame, so an answer means "somebody", and the search follows the lowest address:
+
+* bit by bit the prefix with a 0 is asked for; silence means that nobody has it, and then the prefix with a 1 *must* be answered. So
+  every bit is confirmed by an answer, and a lost frame shows as silence to both, which is asked again with more patience.
+* a part that is complete is confirmed with ``LSSNext`` = the following part, and the slaves that agree go on to that. After the
+  last part the one slave left switches to *configuration*, where fast scan does not reach it, and the next search finds the next.
+* answers that contradict each other (an answer came so late that it was taken for the next one's, or a confirmation was lost after
+  the slave had moved on) begin the search for this slave again. The parts that were complete are then only guesses, at one request
+  each, as are the first three parts of the slave found before: machines often have several of a kind.
+* if the very last confirmation is lost, the slave may be in *configuration* already. All are then switched to *waiting*, those
+  found before are put aside by selective switching, and selective switching says whether the new one exists.
+
+Every slave that was found is in *configuration* when the scan ends; nothing else about it has changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from axisbus.cia301.lss import ALL_BITS, LssAddress, State, fastscan, switch_global
+from axisbus.cia301.lss_dialogue import Dialogue, Pace, all_waiting, ask, say, select
+from axisbus.errors import LssError, LssTimeout
+
+RESTARTS = 6  # searches for one slave, each more patient than the last
+_MOST = 127  # there are no more node-IDs
+_PARTS = 4
+_BITS = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of the slaves that are looked for, None where it is not; each number that is known spares 32 bits."""
+
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision_number: int | None = None
+    serial_number: int | None = None
+
+    @property
+    def parts(self) -> tuple[int | None, ...]:
+        """The four numbers in the order of the standard."""
+        return self.vendor_id, self.product_code, self.revision_number, self.serial_number
+
+
+@dataclass(frozen=True, slots=True)
+class Unconfigured:
+    """A slave without a node-ID; ``twins`` says that more than one answered as this address, so that LSS cannot tell them apart.
+
+    On a wire their equal frames may also fall together into one, so that False does not prove that there is only one.
+    """
+
+    address: LssAddress
+    twins: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Scanned:
+    """All that were found, in the order of their addresses; ``others`` says that somebody is left who is not as ``Known`` says."""
+
+    slaves: tuple[Unconfigured, ...]
+    others: bool = False
+
+
+class _ContradictionError(Exception):
+    """Nobody is what earlier answers said; never leaves this module."""
+
+
+class _NobodyKnownError(Exception):
+    """Nobody is left who has the numbers in ``Known``; never leaves this module."""
+
+
+class FastScan:
+    """One scan; holds the slaves found, the guesses for the next, and how often one was found again."""
+
+    def __init__(self, pace: Pace, known: Known | None = None, most: int = _MOST) -> None:
+        """Prepare; ``most`` ends the scan after so many slaves."""
+        self._pace = pace
+        self._known = (known or Known()).parts
+        self._most = most
+        self._guess: list[int | None] = [None] * _PARTS
+        self._again = 0
+        self.found: list[Unconfigured] = []
+
+    def run(self) -> Dialogue[Scanned]:
+        """Find them all.
+
+        Raises:
+            LssTimeout: a slave went silent; LssError: answers go on contradicting each other.
+        """
+        yield from all_waiting(self._pace)
+        others = False
+        while len(self.found) < self._most and (yield from self._anybody()):
+            try:
+                slave = yield from self._next()
+            except _NobodyKnownError:
+                others = True
+                break
+            yield from self._remember(slave)
+        return Scanned(tuple(sorted(self.found, key=lambda each: each.address)), others)
+
+    def _remember(self, slave: Unconfigured) -> Dialogue[None]:
+        """Note a slave; one that stayed in *waiting* although it was found is put aside by selective switching.
+
+        Raises:
+            LssError: that does not help either.
+        """
+        self._guess = [*slave.address.parts[: _PARTS - 1], None]
+        if slave.address not in [each.address for each in self.found]:
+            self.found.append(slave)
+            return
+        self._again += 1
+        if self._again > RESTARTS:
+            raise LssError(
+                f"the LSS slave {slave.address} goes on answering the fast scan after it was found",
+                service="fastscan",
+                slave=str(slave.address),
+                observed=f"found {self._again + 1} times: it does not switch to configuration",
+                remedy="disconnect it to find the others; its LSS does not follow CiA 305",
+            )
+        yield from select(self._pace, slave.address)
+
+    def _anybody(self) -> Dialogue[bool]:
+        """Begin a search: everybody is asked, and everybody begins at the first part."""
+        pace = self._pace
+        for _ in range(pace.timing.tries):
+            heard = yield from ask(pace, fastscan(0, ALL_BITS, 0, 0), pace.patience, found=len(self.found))
+            if heard.answers:
+                return True
+        return False
+
+    def _next(self) -> Dialogue[Unconfigured]:
+        for attempt in range(RESTARTS):
+            if attempt > 1:  # once is an accident
+                self._pace.distrust()
+            if attempt and not (yield from self._anybody()):
+                raise self._gone()
+            try:
+                return (yield from self._search())
+            except _ContradictionError:
+                continue
+        raise LssError(
+            f"the LSS fast scan found no slave {len(self.found) + 1}, although one answers",
+            service="fastscan",
+            observed=f"answers contradicted each other in {RESTARTS} searches; "
+            f"the last wait was {self._pace.timeout * 1000:.0f} ms",
+            remedy="raise --timeout for slow slaves; check cable and termination; see whether a second LSS master is on the bus",
+        )
+
+    def _gone(self) -> LssTimeout:
+        return LssTimeout(
+            f"LSS slave {len(self.found) + 1} went silent while the fast scan was asking for its address",
+            service="fastscan",
+            observed=f"no answer any more, {self._pace.timing.tries} requests, {self._pace.patience * 1000:.0f} ms each",
+            remedy="check its supply and cable, and scan again",
+        )
+
+    def _search(self) -> Dialogue[Unconfigured]:
+        parts: list[int] = []
+        answers = 0
+        for sub in range(_PARTS):
+            value = yield from self._part(sub)
+            parts.append(value)
+            self._guess[sub] = value
+            following = (sub + 1) % _PARTS
+            answers = yield from self._matches(sub, value, 0, following)
+            if not answers and following:
+                raise _ContradictionError
+        address = LssAddress(*parts)
+        if answers != 1:
+            answers = yield from self._exists(address)
+        if not answers:
+            raise _ContradictionError
+        return Unconfigured(address, twins=answers > 1)
+
+    def _part(self, sub: int) -> Dialogue[int]:
+        """Find one number of the lowest address that is left."""
+        known = self._known[sub]
+        if known is not None:
+            for _ in range(self._pace.timing.tries):
+                if (yield from self._matches(sub, known, 0, sub)):
+                    return known
+            raise _NobodyKnownError
+        guess = self._guess[sub]
+        if guess is not None and (yield from self._matches(sub, guess, 0, sub)):
+            return guess
+        value = 0
+        for bit in reversed(range(_BITS)):
+            value = yield from self._bit(sub, bit, value)
+        return value
+
+    def _bit(self, sub: int, bit: int, value: int) -> Dialogue[int]:
+        """Return ``value`` with this bit decided."""
+        for attempt in range(self._pace.timing.tries):
+            wait = self._pace.timeout * 2**attempt
+            for candidate in (value, value | 1 << bit):
+                if (yield from self._matches(sub, candidate, bit, sub, wait)):
+                    return candidate
+        raise _ContradictionError
+
+    def _matches(
+        self, sub: int, value: int, bit: int, following: int, wait: float | None = None
+    ) -> Dialogue[int]:
+        """Return how many answers say that somebody agrees down to ``bit``."""
+        done = sub * _BITS + _BITS - bit if following == sub else (sub + 1) * _BITS
+        frame = fastscan(value, bit, sub, following)
+        heard = yield from ask(self._pace, frame, wait, found=len(self.found), bits=done)
+        return len(heard.answers)
+
+    def _exists(self, address: LssAddress) -> Dialogue[int]:
+        """Return how many slaves have ``address``, with them and all that were found before in *configuration*."""
+        pace = self._pace
+        for _ in range(pace.timing.tries):
+            yield from all_waiting(pace)
+            yield from say(pace, switch_global(State.WAITING), pace.patience)  # what is late may come
+            for slave in self.found:
+                yield from select(pace, slave.address)
+            count = yield from select(pace, address, pace.timeout)
+            if count:
+                return count
+        return 0

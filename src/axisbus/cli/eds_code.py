@@ -1,0 +1,46 @@
+"""``axisbus eds code``: a typed Python module of the objects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.eds_files import (
+    file_argument,
+    node_of,
+    node_option,
+    open_eds,
+    output_option,
+    say_text,
+    write,
+)
+from axisbus.eds import codegen
+from axisbus.errors import ArgumentError
+
+
+@click.command("code")
+@file_argument
+@output_option
+@node_option
+def command(file: str, output: Path | None, node: int | None) -> int:
+    """Write a Python module of the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
+
+    To standard output, or with -o to a file. The module imports nothing of axisbus; the same file gives the same text. With --node,
+    defaults are those for this node ID.
+    """
+    if output is not None and not (output.suffix == ".py" and output.stem.isidentifier()):
+        raise ArgumentError(
+            f"{output.name} is no name of a Python module", remedy="give one such as -o drive.py"
+        )
+    eds = open_eds(file)
+    text = codegen.module(eds, node_of(eds, node))
+    if output is None:
+        say_text(text)
+        return OK
+    write(output, text)
+    entries = sum(len(entry.subs) for entry in eds)
+    say(f"{output}: written, {len(eds.objects)} objects, {entries} entries")
+    say_next(f"in Python: from {output.stem} import Index, ENTRIES")
+    return OK

@@ -1,0 +1,37 @@
+"""``axisbus eds doc``: a complete reference of the device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.eds_files import file_argument, node_of, node_option, open_eds, output_option, write
+from axisbus.eds.reference import html, markdown, reference
+from axisbus.errors import ArgumentError
+
+_WRITERS = {".html": html, ".htm": html, ".md": markdown, ".markdown": markdown}
+
+
+@click.command("doc")
+@file_argument
+@output_option
+@node_option
+def command(file: str, output: Path | None, node: int | None) -> int:
+    """Write a complete reference of the device of FILE (an EDS, a DCF or builtin:NAME): every object, the PDOs drawn.
+
+    -o names the file, x.html (one page that needs nothing else, made to be printed too) or x.md; without it, the name of FILE
+    with .html in this folder. With --node, values are those for this node ID.
+    """
+    eds = open_eds(file)
+    output = output or Path(f"{Path(eds.source).stem}.html")
+    writer = _WRITERS.get(output.suffix.lower())
+    if writer is None:
+        raise ArgumentError(f"{output}: no such format", remedy="give a name that ends in .html or .md")
+    page = reference(eds, node_of(eds, node))
+    write(output, writer(page))
+    entries = sum(len(entry.subs) for entry in eds)
+    say(f"{output}: written, {len(eds.objects)} objects, {entries} entries, {page.verdict}")
+    say_next(f"open {output} in a browser" if writer is html else f"axisbus eds show {file}")
+    return OK

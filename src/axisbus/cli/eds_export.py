@@ -1,0 +1,73 @@
+"""``axisbus eds export``: the dictionary for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.eds_files import (
+    file_argument,
+    node_of,
+    node_option,
+    open_eds,
+    output_option,
+    say_text,
+    tell,
+    write,
+)
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError
+
+_FORMATS = ("csv", "json", "dbc")
+
+
+@click.command("export")
+@file_argument
+@click.option("--csv", "form", flag_value="csv", help="A row for each entry.")
+@click.option("--json", "form", flag_value="json", help="Device, PDOs and entries.")
+@click.option(
+    "--dbc", "form", flag_value="dbc", help="The frames of the node; needs --node and axisbus[dbc]."
+)
+@output_option
+@node_option
+def command(file: str, form: str | None, output: Path | None, node: int | None) -> int:
+    """Write the dictionary of FILE (an EDS, a DCF or builtin:NAME) as CSV or JSON, or its PDOs as DBC.
+
+    To standard output, or with -o to a file, whose ending (.csv, .json, .dbc) may name the format. With --node, values that
+    depend on the node ID are those for it; a DBC needs it.
+    """
+    chosen = _chosen(form, output)
+    eds = open_eds(file)
+    text, left_out = _text(eds, chosen, node_of(eds, node))
+    for each in left_out:
+        tell(f"left out: {each}")
+    if output is None:
+        say_text(text)
+        return OK
+    write(output, text)
+    say(f"{output}: written, {len(text.splitlines())} lines")
+    say_next(f"axisbus eds doc {file} -o {output.with_suffix('.html')}")
+    return OK
+
+
+def _chosen(form: str | None, output: Path | None) -> str:
+    ending = output.suffix.lower().lstrip(".") if output is not None else ""
+    chosen = form or (ending if ending in _FORMATS else "")
+    if not chosen:
+        raise ArgumentError(
+            "in which format?", remedy="give --csv, --json or --dbc, or -o with such an ending"
+        )
+    return chosen
+
+
+def _text(eds: Eds, form: str, node_id: int | None) -> tuple[str, tuple[str, ...]]:
+    if form == "dbc":
+        from axisbus.eds import dbc
+
+        made = dbc.dumps(eds, node_id)
+        return made.text, made.left_out
+    from axisbus.eds import export
+
+    return (export.csv_text if form == "csv" else export.json_text)(eds, node_id), ()

@@ -1,0 +1,166 @@
+"""Where ``trace`` and ``load`` take their frames from: a bus, a recording, or candump's output on standard input."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.options import Decorated, parse_options
+from axisbus.eds import Eds, builtin, load
+from axisbus.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from axisbus.bus.recording import Skipped
+    from axisbus.cia301.frame import Frame
+    from axisbus.machine.cell import CellConfig
+    from axisbus.machine.trace.known import Known
+
+STDIN = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What the user gave: ``source`` (a recording, - or a cell file), a bus by its options, and files to decode with."""
+
+    source: str | None
+    interface: str | None
+    channel: str | None
+    bitrate: int | None
+    option: tuple[str, ...]
+    cell: Path | None = None
+    eds: tuple[str, ...] = ()
+
+    @property
+    def live(self) -> bool:
+        """Whether frames come from a bus."""
+        return self.recording is None
+
+    @property
+    def recording(self) -> str | None:
+        """The recording, or - ; None where there is none."""
+        return self.source if self.source is not None and not self.source.endswith(".toml") else None
+
+    @property
+    def cell_file(self) -> Path | None:
+        """The cell file, from wherever it is given."""
+        return Path(self.source) if self.source is not None and self.recording is None else self.cell
+
+    def check(self) -> None:
+        """Refuse what contradicts itself.
+
+        Raises:
+            UsageError: no source, or two.
+        """
+        if self.recording is not None and self.interface is not None:
+            raise click.UsageError(
+                f"{self.recording} and -i both say where frames come from: leave one of them out"
+            )
+        if self.source is not None and self.recording is None and self.cell is not None:
+            raise click.UsageError(f"{self.source} and --cell are both cell files: leave one of them out")
+        if self.recording is None and self.interface is None and self.cell_file is None:
+            raise click.UsageError(
+                "give a cell file, a recording, - for candump's output, or the bus with -i and -c (such as: -i socketcan -c can0)"
+            )
+
+
+@dataclass(slots=True)
+class Opened:
+    """Frames to be taken; ``loaded`` is the cell (None without one), ``skipped`` counts lines that were no frames."""
+
+    frames: Iterator[Frame]
+    loaded: CellConfig | None
+    skipped: Skipped
+    known: Known = field(repr=False)
+
+
+def source_options(function: Decorated) -> Decorated:
+    """Add --cell and --eds: what frames are decoded with."""
+    for decorate in _DECORATORS:
+        function = decorate(function)
+    return function
+
+
+_DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
+    click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
+    click.option(
+        "--cell",
+        type=click.Path(path_type=Path),
+        help="Cell file to decode with; frames come from SOURCE or -i if one is given, else from its bus.",
+    ),
+)
+
+
+def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened:
+    """Open what the user asked for; ``stack`` closes it.
+
+    Raises:
+        UsageError, ArgumentError: as ``Asked.check``, or --eds is not N=FILE.
+        ConfigError, EdsError, UserError, AdapterError: a file or the bus cannot be opened.
+    """
+    from axisbus.bus import recording
+
+    asked.check()
+    loaded, known = _known(asked)
+    skipped = recording.Skipped()
+    if asked.recording == STDIN:
+        frames = recording.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
+    elif asked.recording is not None:
+        frames = recording.read(Path(asked.recording), skipped)
+    else:
+        frames = _live(stack, asked, loaded, seconds)
+    return Opened(frames, loaded, skipped, known)
+
+
+def _live(
+    stack: ExitStack, asked: Asked, loaded: CellConfig | None, seconds: float | None
+) -> Iterator[Frame]:
+    if asked.interface is not None:
+        from axisbus.bus.listen import listen
+
+        options = parse_options(asked.option)
+        return stack.enter_context(listen(asked.interface, asked.channel, asked.bitrate, options)).frames(
+            seconds
+        )
+    from axisbus.machine.listening import listen_to
+
+    assert loaded is not None  # ``Asked.check``
+    return listen_to(loaded, stack).frames(seconds)
+
+
+def _known(asked: Asked) -> tuple[CellConfig | None, Known]:
+    from dataclasses import replace
+
+    from axisbus.machine import config
+    from axisbus.machine.runtime import load_dictionaries
+    from axisbus.machine.trace import known
+
+    files = dict(eds_of(text) for text in asked.eds)
+    if asked.cell_file is None:
+        return None, known.of_eds(files)
+    loaded = config.load(asked.cell_file)
+    found = known.of_cell(
+        loaded, {**load_dictionaries(loaded), **{n: eds for n, eds in files.items() if n in loaded.nodes}}
+    )
+    extra = known.of_eds({n: eds for n, eds in files.items() if n not in loaded.nodes})
+    return loaded, replace(found, nodes={**extra.nodes, **found.nodes})
+
+
+def eds_of(text: str) -> tuple[int, Eds]:
+    """Read ``N=FILE``.
+
+    Raises:
+        ArgumentError: it is written otherwise.
+        EdsError: the file cannot be read.
+    """
+    number, sign, file = text.partition("=")
+    if not sign or not number.strip().isdigit() or not 1 <= int(number) <= 127:
+        raise ArgumentError(
+            f"--eds {text}: no node and file", remedy="write --eds 5=drive.eds, with the node ID before the ="
+        )
+    return int(number), load(builtin.resolve(file, Path()))

@@ -1,0 +1,223 @@
+"""``axisbus load``: how full a bus is, planned from a cell file and measured on the wire or in a recording."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.options import bus_options
+from axisbus.errors import ArgumentError, UserError
+
+if TYPE_CHECKING:
+    from axisbus.machine.busload import Measured, Share
+    from axisbus.machine.cell import CellConfig
+    from axisbus.machine.plannedload import Stream
+
+FULL = 0.9  # as ``axisbus check`` has it
+_LISTEN = 5.0
+
+
+@click.command("load")
+@click.argument("source", required=False)
+@bus_options
+@source_options
+@click.option(
+    "--seconds", type=click.FloatRange(min=0.1), help="Listen so long to the bus [default with -i: 5]."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def command(
+    source: str | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    cell: Path | None,
+    eds: tuple[str, ...],
+    seconds: float | None,
+    as_json: bool,
+) -> int:
+    """Show how full a bus is, by node and by service: planned for a cell.toml, measured in a recording or (--seconds) on the bus.
+
+    SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures go from no stuff bit to the most that there can
+    be; measured ones count the stuff bits that the frames had. It sends nothing. Exit code 1 above 90 %.
+    """
+    asked = Asked(source, interface, channel, bitrate, option, cell, eds)
+    asked.check()
+    listens = asked.live and (interface is not None or seconds is not None)
+    report: dict[str, Any] = {}
+    if asked.cell_file is not None and asked.recording != "-":
+        report["planned"] = _planned(asked.cell_file, bitrate)
+    if listens or not asked.live:
+        report["measured"] = _measured(asked, (seconds or _LISTEN) if listens else None)
+    if as_json:
+        say_json(report)
+    else:
+        _show(report, asked)
+    return (
+        WRONG
+        if max(part["load_worst" if key == "planned" else "load"] for key, part in report.items()) > FULL
+        else OK
+    )
+
+
+# -- planned -----------------------------------------------------------------------------------------------------------
+
+
+def _planned(path: Path, bitrate: int | None) -> dict[str, Any]:
+    from axisbus.machine import config
+    from axisbus.machine.plannedload import streams
+    from axisbus.machine.runtime import load_dictionaries
+
+    cell = config.load(path)
+    rate = bitrate or _rate(cell, None, None)
+    found = streams(cell, load_dictionaries(cell))
+    return {
+        "bitrate": rate,
+        "scan_period": cell.bus.scan_period,
+        "load_least": sum(each.least for each in found) / rate,
+        "load_worst": sum(each.worst for each in found) / rate,
+        "by_node": _sums(found, rate, "node"),
+        "by_kind": _sums(found, rate, "kind"),
+    }
+
+
+def _sums(found: list[Stream], rate: int, key: str) -> list[dict[str, Any]]:
+    groups: dict[Any, list[Stream]] = {}
+    for each in found:
+        groups.setdefault(getattr(each, key), []).append(each)
+    return [
+        {
+            key: name,
+            "frames_per_second": sum(each.rate for each in group),
+            "load_least": sum(each.least for each in group) / rate,
+            "load_worst": sum(each.worst for each in group) / rate,
+        }
+        for name, group in sorted(groups.items(), key=lambda item: str(item[0]).rjust(4))
+    ]
+
+
+# -- measured ----------------------------------------------------------------------------------------------------------
+
+
+def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
+    from axisbus.machine.busload import Meter
+    from axisbus.machine.trace.decoder import Decoder
+
+    with ExitStack() as stack:
+        opened = open_frames(stack, asked, seconds)
+        meter = Meter(asked.bitrate or _rate(opened.loaded, asked.interface, asked.channel))
+        span = _fill(meter, Decoder(opened.known), opened)
+    found = meter.result(None if seconds is None else span)
+    if found is None:
+        raise UserError(
+            "the recording is too short to have a load",
+            observed=f"{meter.total.frames} frames, all at one time",
+            remedy="record with time stamps, for some seconds",
+        )
+    return _plain(found, meter.first or 0.0)
+
+
+def _fill(meter: Any, decoder: Any, opened: Opened) -> float:
+    """Take all frames; return the seconds that it took."""
+    begin = time.monotonic()
+    with suppress(KeyboardInterrupt):  # what was heard until then counts
+        for frame in opened.frames:
+            one = decoder.feed(frame)  # learns identifiers; the kind alone would not need it
+            meter.add(frame, one.kind.value, one.node)
+    return time.monotonic() - begin
+
+
+def _rate(cell: CellConfig | None, interface: str | None, channel: str | None) -> int:
+    """Return the bus's bit rate.
+
+    Raises:
+        ArgumentError: nobody knows it.
+    """
+    from axisbus.bus.listen import link_bitrate
+
+    if cell is not None:
+        interface, channel = interface or cell.bus.interface, channel or str(cell.bus.channel)
+    rate = (cell.bus.bitrate if cell is not None else None) or link_bitrate(interface or "", channel)
+    if rate is None:
+        raise ArgumentError(
+            "the bus load cannot be worked out: the bit rate is not known",
+            remedy="give it with -b 1000000, or write bitrate in [bus] of the cell file",
+        )
+    return rate
+
+
+def _plain(found: Measured, first: float) -> dict[str, Any]:
+    def share(one: Share) -> dict[str, Any]:
+        return {
+            "frames": one.frames,
+            "frames_per_second": one.frames / found.seconds,
+            "load": found.load(one),
+            "load_worst": found.worst(one),
+        }
+
+    nodes = sorted(found.by_node.items(), key=lambda item: (item[0] is not None, item[0] or 0))
+    return {
+        "bitrate": found.bitrate,
+        "seconds": found.seconds,
+        **share(found.total),
+        "by_node": [{"node": node, **share(one)} for node, one in nodes],
+        "by_kind": [{"kind": kind, **share(one)} for kind, one in sorted(found.by_kind.items())],
+        "worst_100ms": {"load": found.peak.load, "at": max(0.0, found.peak.time - first)},
+        "error_frames": found.error_frames,
+    }
+
+
+# -- for people --------------------------------------------------------------------------------------------------------
+
+
+def _show(report: dict[str, Any], asked: Asked) -> None:
+    planned, measured = report.get("planned"), report.get("measured")
+    if planned is not None:
+        say(
+            f"planned at {planned['bitrate'] / 1000:g} kbit/s, a cycle each {planned['scan_period'] * 1000:g} ms:"
+        )
+        say(
+            f"  {planned['load_least']:.1%} without stuff bits, {planned['load_worst']:.1%} with the most there can be"
+        )
+        _table(planned, ("load_least", "load_worst"), "least    worst")
+    if measured is not None:
+        peak = measured["worst_100ms"]
+        say(
+            f"measured at {measured['bitrate'] / 1000:g} kbit/s in {measured['seconds']:.3g} s, {measured['frames']} frames:"
+        )
+        say(
+            f"  {measured['load']:.1%} with the stuff bits there were, {measured['load_worst']:.1%} with the most there can be"
+        )
+        say(f"  the fullest 100 ms: {peak['load']:.1%}, at {peak['at']:.3f} s")
+        say(f"  error frames: {measured['error_frames']}")
+        _table(measured, ("load", "load_worst"), "load    worst")
+    _next(report, asked)
+
+
+def _table(part: dict[str, Any], columns: tuple[str, str], heads: str) -> None:
+    say(f"  {'':<14} {'frames/s':>10} {heads.split()[0]:>8} {heads.split()[1]:>8}")
+    for row in part["by_node"]:
+        _row("of no node" if row["node"] is None else f"node {row['node']}", row, columns)
+    for row in part["by_kind"]:
+        _row(row["kind"], row, columns)
+
+
+def _row(name: str, row: dict[str, Any], columns: tuple[str, str]) -> None:
+    first, second = (f"{row[column]:.2%}" for column in columns)
+    say(f"  {name:<14} {row['frames_per_second']:>10.1f} {first:>8} {second:>8}")
+
+
+def _next(report: dict[str, Any], asked: Asked) -> None:
+    if "measured" not in report:
+        say_next(f"measure it while the cell runs: axisbus load {asked.cell_file} --seconds 5")
+    else:
+        say_next(
+            "what the frames say: axisbus trace "
+            + (asked.source or f"-i {asked.interface} -c {asked.channel}")
+        )

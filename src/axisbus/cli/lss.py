@@ -1,0 +1,23 @@
+"""``axisbus lss``: node-IDs and bit rates over the bus (CiA 305)."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.lazy import LazyGroup
+
+COMMANDS = {
+    "find": ("axisbus.cli.lss_find", "Find every slave without a node-ID; changes nothing."),
+    "inquire": ("axisbus.cli.lss_inquire", "Show a slave's identity and node-ID."),
+    "set-node-id": ("axisbus.cli.lss_set_node_id", "Give a slave a node-ID."),
+    "set-bitrate": ("axisbus.cli.lss_set_bitrate", "Tell slaves another bit rate, and change over to it."),
+    "store": ("axisbus.cli.lss_store", "Have a slave keep node-ID and bit rate without power."),
+}
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Set node-IDs and bit rates over the bus (CiA 305), on a bus where no machine is running.
+
+    Exit codes: 0 all well, 1 something was found wrong, 2 wrong use, 3 the bus or a slave failed.
+    """

@@ -1,0 +1,235 @@
+"""What the LSS subcommands share: which bus, which slave, the line that shows how far a scan is."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli.buses import open_bus
+from axisbus.cli.options import bus_options
+from axisbus.errors import UserError
+
+if TYPE_CHECKING:
+    from axisbus.bus.lss import LssMaster
+    from axisbus.cia301.lss import LssAddress
+
+_REDRAW = 0.1  # s
+_FLOOR = 0.015  # s, as cia301.lss_dialogue.Timing
+
+
+class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """An integer in any notation of Python, such as 0x1F or 31."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Turn text into a number."""
+        try:
+            return int(value, 0) if isinstance(value, str) else int(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number (write 31 or 0x1F)", param, ctx)
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """The bus that was asked for, and how to go about it."""
+
+    cell: Path | None
+    interface: str | None
+    channel: str | None
+    bitrate: int | None
+    option: tuple[str, ...]
+    timeout: float
+    beside_operation: bool
+
+    @property
+    def words(self) -> str:
+        """The same as typed, to be repeated in a hint; without the bit rate, which a hint may have to change."""
+        texts = [str(self.cell)] if self.cell is not None else []
+        for flag, value in (("-i", self.interface), ("-c", self.channel)):
+            texts += [flag, value] if value is not None else []
+        for each in self.option:
+            texts += ["-o", each]
+        return " ".join(texts)
+
+    @property
+    def words_and_rate(self) -> str:
+        """The same with the bit rate."""
+        return self.words + (f" -b {self.bitrate}" if self.bitrate is not None else "")
+
+
+def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add CELL, -i, -c, -b, -o, --timeout, --beside-operation and --json; the first seven come as ``where``."""
+
+    def call(
+        cell: Path | None,
+        interface: str | None,
+        channel: str | None,
+        bitrate: int | None,
+        option: tuple[str, ...],
+        timeout: float,
+        beside_operation: bool,
+        **rest: Any,
+    ) -> Any:
+        where = Where(cell, interface, channel, bitrate, option, timeout, beside_operation)
+        return function(where=where, **rest)
+
+    call.__doc__ = function.__doc__
+    call.__click_params__ = getattr(function, "__click_params__", [])  # type: ignore[attr-defined]
+    decorated: Callable[..., Any] = call
+    for decorate in (
+        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
+        click.option(
+            "--beside-operation",
+            is_flag=True,
+            help="Even while a machine is running on the bus (else refused).",
+        ),
+        click.option(
+            "--timeout",
+            type=float,
+            default=_FLOOR,
+            show_default=True,
+            metavar="SECONDS",
+            help="Least wait for an answer; it grows by itself with the slowest answer seen.",
+        ),
+        bus_options,
+        click.argument("cell", type=click.Path(path_type=Path), required=False),
+    ):
+        decorated = decorate(decorated)
+    return decorated
+
+
+def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the three ways to name a slave: -s, --found, --only."""
+    for decorate in (
+        click.option(
+            "--only", is_flag=True, help="The only LSS slave on the bus (wrong where there are two or more)."
+        ),
+        click.option("--found", is_flag=True, help="The one slave without a node-ID, found by a scan."),
+        slave_option(multiple=False),
+    ):
+        function = decorate(function)
+    return function
+
+
+def slave_option(*, multiple: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add -s: a slave by the four numbers of its identity."""
+    return click.option(
+        "-s",
+        "--slave",
+        nargs=4,
+        type=NumberType(),
+        multiple=multiple,
+        metavar="VENDOR PRODUCT REVISION SERIAL",
+        help="The slave with this identity (1018h:1 to 4).",
+    )
+
+
+@contextmanager
+def open_master(where: Where) -> Iterator[LssMaster]:
+    """Open the bus and an LSS master on it.
+
+    Raises:
+        UsageError: no bus is given; ArgumentError: the time-out cannot be used.
+        ConfigError, EdsError, AdapterError: as ``open_bus``.
+    """
+    from axisbus.bus.lss import LssMaster
+    from axisbus.cia301.lss_dialogue import Timing
+
+    timing = Timing(floor=where.timeout)
+    with ExitStack() as stack:
+        bus = open_bus(stack, where.cell, where.interface, where.channel, where.bitrate, where.option)
+        yield LssMaster(
+            bus,
+            timing,
+            on_progress=stack.enter_context(_progress_line()),
+            beside_operation=where.beside_operation,
+        )
+
+
+def choose(master: LssMaster, slave: tuple[int, ...] | None, only: bool) -> LssAddress | None:
+    """Return the address of the slave that was named, None for the only one on the bus; with neither, of the one that a scan finds.
+
+    Raises:
+        UserError: a scan was to find it, and there is none or there are several.
+        LssError: as ``LssMaster.find``.
+    """
+    from axisbus.cia301.lss import LssAddress
+
+    if slave:
+        return LssAddress(*slave)
+    return None if only else _found(master)
+
+
+def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
+    """Check that a slave is named in exactly one way, before the bus is opened.
+
+    Raises:
+        UsageError: it is not. ArgumentError: a number does not fit.
+    """
+    from axisbus.cia301.lss import LssAddress
+
+    if bool(slave) + found + only != 1:
+        raise click.UsageError(
+            "name the slave in one way: -s VENDOR PRODUCT REVISION SERIAL, --found (the one without a node-ID) or --only "
+            "(the only one on the bus)"
+        )
+    if slave:
+        LssAddress(*slave)
+
+
+def _found(master: LssMaster) -> LssAddress:
+    slaves = master.find().slaves
+    if not slaves:
+        raise UserError(
+            "no LSS slave without a node-ID answers",
+            remedy="name the slave by its identity (-s); axisbus scan shows those with a node-ID",
+        )
+    if len(slaves) > 1:
+        raise UserError(
+            f"{len(slaves)} LSS slaves have no node-ID",
+            observed=", ".join(str(slave.address) for slave in slaves),
+            remedy="name one by its identity (-s)",
+        )
+    return slaves[0].address
+
+
+def say_slave(address: LssAddress) -> str:
+    """Return an address in words."""
+    vendor, product, revision, serial = address.parts
+    return f"vendor 0x{vendor:X}, product 0x{product:X}, revision 0x{revision:X}, serial 0x{serial:X}"
+
+
+def as_numbers(address: LssAddress) -> dict[str, int]:
+    """Return an address for JSON."""
+    names = ("vendor_id", "product_code", "revision_number", "serial_number")
+    return dict(zip(names, address.parts, strict=True))
+
+
+@contextmanager
+def _progress_line() -> Iterator[Callable[[int, int], None] | None]:
+    """Offer ``tell(found, bits)``, which rewrites a line on standard error, on a terminal only."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    drawn = 0.0
+
+    def tell(found: int, bits: int) -> None:
+        nonlocal drawn
+        now = time.monotonic()
+        if bits and now - drawn > _REDRAW:
+            drawn = now
+            click.echo(f"\rfast scan: {found} found, {bits:3} of 128 bits of the next ", err=True, nl=False)
+
+    try:
+        yield tell
+    finally:
+        if drawn:
+            click.echo("\r" + " " * 60 + "\r", err=True, nl=False)

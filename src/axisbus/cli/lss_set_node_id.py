@@ -1,0 +1,93 @@
+"""``axisbus lss set-node-id``: give a slave a node-ID."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
+from axisbus.cli.lss_common import (
+    NumberType,
+    Where,
+    as_numbers,
+    choose,
+    lss_options,
+    open_master,
+    require_one,
+    say_slave,
+    slave_options,
+)
+
+if TYPE_CHECKING:
+    from axisbus.bus.lss import NodeIdGiven
+
+
+@click.command("set-node-id")
+@click.argument("node_id", type=NumberType())
+@lss_options
+@slave_options
+@click.option("--store", is_flag=True, help="Keep it without power (else it is gone at the next power-up).")
+@click.option(
+    "--reset",
+    is_flag=True,
+    help="Reset the communication of a slave that has a node-ID, so that it takes the new one.",
+)
+def command(
+    node_id: int,
+    where: Where,
+    as_json: bool,
+    slave: tuple[int, ...] | None,
+    found: bool,
+    only: bool,
+    store: bool,
+    reset: bool,
+) -> int:
+    """Give one LSS slave NODE_ID (1 to 127; 255 takes it away), if nobody on the bus has it. Energises nothing.
+
+    A slave that had none uses it at once and boots. One that had a node-ID takes the new one with a reset of its communication,
+    which --reset sends: that stops what the node is doing. Exit code 3 when it refuses, or does not boot under its new node-ID.
+    """
+    from axisbus.cia301.lss import require_node_id
+
+    require_one(slave, found, only)
+    require_node_id(node_id)
+    with open_master(where) as master:
+        given = master.set_node_id(choose(master, slave, only), node_id, store=store, reset=reset)
+    if as_json:
+        done = given.set
+        say_json(
+            {
+                **as_numbers(done.address),
+                "old_node_id": done.old,
+                "node_id": done.node_id,
+                "stored": done.stored,
+                "booted": given.booted,
+            }
+        )
+    else:
+        _show(given, where, reset)
+    return FAILURE if given.booted is False else OK
+
+
+def _show(given: NodeIdGiven, where: Where, reset: bool) -> None:
+    done = given.set
+    what = f"node-ID {done.node_id}" if done.node_id <= 127 else "no node-ID any more"
+    say(f"{say_slave(done.address)}: {what}{', stored' if done.stored else ''}")
+    if not done.stored:
+        again = f"axisbus lss store {where.words_and_rate} -s {done.address}"
+        say(f"not stored: the old one is back at the next power-up (to keep it: {again})")
+    if given.booted:
+        say(f"it booted as node {done.node_id}")
+        say_next(f"axisbus scan {where.words_and_rate}")
+    elif given.booted is False:
+        say(
+            f"it sent no boot-up message as node {done.node_id}: power it off and on, then look with axisbus scan"
+        )
+    elif done.old is None:
+        say(
+            "it does not tell its node-ID, so it was not reset: switch it off and on if it was stored, or reset it by hand"
+        )
+    elif not done.at_once and not reset:
+        say("it takes effect when its communication is reset, or at the next power-up if stored")
+        say_next("the same command with --reset, when the node may stop; or switch it off and on")

@@ -1,0 +1,119 @@
+"""``axisbus nmt``: NMT commands, confirmed by what the nodes then show."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.errors import NodeTimeout, StateError
+
+if TYPE_CHECKING:
+    from axisbus.bus.nmt_confirm import Outcome
+    from axisbus.bus.node import Node
+
+COMMANDS = {
+    "start": NmtCommand.START,
+    "stop": NmtCommand.STOP,
+    "pre-operational": NmtCommand.ENTER_PRE_OPERATIONAL,
+    "reset-node": NmtCommand.RESET_NODE,
+    "reset-communication": NmtCommand.RESET_COMMUNICATION,
+}
+ALL = "all"
+
+
+@click.command("nmt")
+@click.argument("wanted", metavar="COMMAND", type=click.Choice(list(COMMANDS)))
+@click.argument("who", metavar="NODE...|all", nargs=-1, required=True)
+@node_options
+@click.option(
+    "--force", is_flag=True, help="Also where a drive is energised: it may coast, or drop its load."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_json: bool) -> int:
+    """Send the NMT command start, stop, pre-operational, reset-node or reset-communication to nodes, and say what each then shows.
+
+    NODE is a node ID or an axis of --cell; "all" sends one command to everybody and looks at the nodes of the cell, else at those
+    that a scan finds. Starting energises nothing. The other commands take the bus from a drive: where one is energised they are
+    refused without --force. A node confirms by its heartbeat, by node guarding (never where that would arm its life guarding), by
+    its boot-up message, or by its SDO server. Exit code 3 when one does not.
+    """
+    from axisbus.bus import nmt_confirm
+
+    require_bus(asked)
+    files = Files.of(asked.cell, asked.eds)
+    if ALL in who and len(who) > 1:
+        raise click.UsageError('"all" stands alone')
+    everybody = who == (ALL,)
+    ids = [] if everybody else list(dict.fromkeys(files.address(each).node_id for each in who))
+    order = COMMANDS[wanted]
+    with ExitStack() as stack:
+        session = Session(stack, asked, files)
+        nodes = [session.node(node_id) for node_id in ids or _everybody(session)]
+        found = nmt_confirm.ways(nodes)
+        if order is not NmtCommand.START and not force:
+            _require_at_rest(nodes)
+        outcomes = nmt_confirm.command(session.bus, nodes, order, found, everybody=everybody)
+    failed = [each for each in outcomes if not each.ok]
+    if as_json:
+        say_json([_plain(each) for each in outcomes])
+        return FAILURE if failed else OK
+    for each in outcomes:
+        say(f"node {each.node_id}: {each.text}")
+    _next(order, outcomes, failed)
+    return FAILURE if failed else OK
+
+
+def _everybody(session: Session) -> list[int]:
+    if session.files.cell is not None:
+        return list(session.files.cell.nodes)
+    from axisbus.bus.discover import scan
+
+    found = [each.node_id for each in scan(session.bus)]
+    if not found:
+        raise NodeTimeout(
+            "nobody answers on this bus; nothing was sent",
+            node=0,
+            remedy="check supply, cable, termination and bit rate",
+        )
+    return found
+
+
+def _require_at_rest(nodes: list[Node]) -> None:
+    """A node that does not answer SDO cannot be asked: it may be what the command is to mend."""
+    from axisbus.machine.careful import energised
+
+    for node in nodes:
+        found = energised(node) if node.answers_sdo() else []
+        if found:
+            raise StateError(
+                f"node {node.node_id} is energised; nothing was sent",
+                observed="; ".join(found),
+                remedy="stop it first (axisbus stop CELL), or add --force: it may coast, or drop its load",
+            )
+
+
+def _plain(outcome: Outcome) -> dict[str, object]:
+    before, state = outcome.way.before, outcome.state
+    return {
+        "node": outcome.node_id,
+        "ok": outcome.ok,
+        "before": None if before is None else before.text,
+        "state": None if state is None else state.text,
+        "confirmed_by": outcome.way.by.name.lower() if outcome.ok else None,
+        "seconds": round(outcome.seconds, 3),
+    }
+
+
+def _next(order: NmtCommand, outcomes: list[Outcome], failed: list[Outcome]) -> None:
+    if failed:
+        say_next("who is there, and in which state: axisbus scan")
+    elif order is NmtCommand.START:
+        say_next("nothing is energised by this; what the nodes send now: axisbus trace")
+    else:
+        first = outcomes[0].node_id
+        say_next(f"axisbus nmt start {first} ..., or boot the cell: axisbus boot CELL")

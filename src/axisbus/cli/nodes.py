@@ -1,0 +1,158 @@
+"""Opening nodes by what a subcommand was told: a cell file or a bus, EDS files, and nodes by number or by an axis's name."""
+
+from __future__ import annotations
+
+import functools
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from axisbus.cli.buses import open_bus
+from axisbus.cli.frames import eds_of
+from axisbus.cli.options import Decorated, bus_options
+from axisbus.eds import Eds, builtin, load
+from axisbus.errors import ArgumentError
+from axisbus.machine import config
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.engineering import Quantities
+
+if TYPE_CHECKING:
+    from axisbus.bus.channel import Channel
+    from axisbus.bus.node import Node
+
+
+class Address(NamedTuple):
+    """A node, and which of its axes was named."""
+
+    node_id: int
+    drive_axis: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """The cell file (None: none) and the EDS files that were given; reads them when they are asked for."""
+
+    cell: CellConfig | None
+    eds: dict[int, Eds] = field(default_factory=dict)
+    every: Eds | None = None
+
+    @classmethod
+    def of(cls, cell: Path | None, eds: tuple[str, ...]) -> Files:
+        """Read what was given: --cell, and --eds as ``FILE`` (for every node) or ``N=FILE``.
+
+        Raises:
+            ConfigError, EdsError, ArgumentError: a file cannot be read, or is written otherwise.
+        """
+        numbered = dict(eds_of(text) for text in eds if "=" in text)
+        plain = [text for text in eds if "=" not in text]
+        every = load(builtin.resolve(plain[-1], Path())) if plain else None
+        return cls(config.load(cell) if cell is not None else None, numbered, every)
+
+    def address(self, text: str) -> Address:
+        """Return the node that ``text`` means: a node ID, or an axis of the cell.
+
+        Raises:
+            ArgumentError: it means none.
+        """
+        if text.isdigit() and 1 <= int(text) <= 127:
+            return Address(int(text))
+        axes = self.cell.axes if self.cell is not None else {}
+        if text in axes:
+            return Address(axes[text].node, axes[text].drive_axis)
+        known = (
+            f"axes of the cell are {', '.join(axes)}"
+            if axes
+            else "without a cell file only node IDs can be used"
+        )
+        raise ArgumentError(f"{text!r} is no node", observed=known, remedy="give a node ID from 1 to 127")
+
+    def eds_for(self, node_id: int) -> Eds | None:
+        """Return the EDS of a node; None where none was given."""
+        found = self.eds.get(node_id, self.every)
+        if found is not None or self.cell is None or node_id not in self.cell.nodes:
+            return found
+        return load(builtin.resolve(self.cell.nodes[node_id].file or "", self.cell.folder))
+
+    @property
+    def quantities(self) -> Quantities:
+        """The units of the cell's objects."""
+        return Quantities(self.cell)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """The bus and the files that the user gave."""
+
+    interface: str | None
+    channel: str | None
+    bitrate: int | None
+    option: tuple[str, ...]
+    cell: Path | None
+    eds: tuple[str, ...]
+
+
+def node_options(function: Decorated) -> Decorated:
+    """Add the bus options, --cell and --eds; the command gets them together as ``asked``."""
+
+    @functools.wraps(function)
+    def packed(
+        interface: str | None,
+        channel: str | None,
+        bitrate: int | None,
+        option: tuple[str, ...],
+        cell: Path | None,
+        eds: tuple[str, ...],
+        **rest: Any,
+    ) -> Any:
+        return function(asked=Asked(interface, channel, bitrate, option, cell, eds), **rest)
+
+    with_eds: Decorated = click.option(
+        "--eds",
+        multiple=True,
+        metavar="[N=]FILE",
+        help="EDS or DCF of node N; without N= of every node named.",
+    )
+    with_cell: Decorated = click.option(
+        "--cell", type=click.Path(path_type=Path), help="Take bus, EDS files and units from this cell file."
+    )
+    return with_cell(bus_options(with_eds(packed)))  # type: ignore[no-any-return]
+
+
+class Session:
+    """A bus with the nodes that were asked for; holds state: the open channel and nodes, which ``stack`` closes."""
+
+    def __init__(self, stack: ExitStack, asked: Asked, files: Files | None = None) -> None:
+        """Read the files and open the bus.
+
+        Raises:
+            UsageError: neither --cell nor -i is given.
+            others as ``Files.of`` and ``buses.open_bus``.
+        """
+        require_bus(asked)
+        self.files = files or Files.of(asked.cell, asked.eds)
+        self._stack = stack
+        self.bus: Channel = open_bus(
+            stack, asked.cell, asked.interface, asked.channel, asked.bitrate, asked.option
+        )
+        self._nodes: dict[int, Node] = {}
+
+    def node(self, node_id: int) -> Node:
+        """Return a node, opened at the first call."""
+        from axisbus.bus.node import Node
+
+        if node_id not in self._nodes:
+            self._nodes[node_id] = self._stack.enter_context(
+                Node(self.bus, node_id, self.files.eds_for(node_id))
+            )
+        return self._nodes[node_id]
+
+
+def require_bus(asked: Asked) -> None:
+    """Raise UsageError where no bus is given."""
+    if asked.cell is None and asked.interface is None:
+        raise click.UsageError(
+            "give a cell file with --cell, or the bus with -i and -c (such as: -i socketcan -c can0)"
+        )

@@ -1,0 +1,22 @@
+"""``axisbus od``: the objects of a node, by name or number."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.lazy import LazyGroup
+
+COMMANDS = {
+    "read": ("axisbus.cli.od_read", "Read objects and say what they mean."),
+    "write": ("axisbus.cli.od_write", "Write one object, checked before and read back after."),
+    "dump": ("axisbus.cli.od_dump", "Read every object of a node; writes nothing."),
+    "watch": ("axisbus.cli.od_watch", "Read objects again and again, and show what changes."),
+}
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Read, write, list and watch the objects of a node.
+
+    A node is its ID, or an axis of --cell; an object is an index (6041, 1018:1) or a name of the EDS, with _ for a space.
+    """

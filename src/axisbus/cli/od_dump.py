@@ -1,0 +1,90 @@
+"""``axisbus od dump``: every object of a node that may be read."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli import od_objects as od
+from axisbus.cli.common import OK, progress_bar, say, say_json, say_next, write_whole
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.errors import SdoAbort
+from axisbus.machine.trace import text
+from axisbus.machine.trace.decoded import ObjectValue
+
+if TYPE_CHECKING:
+    from axisbus.bus.node import Node
+    from axisbus.eds.model import Eds
+
+
+@click.command("dump")
+@click.argument("node", shell_complete=od.complete)
+@node_options
+@click.option("-O", "--output", type=click.Path(path_type=Path), help="Write to this file instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
+def command(node: str, asked: Asked, output: Path | None, as_json: bool) -> int:
+    """Read every object of NODE that its EDS lets be read, and say what each means; writes nothing to the drive.
+
+    Without an EDS the objects of CiA 301 and CiA 402 are asked for. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
+    """
+    require_bus(asked)
+    files = Files.of(asked.cell, asked.eds)
+    address = files.address(node.rstrip(":"))
+    with ExitStack() as stack:
+        device = Session(stack, asked, files).node(address.node_id)
+        found = _all(stack, files, device)
+    values = [value for value, _ in found]
+    if output is not None:
+        write_whole(output, _text(address.node_id, found, as_json).encode())
+        say(f"{output}: {len(values)} objects of node {address.node_id}")
+        say_next(f"read one again: axisbus od read ... {address.node_id}:6041")
+    elif as_json:
+        say_json([_plain(address.node_id, value, refusal) for value, refusal in found])
+    else:
+        say(_text(address.node_id, found, as_json).rstrip("\n"))
+    return OK
+
+
+def _all(stack: ExitStack, files: Files, device: Node) -> list[tuple[ObjectValue, str]]:
+    tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
+    eds = device.eds or _skeleton(device)
+    wanted = list(od.may_read(eds))
+    found = []
+    for number, (index, subindex) in enumerate(wanted, start=1):
+        found.append(_one(files, device, index, subindex))
+        if tell is not None:
+            tell(number, len(wanted))
+    return found
+
+
+def _skeleton(device: Node) -> Eds:
+    from axisbus.bus.from_device import skeleton
+
+    return skeleton(device.sdo)
+
+
+def _one(files: Files, device: Node, index: int, subindex: int) -> tuple[ObjectValue, str]:
+    """Return an object with its value, or with why the drive refuses it."""
+    entry = device.sdo.dictionary.entry(index, subindex)
+    try:
+        return od.read(files, device, entry), ""
+    except SdoAbort as refusal:
+        return ObjectValue(index, subindex, entry.name), refusal.observed
+
+
+def _text(node_id: int, found: list[tuple[ObjectValue, str]], as_json: bool) -> str:
+    if as_json:
+        import json
+
+        return json.dumps([_plain(node_id, *each) for each in found], indent=2) + "\n"
+    return "".join(
+        (f"{text.address(value)}: {refusal}" if refusal else od.line(value)) + "\n"
+        for value, refusal in found
+    )
+
+
+def _plain(node_id: int, value: ObjectValue, refusal: str) -> dict[str, object]:
+    return {**od.plain(node_id, value), **({"refused": refusal} if refusal else {})}

@@ -1,0 +1,171 @@
+"""What the ``od`` subcommands share: NODE:OBJECT arguments with their completion, and objects as lines and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from axisbus.cia301.datatypes import DataType, Value
+from axisbus.cli.nodes import Address, Files
+from axisbus.eds.dictionary import Dictionary, Entry
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError, AxisbusError
+from axisbus.machine import objecttext
+from axisbus.machine.trace import text, words
+from axisbus.machine.trace.decoded import ObjectValue
+
+if TYPE_CHECKING:
+    from axisbus.bus.node import Node
+
+_STRUCTURE = frozenset({DataType.DOMAIN})
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """An object of a node that was asked for; ``words`` are what the user wrote."""
+
+    address: Address
+    entry: Entry
+    words: str
+
+
+def split(arguments: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Return (node, object) of each argument: NODE:OBJECT, or one NODE and then objects of it.
+
+    Raises:
+        UsageError: a node without an object.
+    """
+    first = arguments[0] if arguments else ""
+    if ":" not in first:
+        if len(arguments) < 2:
+            raise click.UsageError(
+                f"name an object behind the node, such as {first or '5'}:6041; all of them: axisbus od dump {first or '5'}"
+            )
+        return [(first, each) for each in arguments[1:]]
+    parts = [each.partition(":") for each in arguments]
+    for node, colon, wanted in parts:
+        if not colon or not wanted:
+            raise click.UsageError(f"{node!r} names no object: write NODE:OBJECT, such as 5:6041")
+    return [(node, wanted) for node, _, wanted in parts]
+
+
+def targets(files: Files, arguments: tuple[str, ...]) -> list[Target]:
+    """Return the objects that the arguments mean; a record means all of its entries.
+
+    Raises:
+        UsageError, ArgumentError: an argument is no NODE:OBJECT, or there is no such node or object.
+    """
+    return list(_targets(files, arguments))
+
+
+def _targets(files: Files, arguments: tuple[str, ...]) -> Iterator[Target]:
+    for node, wanted in split(arguments):
+        address = files.address(node)
+        dictionary = Dictionary(files.eds_for(address.node_id), address.node_id)
+        for entry in objecttext.find(dictionary, wanted, address.drive_axis):
+            yield Target(address, entry, f"{node}:{wanted}")
+
+
+def value_of(files: Files, node_id: int, dictionary: Dictionary, entry: Entry, value: Value) -> ObjectValue:
+    """Return a value with its meaning and its unit."""
+    meaning = words.words(entry.index, entry.subindex, value, dictionary, {})
+    quantity = files.quantities.of(node_id, entry.index, entry.subindex)
+    if quantity is None or not isinstance(value, (int, float)):
+        return ObjectValue(entry.index, entry.subindex, entry.name, value, meaning)
+    return ObjectValue(
+        entry.index, entry.subindex, entry.name, value, meaning, quantity.to_unit(value), quantity.unit
+    )
+
+
+def read(files: Files, node: Node, entry: Entry, kind: DataType | None = None) -> ObjectValue:
+    """Read an object; blocks.
+
+    Raises:
+        SdoError, BusError: as ``SdoClient.read``.
+    """
+    value = node.sdo.read(entry.index, entry.subindex, data_type=kind)
+    return value_of(files, node.node_id, node.sdo.dictionary, entry, value)
+
+
+def line(value: ObjectValue) -> str:
+    """Return an object and its value as a line."""
+    return f"{text.address(value)} = {text.shown(value)}"
+
+
+def plain(node_id: int, value: ObjectValue) -> dict[str, Any]:
+    """Return an object and its value for JSON; bytes as hexadecimal digits."""
+    from axisbus.machine.trace import plain as plainly
+
+    return {"node": node_id, **plainly.value(value)}
+
+
+def kind_of(text: str | None) -> DataType | None:
+    """Return the data type that --type names; raises ArgumentError where it names none."""
+    return None if text is None else objecttext.data_type(text)
+
+
+def may_read(eds: Eds) -> Iterable[tuple[int, int]]:
+    """Yield the entries that may be read without harm: readable, no DOMAIN, and not refused by their ObjFlags (DS 306 4.6.3.2)."""
+    for entry in eds:
+        for variable in entry.subs.values():
+            if variable.readable and not variable.object_flags & 2 and variable.data_type not in _STRUCTURE:
+                yield variable.index, variable.subindex
+
+
+# -- completion --------------------------------------------------------------------------------------------------------
+
+
+def complete(ctx: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return what may stand here: nodes and axes, then the objects of the node's EDS by name and by index.
+
+    A shell that splits words at the colon (bash) gives NODE and : as words before; then only the object is completed.
+    """
+    try:
+        files = Files.of(_path(ctx.params.get("cell")), tuple(ctx.params.get("eds") or ()))
+        return list(_complete(files, tuple(ctx.params.get("arguments") or ()), incomplete))
+    except (AxisbusError, OSError):
+        return []  # a completion has nowhere to say what is wrong; the command itself will
+
+
+def _path(given: object) -> Path | None:
+    return None if given is None else Path(str(given))
+
+
+def _complete(files: Files, before: tuple[str, ...], incomplete: str) -> Iterator[CompletionItem]:
+    node, colon, part = incomplete.partition(":")
+    if not colon and before:
+        names = [word for word in before if word != ":"]
+        yield from _objects(files, names[0].partition(":")[0], "", incomplete)
+    elif colon:
+        yield from _objects(files, node, f"{node}:", part)
+    else:
+        for name, help_text in _nodes(files):
+            if name.startswith(incomplete):
+                yield CompletionItem(f"{name}:", help=help_text)
+
+
+def _nodes(files: Files) -> Iterator[tuple[str, str]]:
+    if files.cell is None:
+        return
+    for node_id, node in files.cell.nodes.items():
+        yield str(node_id), node.file or ""
+    for name, axis in files.cell.axes.items():
+        yield name, f"axis of node {axis.node}"
+
+
+def _objects(files: Files, node: str, prefix: str, part: str) -> Iterator[CompletionItem]:
+    try:
+        eds = files.eds_for(files.address(node).node_id)
+    except ArgumentError:
+        return
+    for entry in eds or ():
+        name = objecttext.spelling(entry.name)
+        if name.lower().startswith(part.lower()) and part:
+            yield CompletionItem(f"{prefix}{name}", help=f"{entry.index:04X}h")
+        elif f"{entry.index:04X}".startswith(part.upper()):
+            yield CompletionItem(f"{prefix}{entry.index:04X}", help=entry.name)

@@ -1,0 +1,90 @@
+"""``axisbus od watch``: objects again and again, with what changes."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import ExitStack, suppress
+
+import click
+
+from axisbus.cli import od_objects as od
+from axisbus.cli.common import FAILURE, OK, say
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.errors import SdoError
+
+
+@click.command("watch")
+@click.argument("arguments", metavar="NODE:OBJECT...", nargs=-1, required=True, shell_complete=od.complete)
+@node_options
+@click.option(
+    "--every",
+    type=click.FloatRange(min=0.01),
+    default=0.5,
+    show_default=True,
+    help="Seconds between two looks.",
+)
+@click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
+@click.option("--all", "everything", is_flag=True, help="Show every look, not only changes.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line.")
+def command(
+    arguments: tuple[str, ...], asked: Asked, every: float, count: int | None, everything: bool, as_json: bool
+) -> int:
+    """Read objects every so often and show what changes; writes nothing. A node that does not answer is said so and asked again.
+
+    Exit code 3 when the last look got no answer.
+    """
+    require_bus(asked)
+    files = Files.of(asked.cell, asked.eds)
+    wanted = od.targets(files, arguments)
+    with ExitStack() as stack:
+        session = Session(stack, asked, files)
+        look = _Look(session, files, wanted, everything, as_json)
+        looks, due = 0, time.monotonic()
+        with suppress(KeyboardInterrupt):  # the usual end of watching
+            while count is None or looks < count:
+                time.sleep(max(0.0, due - time.monotonic()))
+                look.once()
+                looks, due = looks + 1, max(due + every, time.monotonic())
+    return FAILURE if look.silent else OK
+
+
+class _Look:
+    """What is watched; holds state: what each object showed last, and whether the last look got no answer."""
+
+    def __init__(
+        self, session: Session, files: Files, wanted: list[od.Target], everything: bool, as_json: bool
+    ) -> None:
+        self._session, self._files, self._wanted = session, files, wanted
+        self._everything, self._as_json = everything, as_json
+        self._start = time.monotonic()
+        self._shown: dict[tuple[int, int, int], str] = {}
+        self.silent = False
+
+    def once(self) -> None:
+        """Read everything once; blocks."""
+        self.silent = False
+        for target in self._wanted:
+            self._one(target)
+
+    def _one(self, target: od.Target) -> None:
+        node_id, entry = target.address.node_id, target.entry
+        try:
+            value = od.read(self._files, self._session.node(node_id), entry)
+            text, plain = od.line(value), od.plain(node_id, value)
+        except SdoError as error:
+            self.silent = True
+            text, plain = (
+                f"{entry}: {error.message}",
+                {"node": node_id, "index": entry.index, "subindex": entry.subindex, "error": error.message},
+            )
+        key = (node_id, entry.index, entry.subindex)
+        if self._shown.get(key) == text and not self._everything:
+            return
+        self._shown[key] = text
+        now = time.monotonic() - self._start
+        say(
+            json.dumps({"time": round(now, 6), **plain})
+            if self._as_json
+            else f"{now:10.3f}  node {node_id}  {text}"
+        )

@@ -1,0 +1,128 @@
+"""``axisbus trace``: the frames of a bus or a recording in words."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from axisbus.cli.common import OK, WRONG
+from axisbus.cli.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.options import bus_options
+
+if TYPE_CHECKING:
+    from axisbus.machine.trace.decoded import Decoded
+    from axisbus.machine.trace.filters import Wanted
+
+
+class Look(NamedTuple):
+    """What is shown, and how."""
+
+    wanted: Wanted
+    unwanted: Wanted | None
+    errors_only: bool
+    as_json: bool
+    absolute: bool
+
+    def shows(self, one: Decoded) -> bool:
+        """Whether a frame is shown."""
+        if self.errors_only and not one.trouble:
+            return False
+        return self.wanted(one) and (self.unwanted is None or not self.unwanted(one))
+
+
+class Count(NamedTuple):
+    """What was seen: frames, those shown, those with trouble among the shown."""
+
+    frames: int = 0
+    shown: int = 0
+    trouble: int = 0
+
+
+@click.command("trace")
+@click.argument("source", required=False)
+@bus_options
+@source_options
+@click.option(
+    "--filter", "filters", multiple=True, metavar="KEY=VALUE,...", help="Show only node=, kind= or object=."
+)
+@click.option("--without", multiple=True, metavar="KEY=VALUE,...", help="Leave out what this filter names.")
+@click.option("--errors-only", is_flag=True, help="Show only trouble; exit code 1 when there is any.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line and frame.")
+@click.option(
+    "--absolute", is_flag=True, help="Show the recording's own times, not seconds since the first frame."
+)
+@click.option(
+    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Listen so long; without, until Ctrl-C."
+)
+@click.option("--count", type=click.IntRange(min=1), help="End after so many frames shown.")
+def command(
+    source: str | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    cell: Path | None,
+    eds: tuple[str, ...],
+    filters: tuple[str, ...],
+    without: tuple[str, ...],
+    errors_only: bool,
+    as_json: bool,
+    absolute: bool,
+    seconds: float | None,
+    count: int | None,
+) -> int:
+    """Show the frames of SOURCE in words: a recording (candump's log, asc, blf, csv, trc ...), - for candump's output, a cell.toml.
+
+    With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
+    names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.
+
+    Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
+    """
+    from axisbus.machine.trace import filters as wanted
+
+    unwanted = wanted.parse(without) if without else None
+    look = Look(wanted.parse(filters), unwanted, errors_only, as_json, absolute)
+    with ExitStack() as stack:
+        opened = open_frames(stack, Asked(source, interface, channel, bitrate, option, cell, eds), seconds)
+        seen = _show(opened, look, count)
+    _tell(opened, seen)
+    return WRONG if errors_only and seen.trouble else OK
+
+
+def _show(opened: Opened, look: Look, most: int | None) -> Count:
+    from axisbus.machine.trace.decoder import Decoder
+
+    decoder, seen, start = Decoder(opened.known), Count(), None
+    with suppress(KeyboardInterrupt):  # the usual end of listening
+        for frame in opened.frames:
+            start = frame.time if start is None and not look.absolute else start
+            one = decoder.feed(frame)
+            shown = look.shows(one)
+            seen = Count(seen.frames + 1, seen.shown + shown, seen.trouble + (shown and one.trouble))
+            if shown:
+                _print(one, look, start or 0.0)
+            if most is not None and seen.shown >= most:
+                break
+    return seen
+
+
+def _print(one: Decoded, look: Look, start: float) -> None:
+    from axisbus.machine.trace import plain, text
+
+    if look.as_json:
+        click.echo(json.dumps(plain.plain(one), ensure_ascii=False, allow_nan=False))
+    else:
+        click.secho(text.line(one, start), fg="red" if one.trouble else None)
+
+
+def _tell(opened: Opened, seen: Count) -> None:
+    """Say on standard error what was seen, so that the output holds frames only."""
+    text = f"{seen.frames} frames, {seen.shown} shown, {seen.trouble} of them with trouble"
+    if opened.skipped.count:
+        text += f"; {opened.skipped.count} lines are no frames, the first is {opened.skipped.first}"
+    click.echo(text, file=sys.stderr)

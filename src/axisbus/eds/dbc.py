@@ -1,0 +1,90 @@
+"""The frames of one node as a DBC file, written by cantools, an optional extra."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from axisbus.eds import overview
+from axisbus.eds.frames import MASTER, Field, Frame, frames, node_name
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError, UserError
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message, Signal
+
+
+@dataclass(frozen=True, slots=True)
+class Dbc:
+    """A DBC as text, and what it could not hold, a sentence each."""
+
+    text: str
+    left_out: tuple[str, ...]
+
+
+def dumps(eds: Eds, node_id: int | None) -> Dbc:
+    """Return the DBC of a device as node ``node_id`` (1 to 127).
+
+    Raises:
+        ArgumentError: ``node_id`` is None; the identifiers depend on it.
+        UserError: cantools is not installed.
+    """
+    if node_id is None:
+        raise ArgumentError(
+            f"{eds.source}: the CAN identifiers of a DBC depend on the node ID", remedy="give it: --node 5"
+        )
+    kept, left_out = frames(eds, node_id)
+    return Dbc(_text(eds, node_id, kept), left_out)
+
+
+def _text(eds: Eds, node_id: int, kept: tuple[Frame, ...]) -> str:
+    try:
+        from cantools.database.can import Database, Node
+    except ImportError as error:
+        raise UserError(
+            "a DBC is written by cantools, which is not installed",
+            observed=str(error),
+            remedy="install it: pip install 'axisbus[dbc]'",
+        ) from error
+    seen = overview.overview(eds, node_id)
+    nodes = [Node(MASTER, "CANopen master"), Node(node_name(node_id), _ascii(seen.title))]
+    messages = [_message(frame, node_id) for frame in kept]
+    text: str = Database(messages, nodes, version="").as_dbc_string()
+    return text
+
+
+def _message(frame: Frame, node_id: int) -> Message:
+    from cantools.database.can import Message
+
+    receiver = node_name(node_id) if frame.sender == MASTER else MASTER
+    return Message(
+        frame.identifier,
+        frame.name,
+        frame.size,
+        [_signal(each, receiver) for each in frame.fields],
+        comment=_ascii(frame.comment),
+        senders=[frame.sender],
+        is_extended_frame=frame.extended,
+    )
+
+
+def _signal(each: Field, receiver: str) -> Signal:
+    from cantools.database.can import Signal
+    from cantools.database.conversion import BaseConversion
+
+    return Signal(
+        each.name,
+        each.first_bit,
+        each.bits,
+        "little_endian",
+        each.signed,
+        conversion=BaseConversion.factory(choices=OrderedDict(each.choices) or None, is_float=each.real),
+        comment=_ascii(each.comment) or None,
+        receivers=[receiver],
+    )
+
+
+def _ascii(text: str) -> str:
+    """Return a text that every reader of DBC takes: no quotation marks, ASCII only."""
+    return text.replace('"', "'").replace("\\", "/").encode("ascii", "replace").decode()

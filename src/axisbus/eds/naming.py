@@ -1,0 +1,64 @@
+"""Identifiers for Python and DBC from the names in an EDS, which are free text and not unique."""
+
+from __future__ import annotations
+
+import keyword
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+from typing import TypeVar
+
+MAX_LENGTH = 80  # a ParameterName has up to 241 characters (DS 306 4.6.3.2)
+
+_Key = TypeVar("_Key")
+
+_NO_WORD = re.compile(r"[^0-9A-Za-z]+")
+_SPOKEN = {"+": " plus ", "°": " deg ", "µ": "u", "μ": "u", "Ω": " ohm ", "%": " percent ", "ß": "ss"}
+
+
+def snake(text: str) -> str:
+    """Return words joined by ``_`` in their own case, ASCII only; empty where nothing of the text is left."""
+    for sign, word in _SPOKEN.items():
+        text = text.replace(sign, word)
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return _NO_WORD.sub("_", plain).strip("_")[:MAX_LENGTH].rstrip("_")
+
+
+def constant(text: str, otherwise: str) -> str:
+    """Return a name such as ``TARGET_POSITION``; ``otherwise`` leads where the text gives none, or one that begins with a digit."""
+    name = snake(text).upper()
+    if not name:
+        return otherwise
+    return f"{otherwise}_{name}"[:MAX_LENGTH].rstrip("_") if name[0].isdigit() else name
+
+
+def camel(text: str, otherwise: str) -> str:
+    """Return a class name such as ``QuickStopOption``."""
+    name = "".join(word[0].upper() + word[1:].lower() for word in snake(text).split("_") if word)
+    return name if name and not name[0].isdigit() else f"{otherwise}{name}"
+
+
+def unique(
+    wanted: Mapping[_Key, str], suffix: Callable[[_Key], str], taken: Collection[str] = ()
+) -> dict[_Key, str]:
+    """Return a name of its own for each key: the one wanted, with ``suffix`` behind it where it is not the only one or is taken.
+
+    All that share a name get the suffix, so that none depends on the order of the file. Keywords of Python count as taken.
+    """
+    counts = Counter(wanted.values())
+    alone = {key for key, name in wanted.items() if counts[name] == 1 and _free(name, taken)}
+    used = {wanted[key] for key in alone} | set(taken)
+    names: dict[_Key, str] = {}
+    for key, name in wanted.items():
+        if key not in alone:
+            name = f"{name}_{suffix(key)}"
+            while name in used:
+                name += "_"
+            used.add(name)
+        names[key] = name
+    return names
+
+
+def _free(name: str, taken: Collection[str]) -> bool:
+    return name not in taken and not keyword.iskeyword(name) and not keyword.issoftkeyword(name)

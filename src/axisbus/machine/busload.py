@@ -1,0 +1,160 @@
+"""How much of a bus frames take: bits of a frame with its stuff bits, and a meter that adds them up by node and by service."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from axisbus.cia301.frame import Frame
+
+WINDOW = 0.1  # seconds
+_CRC = 0x4599  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 (ISO 11898-1)
+_TAIL = 13  # CRC delimiter, acknowledge (2), end of frame (7), intermission (3): not stuffed
+_RUN = 5  # equal bits after which one of the other kind is stuffed in
+
+
+def plain_bits(data_bytes: int, extended: bool = False) -> int:
+    """Return a frame's bits without any stuff bit, intermission included."""
+    return (54 if extended else 34) + 8 * data_bytes + _TAIL
+
+
+def worst_bits(data_bytes: int, extended: bool = False) -> int:
+    """Return the longest that a frame of this size can be: a stuff bit after every four of the stuffed part but the first."""
+    plain = plain_bits(data_bytes, extended)
+    return plain + (plain - _TAIL - 1) // 4
+
+
+def actual_bits(frame: Frame) -> int:
+    """Return the bits that a frame really took, its stuff bits counted from identifier, data and CRC."""
+    return _actual(frame.can_id, frame.data[:8], frame.extended, frame.remote)
+
+
+@lru_cache(maxsize=1 << 14)  # most frames of a bus repeat
+def _actual(can_id: int, data: bytes, extended: bool, remote: bool) -> int:
+    bits = _head(can_id, len(data), extended, remote)
+    bits += "".join(f"{octet:08b}" for octet in data)
+    bits += f"{_crc(bits):015b}"
+    return len(bits) + _stuffed(bits) + _TAIL
+
+
+def _head(can_id: int, length: int, extended: bool, remote: bool) -> str:
+    """Start of frame to data length code; dominant is 0."""
+    rtr = "1" if remote else "0"
+    if not extended:
+        return f"0{can_id & 0x7FF:011b}{rtr}00{length:04b}"
+    return f"0{can_id >> 18 & 0x7FF:011b}11{can_id & 0x3FFFF:018b}{rtr}00{length:04b}"
+
+
+def _crc(bits: str) -> int:
+    register = 0
+    for bit in bits:
+        turn = (register >> 14 & 1) ^ (bit == "1")
+        register = (register << 1) & 0x7FFF
+        if turn:
+            register ^= _CRC
+    return register
+
+
+def _stuffed(bits: str) -> int:
+    """Count stuff bits; a stuff bit begins a run of its own."""
+    count, run, last = 0, 0, ""
+    for bit in bits:
+        run = run + 1 if bit == last else 1
+        last = bit
+        if run == _RUN:
+            count += 1
+            last, run = ("1" if bit == "0" else "0"), 1
+    return count
+
+
+@dataclass(slots=True)
+class Share:
+    """What a part of the traffic took; holds state: grows while frames are added."""
+
+    frames: int = 0
+    bits: int = 0
+    worst: int = 0
+
+    def add(self, bits: int, worst: int) -> None:
+        """Add a frame."""
+        self.frames += 1
+        self.bits += bits
+        self.worst += worst
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """The fullest 100 ms: ``load`` from 0 to 1, and the time of its last frame."""
+
+    load: float = 0.0
+    time: float = 0.0
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What was measured in ``seconds`` at ``bitrate`` (bit/s); ``by_node`` has None for frames of no node."""
+
+    bitrate: int
+    seconds: float
+    total: Share
+    by_node: Mapping[int | None, Share]
+    by_kind: Mapping[str, Share]
+    peak: Peak
+    error_frames: int
+
+    def load(self, share: Share) -> float:
+        """Return the part of the bus that a share took, from 0 to 1, with the stuff bits that there were."""
+        return share.bits / (self.bitrate * self.seconds)
+
+    def worst(self, share: Share) -> float:
+        """Return the same with as many stuff bits as there can be."""
+        return share.worst / (self.bitrate * self.seconds)
+
+
+@dataclass
+class Meter:
+    """Adds up frames in the order of their times; holds state: the sums, and the frames of the last 100 ms."""
+
+    bitrate: int
+    total: Share = field(default_factory=Share)
+    by_node: dict[int | None, Share] = field(default_factory=dict)
+    by_kind: dict[str, Share] = field(default_factory=dict)
+    error_frames: int = 0
+    peak: Peak = Peak()
+    first: float | None = None
+    last: float = 0.0
+    _window: deque[tuple[float, int]] = field(default_factory=deque)
+    _in_window: int = 0
+
+    def add(self, frame: Frame, kind: str, node: int | None) -> None:
+        """Add a frame of a service and a node (None: of no node); an error frame is only counted."""
+        if frame.error:
+            self.error_frames += 1
+            return
+        bits, worst = actual_bits(frame), worst_bits(len(frame.data), frame.extended)
+        shares = (self.total, self.by_node.setdefault(node, Share()), self.by_kind.setdefault(kind, Share()))
+        for share in shares:
+            share.add(bits, worst)
+        self.first = frame.time if self.first is None else min(self.first, frame.time)
+        self.last = max(self.last, frame.time)
+        self._slide(frame.time, bits)
+
+    def result(self, seconds: float | None = None) -> Measured | None:
+        """Return the sums over ``seconds`` (None: from the first frame to the last); None where that is no time at all."""
+        span = seconds if seconds is not None else self.last - (self.first or 0.0)
+        if span <= 0:
+            return None
+        return Measured(
+            self.bitrate, span, self.total, self.by_node, self.by_kind, self.peak, self.error_frames
+        )
+
+    def _slide(self, time: float, bits: int) -> None:
+        self._window.append((time, bits))
+        self._in_window += bits
+        while self._window[0][0] <= time - WINDOW:
+            self._in_window -= self._window.popleft()[1]
+        load = self._in_window / (self.bitrate * WINDOW)
+        if load > self.peak.load:
+            self.peak = Peak(load, time)

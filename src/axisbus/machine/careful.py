@@ -1,0 +1,242 @@
+"""Writing one object by hand, with care: what must hold before anything is sent, and what the node then really has.
+
+Theory of operation
+-------------------
+Two rules, in this order:
+
+1. What the files can tell is checked before the bus is asked: existence, access, type, limits, and whether the object is one by
+   which a drive is energised or moved (``MOVING``, and the make's calibration objects).
+2. Then the node is asked, by reading only: whether a drive of it is energised (then every write may move it), whether another
+   master drives it, and whether its object has the size of its type. Only after that one write is sent, and read back.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+
+from axisbus.bus.node import Node
+from axisbus.bus.sdo_value import checked_bytes
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as c301
+from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
+from axisbus.cia402 import objects as c402
+from axisbus.cia402 import state
+from axisbus.drives import registry
+from axisbus.eds.dictionary import Entry
+from axisbus.eds.model import Eds
+from axisbus.eds.wording import first_axis
+from axisbus.errors import ArgumentError, SdoAbort, StateError
+
+LISTEN = 0.5  # seconds for another master to show
+_STATUSWORDS = tuple(c402.STATUSWORD + c402.AXIS_OFFSET * axis for axis in range(8))
+
+# First-axis objects that make a drive move, let it move, or let its load go: the controlword, modes, targets and offsets of every
+# mode, and the digital outputs, which release brakes (CiA 402-2).
+MOVING = frozenset(
+    {
+        *(
+            c402.CONTROLWORD,
+            c402.MODES_OF_OPERATION,
+            c402.TARGET_TORQUE,
+            c402.TARGET_POSITION,
+            c402.TARGET_VELOCITY,
+        ),
+        *(c402.POSITION_OFFSET, c402.VELOCITY_OFFSET, c402.TORQUE_OFFSET, 0x6042, 0x60C1, 0x60FE),
+    }
+)
+# Written values that are orders: what could be read back is another matter.
+_COMMANDS = frozenset({c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, c301.PREDEFINED_ERROR_FIELD})
+_MAY_MOVE = (
+    "add --may-move if that is what you want, with nobody in the machine and the emergency stop at hand"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What a write came to: the values before and after (None where the object cannot be read)."""
+
+    before: Value | None
+    after: Value | None
+    compared: bool
+
+    def agrees(self, wanted: Value) -> bool:
+        """Whether the node has what was written, as far as it can be told."""
+        if not self.compared or self.after is None or self.after == wanted:
+            return True
+        return isinstance(wanted, float) and math.isclose(
+            float(self.after), wanted, rel_tol=1e-6
+        )  # REAL32 is rounded
+
+
+def require_writable(eds: Eds | None, node_id: int, entry: Entry, kind: DataType | None) -> None:
+    """Check that the node has the object and lets it be written, as far as its EDS tells; ``kind`` is a type given by the user.
+
+    Raises:
+        ArgumentError: it has not, or does not.
+    """
+    if eds is None:
+        return
+    variable = eds.get(entry.index, entry.subindex)
+    if variable is None and kind is None:
+        raise ArgumentError(
+            f"node {node_id} has no object {entry}",
+            observed=f"{eds.source} does not have it",
+            remedy="with --type the node is asked all the same",
+        )
+    if variable is not None and not variable.writable:
+        raise ArgumentError(
+            f"node {node_id}: {entry} cannot be written",
+            observed=f"{eds.source}:{variable.line}: its access is {variable.access}",
+        )
+
+
+def require_harmless(eds: Eds | None, node_id: int, entry: Entry) -> None:
+    """Check that the object is none by which a drive is energised or moved.
+
+    Raises:
+        StateError: it is.
+    """
+    if moves(eds, entry):
+        raise StateError(
+            f"node {node_id}: writing {entry} can energise the drive, move it, or let its load go; nothing was sent",
+            remedy=_MAY_MOVE,
+        )
+
+
+def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_move: bool) -> Written:
+    """Ask the node whether it may be written, write once, and read back; blocks for some transfers.
+
+    ``kind`` is a type given by the user.
+
+    Raises:
+        ArgumentError, LimitError: a value that the type or the EDS's limits do not allow; nothing was sent.
+        StateError: as ``require_harmless``; a drive of the node is energised and ``may_move`` is not given; or another master is on
+            the bus.
+        ArgumentError: the object has another size in the device than its type.
+        SdoError, BusError: as ``SdoClient.upload``.
+    """
+    data = checked_bytes(entry, value, kind)
+    known = kind or entry.data_type
+    if not may_move:
+        require_harmless(node.eds, node.node_id, entry)
+        _require_at_rest(node)
+    elif moves(node.eds, entry):
+        _require_no_other_master(node)
+    before = _read(node, entry)
+    _require_size(node, entry, known, before)
+    node.sdo.download(entry.index, entry.subindex, data)
+    if entry.index in _COMMANDS:
+        return Written(
+            _typed(before, known), None, False
+        )  # some drives restart now, and answer nothing for a while
+    return Written(_typed(before, known), _typed(_read(node, entry), known), True)
+
+
+def energised(node: Node) -> list[str]:
+    """Return the drives of a node that are energised, in words; blocks for a transfer for each axis."""
+    found = []
+    for index in _STATUSWORDS:
+        if index != c402.STATUSWORD and node.eds is not None and index not in node.eds:
+            continue
+        word = _number(node, index)
+        if word is None and node.eds is None:
+            break  # without a file the first axis that is not there is taken for the end
+        if word is not None and state.decode(word) in state.ENERGISED:
+            found.append(f"{index:04X}h is 0x{word:04X}: {state.decode(word).value}")
+    return found
+
+
+def is_command(index: int) -> bool:
+    """Whether writing an object is an order, not a setting that could be stored."""
+    return index in _COMMANDS or first_axis(index) in MOVING
+
+
+def moves(eds: Eds | None, entry: Entry) -> bool:
+    """Whether an object is one by which a drive is energised, moved or calibrated."""
+    identity = eds.identity if eds is not None else None
+    make = registry.find(identity.vendor_id, identity.product_code) if identity is not None else None
+    calibrates = make is not None and (entry.index, entry.subindex) in make.calibration_objects
+    return calibrates or first_axis(entry.index) in MOVING
+
+
+def _require_at_rest(node: Node) -> None:
+    found = energised(node)
+    if found:
+        raise StateError(
+            f"node {node.node_id} is energised, and any write may move it; nothing was sent",
+            observed="; ".join(found),
+            remedy=f"stop it first (axisbus stop CELL), or {_MAY_MOVE}",
+        )
+
+
+def _require_no_other_master(node: Node) -> None:
+    """A value that another master sends by PDO in every cycle would be overwritten at once, or fight with it."""
+    heard = _traffic(node)
+    if heard:
+        raise StateError(
+            f"another master is on the bus of node {node.node_id}; nothing was sent",
+            observed=f"within {LISTEN:g} s: {', '.join(f'{count} {what}' for what, count in heard.items())}",
+            remedy="end that program first, or give the command there",
+        )
+
+
+def _traffic(node: Node) -> Counter[str]:
+    """Listen for what only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node watches (1016h)."""
+    titles = {cob.SYNC: "SYNC"}
+    titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
+    titles |= {cob.HEARTBEAT + watched: f"heartbeats of node {watched}" for watched in _watched(node)}
+    heard: Counter[str] = Counter()
+    with ExitStack() as stack:
+        for identifier, title in titles.items():
+            hear = partial(_count, heard, title)
+            node.channel.subscribe(identifier, hear)
+            stack.callback(node.channel.unsubscribe, identifier, hear)
+        time.sleep(LISTEN)
+    return heard
+
+
+def _count(heard: Counter[str], title: str, _: bytes, __: float) -> None:
+    heard[title] += 1
+
+
+def _watched(node: Node) -> list[int]:
+    """The nodes whose heartbeat the node watches."""
+    count = _number(node, c301.CONSUMER_HEARTBEAT, 0) or 0
+    entries = [
+        _number(node, c301.CONSUMER_HEARTBEAT, subindex) or 0 for subindex in range(1, min(count, 16) + 1)
+    ]
+    return [entry >> 16 & 0x7F for entry in entries if entry & 0xFFFF and entry >> 16 & 0x7F]
+
+
+def _require_size(node: Node, entry: Entry, kind: DataType | None, before: bytes | None) -> None:
+    size = size_in_bytes(kind) if kind is not None else None
+    if before is None or size is None or len(before) == size or kind is None:
+        return
+    raise ArgumentError(
+        f"node {node.node_id}: {entry} has another size in the device; nothing was written",
+        observed=f"{kind.name} has {size} bytes, the device sends {len(before)}",
+        remedy="find out which is right (axisbus eds verify), and give the type with --type",
+    )
+
+
+def _read(node: Node, entry: Entry) -> bytes | None:
+    try:
+        return node.sdo.upload(entry.index, entry.subindex)
+    except SdoAbort:
+        return None
+
+
+def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
+    return decode(raw, kind) if kind is not None and raw is not None else raw
+
+
+def _number(node: Node, index: int, subindex: int = 0) -> int | None:
+    try:
+        return int.from_bytes(node.sdo.upload(index, subindex), "little")
+    except SdoAbort:
+        return None

@@ -1,0 +1,33 @@
+"""Listening on a cell's bus; a simulated cell gets its stand-ins, and is heard from their first frame on."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from contextlib import ExitStack
+
+from axisbus.bus.listen import Listener, listen
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.runtime import load_dictionaries
+from axisbus.machine.wire import SIM
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+
+_CHANNELS = itertools.count(1)
+
+
+def listen_to(cell: CellConfig, stack: ExitStack) -> Listener:
+    """Open a cell's bus for listening only; ``stack`` closes it. Blocks as the adapter's driver does.
+
+    Raises:
+        EdsError, AdapterError: an EDS of a simulated cell, or the adapter, cannot be opened.
+    """
+    bus = cell.bus
+    if bus.interface != SIM:
+        return stack.enter_context(listen(bus.interface, bus.channel, bus.bitrate, bus.options))
+    name = f"axisbus-listen-{os.getpid()}-{next(_CHANNELS)}"
+    listener = stack.enter_context(listen("virtual", name, None, {}))
+    files = load_dictionaries(cell)
+    devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in files.items()]
+    stack.enter_context(StandIns(name, devices))
+    return listener

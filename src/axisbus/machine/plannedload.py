@@ -1,0 +1,54 @@
+"""The traffic that a cell file means: which frames travel how often after boot, by node and by service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from axisbus.eds.model import Eds
+from axisbus.machine.busload import plain_bits, worst_bits
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.checks.case import Case
+from axisbus.machine.checks.load import per_cycle
+from axisbus.machine.pdoplan import travelling
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """Frames of one kind: ``node`` None for those of no node, ``rate`` in frames per second."""
+
+    node: int | None
+    kind: str
+    name: str
+    rate: float
+    data_bytes: int
+    extended: bool = False
+
+    @property
+    def least(self) -> float:
+        """Bits per second without any stuff bit."""
+        return self.rate * plain_bits(self.data_bytes, self.extended)
+
+    @property
+    def worst(self) -> float:
+        """Bits per second with as many stuff bits as there can be."""
+        return self.rate * worst_bits(self.data_bytes, self.extended)
+
+
+def streams(cell: CellConfig, files: Mapping[int, Eds]) -> list[Stream]:
+    """Return what travels while the cell runs: SYNC, PDOs, heartbeats; SDO and EMCY come when they come and are not in it."""
+    return [stream for stream in _all(cell, files) if stream.rate > 0]
+
+
+def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Stream]:
+    bus = cell.bus
+    if bus.sync:
+        yield Stream(None, "SYNC", "SYNC", 1 / bus.scan_period, 0)
+    for node, eds, dictionary in Case(cell, files).nodes:
+        for receive, pdo in travelling(cell, node, eds, dictionary):
+            kind = "RPDO" if receive else "TPDO"
+            rate = per_cycle(pdo, receive, bus) / bus.scan_period
+            yield Stream(node.node_id, kind, f"{kind}{pdo.number}", rate, pdo.size, pdo.cob_id > 0x7FF)
+    if bus.heartbeat is not None:
+        for node_id in (*cell.nodes, bus.master_id):
+            yield Stream(node_id, "heartbeat", "heartbeat", 1 / bus.heartbeat, 1)

@@ -1,0 +1,36 @@
+"""The stand-ins of a simulated cell: one device for each of its nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from axisbus.eds.model import Eds
+from axisbus.errors import ConfigError
+from axisbus.machine.cell import CellConfig
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.device import Device
+from axisbus.sim.lss import NO_NODE_ID
+
+_KEY = "unconfigured"
+
+
+def devices(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Device]:
+    """Make a device for each node, powered off; ``unconfigured = [1, 2]`` in ``[bus.options]`` leaves nodes without a node-ID.
+
+    Those wait for one by LSS, with their number in the cell as serial number.
+
+    Raises:
+        ConfigError: ``unconfigured`` is not a list of the cell's nodes.
+    """
+    bare = cell.bus.options.get(_KEY, [])
+    if not isinstance(bare, list) or not all(node in list(cell.nodes) for node in bare):
+        raise ConfigError(
+            f"[bus.options] {_KEY} = {bare!r} is not a list of nodes of this cell",
+            remedy=f"write some of {sorted(cell.nodes)}, such as {_KEY} = [{min(cell.nodes, default=1)}]",
+        )
+    return {
+        node_id: device_from_eds(eds, NO_NODE_ID, seed=node_id, serial=node_id)
+        if node_id in bare
+        else device_from_eds(eds, node_id, seed=node_id)
+        for node_id, eds in dictionaries.items()
+    }

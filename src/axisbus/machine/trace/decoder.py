@@ -1,0 +1,347 @@
+"""Frames in, words out: which service and node each CAN identifier belongs to, and what the frame says.
+
+Theory of operation
+-------------------
+``Decoder.feed`` takes frames in the order of the wire and never raises: whatever cannot be read is a value that says so.
+Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
+connection set (CiA 301 7.3.5). What a finished SDO transfer has set or read of the communication objects (1005h, 1014h, 12xxh,
+14xxh to 1Bxxh) changes how the frames after it are read, exactly as it changes what the node does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.bus import errorframe
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+from axisbus.cia301.frame import Frame
+from axisbus.cia301.nmt import NmtState
+from axisbus.machine.trace import lss, services, words
+from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
+from axisbus.machine.trace.known import NOTHING, Known, KnownNode
+from axisbus.machine.trace.pdos import Parameters, PdoTable
+from axisbus.machine.trace.sdo import Dialogue
+from axisbus.machine.trace.services import Words
+from axisbus.machine.trace.transfer import Said
+from axisbus.machine.trace.values import Values
+
+_FUNCTION = 0x780
+_NODE = 0x7F
+_SDO_SERVER = range(0x1200, 0x1280)
+_SAM, _DAM = 0xFE, 0xFF  # sub-index 0 of an MPDO's mapping (CiA 301 7.5.2.36)
+_PREDEFINED_PDOS = {
+    **{base: (True, number) for number, base in enumerate(cob.RPDO, start=1)},
+    **{base: (False, number) for number, base in enumerate(cob.TPDO, start=1)},
+}
+
+
+class Decoder:
+    """Decodes one bus; holds state: the running SDO transfers, learned identifiers and mappings, last NMT states and modes."""
+
+    def __init__(self, known: Known = NOTHING) -> None:
+        self._known = known
+        self._values = Values(known)
+        self._pdos = PdoTable(tuple(known.nodes.values()))
+        self._dialogues: dict[tuple[int, int], Dialogue] = {}  # request and response identifier
+        self._states: dict[int, NmtState] = {}
+        self._asked: set[int] = set()  # nodes with a guarding request under way
+        self._toggles: dict[int, int] = {}
+        self._sync = {cob.SYNC}
+        self._emcy: dict[int, int] = {}
+        self._sdo: dict[int, tuple[int, bool, tuple[int, int]]] = {}
+        self._before: float | None = None
+
+    def feed(self, frame: Frame) -> Decoded:
+        """Return what a frame says."""
+        delta = 0.0 if self._before is None else frame.time - self._before
+        self._before = frame.time
+        kind, node = self.classify(frame)
+        made = _Making(frame, delta, kind, node, self._name(node))
+        return _DECODERS[kind](self, made)
+
+    def classify(self, frame: Frame) -> tuple[Kind, int | None]:
+        """Return the service and the node of a frame by its identifier, without decoding it."""
+        if frame.error:
+            return Kind.ERROR_FRAME, None
+        identifier = frame.can_id
+        learned = None if frame.extended else self._learned(identifier)
+        if learned is not None:
+            return learned
+        pdos = self._pdos.find(_wire(frame))
+        if pdos:
+            return (Kind.RPDO if pdos[0].receive else Kind.TPDO), pdos[0].node
+        return (Kind.UNKNOWN, None) if frame.extended else _predefined(frame)
+
+    def _learned(self, identifier: int) -> tuple[Kind, int | None] | None:
+        if identifier in self._sync:
+            return Kind.SYNC, None
+        if identifier in self._emcy:
+            return Kind.EMCY, self._emcy[identifier]
+        if identifier in self._sdo:
+            return Kind.SDO, self._sdo[identifier][0]
+        return None
+
+    def who(self, node: int) -> str:
+        """Return a node for a person: ``node 5 (x)``."""
+        name = self._name(node)
+        return f"node {node} ({name})" if name else f"node {node}"
+
+    def _name(self, node: int | None) -> str:
+        if node is None:
+            return ""
+        known = self._known.nodes.get(node)
+        if known is not None:
+            return known.name
+        return "master" if node == self._known.master_id else ""
+
+    # -- services -----------------------------------------------------------------------------------------------------------------
+
+    def _nmt(self, made: _Making) -> Decoded:
+        data = made.frame.data
+        if len(data) == 2 and data[0] in (129, 130):
+            for node in range(1, 128) if data[1] == 0 else (data[1],):
+                self._toggles.pop(node, None)
+        target = data[1] if len(data) == 2 and data[1] in cob.NODE_IDS else None
+        made = made.with_node(target, self._name(target))
+        return made.words(services.nmt(data, self.who), from_node=False)
+
+    def _sync_frame(self, made: _Making) -> Decoded:
+        return made.words(services.sync(made.frame.data), from_node=False)
+
+    def _time(self, made: _Making) -> Decoded:
+        return made.words(services.time(made.frame.data), from_node=False)
+
+    def _emergency(self, made: _Making) -> Decoded:
+        return made.words(services.emergency(made.frame.data, self._node(made).make))
+
+    def _heartbeat(self, made: _Making) -> Decoded:
+        node, frame = made.node or 0, made.frame
+        if frame.remote:
+            self._asked.add(node)
+            return made.words(Words("state asked for by a remote frame"), kind=Kind.GUARD, from_node=False)
+        if frame.data == b"\0":
+            self._toggles.pop(node, None)
+            self._states[node] = NmtState.PRE_OPERATIONAL
+            return made.words(Words("boot-up: enters pre-operational"), kind=Kind.BOOT_UP)
+        said, state = services.heartbeat(frame.data, self._states.get(node))
+        if state is not None:
+            self._states[node] = state
+        if node not in self._asked or len(frame.data) != 1:
+            return made.words(said)
+        self._asked.discard(node)
+        return made.words(self._guarded(node, frame.data[0], said), kind=Kind.GUARD)
+
+    def _guarded(self, node: int, data: int, said: Words) -> Words:
+        """The toggle bit alternates from one answer to the next (CiA 301 7.2.8.3.2.1)."""
+        toggle = data & services.TOGGLE
+        before, self._toggles[node] = self._toggles.get(node), toggle
+        if before is not None and before == toggle and not said.problem:
+            return said._replace(problem="the toggle bit did not change since the last answer")
+        return said
+
+    def _lss(self, made: _Making) -> Decoded:
+        request = made.frame.can_id == cob.LSS_RX
+        what, problem = lss.words(made.frame.data, request=request)
+        return made.words(Words(what, problem=problem), from_node=not request)
+
+    def _error_frame(self, made: _Making) -> Decoded:
+        """The class is Linux's; recordings of other systems have none, and are then no more than error frames."""
+        return made.words(Words(errorframe.describe(made.frame.can_id, made.frame.data), error=True))
+
+    def _unknown(self, made: _Making) -> Decoded:
+        return made.words(Words(_bytes(made.frame)))
+
+    # -- PDO ----------------------------------------------------------------------------------------------------------------------
+
+    def _pdo(self, made: _Making) -> Decoded:
+        pdos, receive = self._pdos.find(_wire(made.frame)), made.kind is Kind.RPDO
+        if not pdos:
+            function = made.frame.can_id & _FUNCTION
+            name = f"{'RPDO' if receive else 'TPDO'}{_PREDEFINED_PDOS[function][1]}"
+            return made.words(
+                Words(f"{name}, mapping not known: {_bytes(made.frame)}"), from_node=not receive
+            )
+        first, others = pdos[0], pdos[1:]
+        name = first.name + "".join(f" (taken by node {each.node} as {each.name})" for each in others)
+        mapping = first.mapping
+        if made.frame.remote:
+            return made.words(Words(f"{name}: asked for by a remote frame"), from_node=False)
+        if first.count in (_SAM, _DAM):
+            return self._multiplexed(made, first)
+        if not mapping:
+            return made.words(
+                Words(f"{name}, mapping not known: {_bytes(made.frame)}"), from_node=not receive
+            )
+        return self._mapped(made, name, first)
+
+    def _mapped(self, made: _Making, name: str, pdo: Parameters) -> Decoded:
+        mapping, data = pdo.mapping or (), made.frame.data
+        size = (sum(entry.bits for entry in mapping) + 7) // 8
+        from_node = not pdo.receive
+        if len(data) < size:
+            problem = f"{len(data)} bytes where {size} are mapped"
+            return made.words(Words(f"{name}: {_bytes(made.frame)}", problem=problem), from_node=from_node)
+        values = tuple(self._values.of_pdo(pdo.node, mapping, data))
+        # A receiver takes the first bytes of a longer frame (CiA 301 7.2.2.5.2); a sender never sends more than it maps.
+        problem = f"{len(data)} bytes where {size} are mapped" if len(data) > size and from_node else ""
+        error = any(words.in_trouble(value.index, value.value) for value in values)
+        return made.words(Words(name, error, problem), values=values, from_node=from_node)
+
+    def _multiplexed(self, made: _Making, pdo: Parameters) -> Decoded:
+        """An MPDO carries its own multiplexer (CiA 301 7.2.2.5)."""
+        data = made.frame.data
+        if len(data) != 8:
+            return made.words(
+                Words(pdo.name, problem=f"{len(data)} bytes, a multiplexed PDO has 8"),
+                from_node=not pdo.receive,
+            )
+        node = data[0] & _NODE
+        owner = node if node in cob.NODE_IDS else pdo.node
+        value, _ = self._values.of_bytes(owner, data[1] | data[2] << 8, data[3], data[4:8], sized=False)
+        to = "all nodes" if not node else self.who(node)
+        way = f"for {to}" if data[0] & 0x80 else f"from {to}"
+        return made.words(
+            Words(f"{pdo.name}, multiplexed, {way}"), values=(value,), from_node=not pdo.receive
+        )
+
+    # -- SDO ----------------------------------------------------------------------------------------------------------------------
+
+    def _sdo_frame(self, made: _Making) -> Decoded:
+        identifier, node = made.frame.can_id, made.node or 0
+        if identifier in self._sdo:
+            _, request, pair = self._sdo[identifier]
+        else:
+            request, pair = identifier & _FUNCTION == cob.SDO_RX, (cob.SDO_RX + node, cob.SDO_TX + node)
+        if made.frame.remote:
+            return made.words(Words("", problem="an SDO is no remote frame"), from_node=not request)
+        said = self._dialogues.setdefault(pair, Dialogue()).feed(
+            made.frame.data, made.frame.time, request=request
+        )
+        values, problem = self._transferred(node, said)
+        error = said.sdo.abort is not None or bool(said.note)
+        what = (
+            said.note
+            if said.sdo.abort is None
+            else "; ".join(filter(None, (words.abort_words(said.sdo.abort), said.note)))
+        )
+        return made.words(
+            Words(what, error, said.problem or problem), values=values, sdo=said.sdo, from_node=not request
+        )
+
+    def _transferred(self, node: int, said: Said) -> tuple[tuple[ObjectValue, ...], str]:
+        if said.address is None:
+            return (), ""
+        if said.value is None:
+            return (self._values.name(node, *said.address),), ""
+        value, problem = self._values.of_bytes(node, *said.address, said.value, sized=said.sized)
+        if said.settled and isinstance(value.value, int):
+            self._learn(node, value.index, value.subindex, value.value)
+        return (value,), problem
+
+    def _learn(self, node: int, index: int, subindex: int, value: int) -> None:
+        self._pdos.learn(node, index, subindex, value)
+        if subindex == 0 and index == o.COB_ID_SYNC:
+            self._sync.add(value & cob.ID_MASK_11)
+        elif subindex == 0 and index == o.COB_ID_EMCY and not value & cob.INVALID:
+            self._emcy[value & cob.ID_MASK_11] = node
+        elif index in _SDO_SERVER and subindex in (1, 2):
+            self._learn_channel(node, index, subindex, value)
+
+    def _learn_channel(self, node: int, index: int, subindex: int, value: int) -> None:
+        """An additional SDO server of a node (12xxh:01 from the client, :02 to it)."""
+        identifier = value & cob.ID_MASK_11
+        if value & cob.INVALID or identifier == (cob.SDO_RX, cob.SDO_TX)[subindex - 1] + node:
+            return
+        self._sdo[identifier] = (node, subindex == 1, (-node, index))
+
+    def _node(self, made: _Making) -> KnownNode:
+        return self._known.nodes.get(made.node or 0) or KnownNode(made.node or 0)
+
+
+class _Making:
+    """A ``Decoded`` in the making: what its identifier says."""
+
+    __slots__ = ("delta", "frame", "kind", "name", "node")
+
+    def __init__(self, frame: Frame, delta: float, kind: Kind, node: int | None, name: str) -> None:
+        self.frame, self.delta, self.kind, self.node, self.name = frame, delta, kind, node, name
+
+    def with_node(self, node: int | None, name: str) -> _Making:
+        return _Making(self.frame, self.delta, self.kind, node, name)
+
+    def words(
+        self,
+        said: Words,
+        *,
+        kind: Kind | None = None,
+        values: tuple[ObjectValue, ...] = (),
+        sdo: Sdo | None = None,
+        from_node: bool = True,
+    ) -> Decoded:
+        return Decoded(
+            self.frame,
+            self.delta,
+            kind or self.kind,
+            self.node,
+            self.name,
+            from_node,
+            said.what,
+            values,
+            sdo,
+            said.error,
+            said.problem,
+        )
+
+
+def _predefined(frame: Frame) -> tuple[Kind, int | None]:
+    """The service of an identifier in the predefined connection set (CiA 301 7.3.5)."""
+    identifier = frame.can_id
+    fixed = _FIXED.get(identifier)
+    if fixed is not None:
+        return fixed, None
+    function, node = identifier & _FUNCTION, identifier & _NODE
+    if not node or identifier > cob.ID_MASK_11:
+        return Kind.UNKNOWN, None
+    if function in _PREDEFINED_PDOS:
+        return (Kind.RPDO if _PREDEFINED_PDOS[function][0] else Kind.TPDO), node
+    kind = _BY_FUNCTION.get(function)
+    return (Kind.UNKNOWN, None) if kind is None else (kind, node)
+
+
+def _wire(frame: Frame) -> int:
+    return frame.can_id | cob.EXTENDED if frame.extended else frame.can_id
+
+
+def _bytes(frame: Frame) -> str:
+    if frame.remote:
+        return "remote frame"
+    return frame.data.hex(" ").upper() or "no data"
+
+
+_FIXED = {
+    cob.NMT: Kind.NMT,
+    cob.SYNC: Kind.SYNC,
+    cob.TIME: Kind.TIME,
+    cob.LSS_RX: Kind.LSS,
+    cob.LSS_TX: Kind.LSS,
+}
+_BY_FUNCTION = {
+    cob.EMCY: Kind.EMCY,
+    cob.SDO_TX: Kind.SDO,
+    cob.SDO_RX: Kind.SDO,
+    cob.HEARTBEAT: Kind.HEARTBEAT,
+}
+_DECODERS: dict[Kind, Callable[[Decoder, _Making], Decoded]] = {
+    Kind.NMT: Decoder._nmt,
+    Kind.SYNC: Decoder._sync_frame,
+    Kind.TIME: Decoder._time,
+    Kind.EMCY: Decoder._emergency,
+    Kind.TPDO: Decoder._pdo,
+    Kind.RPDO: Decoder._pdo,
+    Kind.SDO: Decoder._sdo_frame,
+    Kind.HEARTBEAT: Decoder._heartbeat,
+    Kind.LSS: Decoder._lss,
+    Kind.ERROR_FRAME: Decoder._error_frame,
+    Kind.UNKNOWN: Decoder._unknown,
+}

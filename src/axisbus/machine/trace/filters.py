@@ -1,0 +1,81 @@
+"""Which decoded frames are wanted: by node, kind and object, given as ``KEY=VALUE,VALUE`` texts."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable
+
+from axisbus.errors import ArgumentError
+from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue
+from axisbus.machine.trace.text import address
+
+Wanted = Callable[[Decoded], bool]
+
+_KINDS = {kind.value.lower().replace(" ", "-"): frozenset({kind}) for kind in Kind} | {
+    "pdo": frozenset({Kind.TPDO, Kind.RPDO}),
+    "boot-up": frozenset({Kind.BOOT_UP}),
+}
+_REMEDY = "write node=5 (or an axis: node=x), kind=sdo,emcy or object=6041; several are joined by commas"
+
+
+def parse(texts: Iterable[str]) -> Wanted:
+    """Return a test for frames: each text must hold (``node=1,2``, ``kind=sdo``, ``object=6041``), of its values any.
+
+    An object is named by its index, with or without sub-index (hexadecimal: ``6041``, ``1018:1``), or by a part of its name.
+
+    Raises:
+        ArgumentError: a text is none of these.
+    """
+    tests = [_test(text) for text in texts]
+    return lambda one: all(test(one) for test in tests)
+
+
+def _test(text: str) -> Wanted:
+    key, sign, rest = text.partition("=")
+    values = [value.strip() for value in rest.split(",") if value.strip()]
+    makers = {"node": _node, "kind": _kind, "object": _object}
+    if not sign or key.strip() not in makers or not values:
+        raise ArgumentError(f"{text!r} is no filter", remedy=_REMEDY)
+    tests = [makers[key.strip()](value) for value in values]
+    return lambda one: any(test(one) for test in tests)
+
+
+def _node(text: str) -> Wanted:
+    if text.isdigit():
+        number = int(text)
+        return lambda one: one.node == number
+    return lambda one: text in one.name.split(",")
+
+
+def _kind(text: str) -> Wanted:
+    kinds = _KINDS.get(text.lower())
+    if kinds is None:
+        near = difflib.get_close_matches(text.lower(), _KINDS, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ArgumentError(f"{text!r} is no kind of frame", remedy=f"{hint}there are {', '.join(_KINDS)}")
+    return lambda one: one.kind in kinds
+
+
+def _object(text: str) -> Wanted:
+    place = _address(text)
+    if place is not None:
+        index, subindex = place
+        return lambda one: any(
+            value.index == index and subindex in (None, value.subindex) for value in one.values
+        )
+    words = text.lower().split()
+    return lambda one: any(_named(value, words) for value in one.values)
+
+
+def _named(value: ObjectValue, words: list[str]) -> bool:
+    name = address(value).lower()
+    return all(word in name for word in words)
+
+
+def _address(text: str) -> tuple[int, int | None] | None:
+    index, sign, sub = text.lower().removeprefix("0x").partition(":")
+    try:
+        digits = index.removesuffix("h")
+        return (int(digits, 16), int(sub, 16) if sign else None) if len(digits) == 4 else None
+    except ValueError:
+        return None

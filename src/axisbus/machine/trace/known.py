@@ -1,0 +1,88 @@
+"""What is known of a bus before its first frame is seen: nodes, their dictionaries, their PDOs, and the axes' units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.cia301.pdo import Pdo
+from axisbus.drives import registry
+from axisbus.drives.make import GENERIC, Make
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+from axisbus.machine.cell import CellConfig, NodeConfig
+from axisbus.machine.checks import pdomodel
+from axisbus.machine.checks.case import Case
+from axisbus.machine.engineering import Quantities
+from axisbus.machine.pdoplan import travelling
+
+
+@dataclass(frozen=True, slots=True)
+class DirectedPdo:
+    """A PDO with its direction, seen from the node."""
+
+    receive: bool
+    pdo: Pdo
+
+
+@dataclass(frozen=True)
+class KnownNode:
+    """One node: ``name`` is that of its axes (empty where unknown), ``pdos`` those that may travel."""
+
+    node_id: int
+    name: str = ""
+    dictionary: Dictionary = field(default_factory=Dictionary)
+    pdos: tuple[DirectedPdo, ...] = ()
+    make: Make = GENERIC
+
+
+@dataclass(frozen=True)
+class Known:
+    """A bus as its files describe it; all of it may be empty."""
+
+    nodes: Mapping[int, KnownNode] = field(default_factory=dict)
+    quantities: Quantities = field(default_factory=Quantities)
+    master_id: int | None = None
+
+
+NOTHING = Known()
+
+
+def of_eds(files: Mapping[int, Eds]) -> Known:
+    """Return what the EDS or DCF of each node says: PDOs are those that it switches on."""
+    return Known({node_id: _node(NodeConfig(node_id), eds) for node_id, eds in files.items()})
+
+
+def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> Known:
+    """Return what a cell file says: PDOs as boot configures them, and behind those what the EDS switches on."""
+    case = Case(cell, files)
+    nodes = {}
+    for node, eds, dictionary in case.nodes:
+        planned = tuple(DirectedPdo(*each) for each in travelling(cell, node, eds, dictionary))
+        name = ",".join(axis.name for axis in cell.axes_of(node.node_id))
+        nodes[node.node_id] = _node(node, eds, name, planned)
+    return Known(nodes, Quantities(cell), cell.bus.master_id)
+
+
+def _node(node: NodeConfig, eds: Eds, name: str = "", planned: tuple[DirectedPdo, ...] = ()) -> KnownNode:
+    device = pdomodel.device_pdos(node, eds)
+    own = [DirectedPdo(True, pdo) for pdo in device.rpdos] + [DirectedPdo(False, pdo) for pdo in device.tpdos]
+    identity = eds.identity
+    return KnownNode(
+        node.node_id,
+        name,
+        Dictionary(eds, node.node_id),
+        tuple(_merged(planned, own)),
+        registry.find(identity.vendor_id, identity.product_code),
+    )
+
+
+def _merged(planned: Iterable[DirectedPdo], own: Iterable[DirectedPdo]) -> Iterable[DirectedPdo]:
+    """A plan says more than the file, as long as it says anything of a PDO."""
+    numbers = set()
+    for each in planned:
+        numbers.add((each.receive, each.pdo.number))
+        yield each
+    for each in own:
+        if (each.receive, each.pdo.number) not in numbers:
+            yield each

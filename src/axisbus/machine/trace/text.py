@@ -1,0 +1,89 @@
+"""A decoded frame as one line for a person."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from axisbus.cia301.datatypes import Value
+from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
+from axisbus.machine.trace.words import in_hex
+
+_LONGEST = 48  # bytes of a long value that a line shows
+_IN_PDO = frozenset({Kind.TPDO, Kind.RPDO})
+
+
+def line(one: Decoded, start: float = 0.0) -> str:
+    """Return a frame's line: seconds since ``start``, seconds since the frame before, identifier, who, kind and what."""
+    identifier = f"{one.frame.can_id:08X}h" if one.frame.extended else f"{one.frame.can_id:03X}h"
+    times = f"{one.frame.time - start:12.6f} {one.delta:+10.6f}"
+    return f"{times} {identifier:>9}  {who(one):<10} {one.kind.value:<9} {what(one)}".rstrip()
+
+
+def who(one: Decoded) -> str:
+    """Return node and axis, with an arrow before them where the frame goes to the node: ``5 x``, ``> 5 x``."""
+    if one.node is None:
+        return "bus"
+    name = f"{one.node} {one.name}".rstrip()
+    return name if one.from_node else f"> {name}"
+
+
+def what(one: Decoded) -> str:
+    """Return what the frame says, with its trouble at the end."""
+    said = _sdo(one, one.sdo) if one.sdo is not None else _plain(one)
+    return f"{said}  !! {one.problem}" if one.problem else said
+
+
+def address(value: ObjectValue) -> str:
+    """Return an object as people write it: ``6041h Statusword``, ``1018h:01 Vendor-ID``."""
+    place = f"{value.index:04X}h" + (f":{value.subindex:02X}" if value.subindex else "")
+    return f"{place} {value.name}".rstrip()
+
+
+def shown(value: ObjectValue) -> str:
+    """Return an object's value with its unit and its meaning: ``32768 = 90 deg``, ``0x0237 (operation enabled; ...)``."""
+    text = number(value.value, value.index, value.subindex)
+    if value.quantity is not None:
+        text += f" = {value.quantity:.6g} {value.unit}"
+    return f"{text} ({value.words})" if value.words else text
+
+
+def number(value: Value | None, index: int, subindex: int) -> str:
+    """Return a value as its object is read: in hexadecimal where it is an identifier or bits."""
+    if isinstance(value, bool) or value is None:
+        return str(value)
+    if isinstance(value, int):
+        return f"0x{value:04X}" if value >= 0 and in_hex(index, subindex) else str(value)
+    if isinstance(value, bytes):
+        more = f" ... {len(value)} bytes" if len(value) > _LONGEST else ""
+        return (value[:_LONGEST].hex(" ").upper() or "no bytes") + more
+    return repr(value[:200]) if isinstance(value, str) else f"{value:g}"
+
+
+def _plain(one: Decoded) -> str:
+    if not one.values:
+        return one.what
+    return f"{one.what}: " + ", ".join(f"{_short(value)} {shown(value)}" for value in one.values)
+
+
+def _short(value: ObjectValue) -> str:
+    return value.name or address(value)
+
+
+def _sdo(one: Decoded, sdo: Sdo) -> str:
+    parts = [sdo.step, *(address(value) for value in one.values)]
+    text = " ".join(parts)
+    value = one.values[0] if one.values else None
+    if sdo.abort is not None:
+        text += f": {one.what}"
+    elif value is not None and value.value is not None:
+        text += f" = {shown(value)}"
+    return text + "".join(_extras(one, sdo))
+
+
+def _extras(one: Decoded, sdo: Sdo) -> Iterator[str]:
+    if sdo.done is not None:
+        yield f", {sdo.done} of {sdo.total} bytes" if sdo.total is not None else f", {sdo.done} bytes"
+    if sdo.waited is not None:
+        yield f"  [{sdo.waited * 1000:.3g} ms]"
+    if sdo.abort is None and one.what:
+        yield f"  ({one.what})"

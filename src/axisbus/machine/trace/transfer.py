@@ -1,0 +1,97 @@
+"""One SDO transfer as it is followed on the wire, and what single frames of it hold (CiA 301 7.2.4.3)."""
+
+from __future__ import annotations
+
+import binascii
+from dataclasses import dataclass, field
+from enum import Enum
+
+from axisbus.machine.trace.decoded import Sdo
+
+
+class Phase(Enum):
+    """Where a transfer is; block data needs it, because its segments have no command specifier."""
+
+    ASKED = "asked"
+    SEGMENTS = "segments"
+    BLOCK = "block"
+    BLOCK_END = "end of block transfer"
+
+
+@dataclass(slots=True)
+class Transfer:
+    """One transfer; holds state: its phase and the bytes so far."""
+
+    index: int
+    subindex: int
+    write: bool
+    asked: float
+    phase: Phase = Phase.ASKED
+    size: int | None = None
+    data: bytearray = field(default_factory=bytearray)
+    toggle: int = 0
+    block: dict[int, bytes] = field(default_factory=dict)
+    last: bool = False
+    checked: bool = False  # both sides offered the CRC
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What one frame said: the object (None: not known), the transfer's step, and the whole value where the frame completes it.
+
+    ``sized`` tells whether the length of ``value`` was given. ``settled`` marks a value that is in the object now.
+    """
+
+    sdo: Sdo
+    address: tuple[int, int] | None = None
+    value: bytes | None = None
+    sized: bool = True
+    settled: bool = False
+    note: str = ""
+    problem: str = ""
+
+
+def address(data: bytes) -> tuple[int, int]:
+    """Return index and sub-index of a frame that has a multiplexer."""
+    return data[1] | data[2] << 8, data[3]
+
+
+def expedited(data: bytes) -> tuple[bytes | None, bool]:
+    """Return the bytes of an expedited transfer and whether their number was given; None where the data come in segments."""
+    if not data[0] & 2:
+        return None, False
+    if not data[0] & 1:
+        return bytes(data[4:8]), False
+    return bytes(data[4 : 8 - (data[0] >> 2 & 3)]), True
+
+
+def size(data: bytes, given: bool) -> int | None:
+    """Return the announced number of bytes; None where it is not ``given``."""
+    return int.from_bytes(data[4:8], "little") if given else None
+
+
+def toggled(transfer: Transfer, command: int, *, turn: bool = True, last: int = 0) -> str:
+    """Check the toggle bit; ``turn``: the frame is the one after which it changes, ``last``: that frame has been."""
+    expected = transfer.toggle ^ last
+    bit = command >> 4 & 1
+    if turn:
+        transfer.toggle ^= 1
+    return f"toggle bit {bit} where {expected} was due" if bit != expected else ""
+
+
+def trim(transfer: Transfer, data: bytes) -> str:
+    """Take the padding of the last segment off, and check the CRC where both sides offered one."""
+    unused = data[0] >> 2 & 7
+    if unused:
+        del transfer.data[-unused:]
+    if not transfer.checked:
+        return ""
+    given, computed = data[1] | data[2] << 8, binascii.crc_hqx(bytes(transfer.data), 0)
+    return f"CRC 0x{given:04X} where the data have 0x{computed:04X}" if given != computed else ""
+
+
+def length(transfer: Transfer) -> str:
+    """Say where a whole value has another length than was announced; empty where it has not."""
+    if transfer.size is None or transfer.size == len(transfer.data):
+        return ""
+    return f"{len(transfer.data)} bytes came, announced were {transfer.size}"

@@ -1,0 +1,104 @@
+"""NMT commands by hand: how each node shows that it took one, and what is never asked of it. The slave is typed off CiA 301."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from bus_peer import FakeBus, Slave
+
+from axisbus.bus import nmt_confirm
+from axisbus.bus.channel import Channel
+from axisbus.bus.nmt import Confirmation
+from axisbus.bus.node import Node
+from axisbus.cia301.nmt import NmtCommand, NmtState
+
+U16 = 2
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nmt_confirm, "LISTEN", 0.1)
+    monkeypatch.setattr(nmt_confirm, "PATIENCE", 0.6)
+    monkeypatch.setattr(nmt_confirm, "BOOT_PATIENCE", 0.6)
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(5)
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def node(channel: Channel, slave: Slave) -> Iterator[Node]:
+    with Node(channel, 5) as node:
+        yield node
+
+
+def give(channel: Channel, node: Node, command: NmtCommand) -> nmt_confirm.Outcome:
+    ways = nmt_confirm.ways([node])
+    return nmt_confirm.command(channel, [node], command, ways, everybody=False)[0]
+
+
+def test_guarding_confirms_where_life_guarding_is_off(fake, channel, slave, node):
+    slave.answers_guarding = True
+    outcome = give(channel, node, NmtCommand.START)
+    assert (outcome.ok, outcome.way.by, outcome.state) == (True, Confirmation.GUARDING, NmtState.OPERATIONAL)
+    assert slave.commands == [1]
+
+
+def test_life_guarding_is_never_armed_by_asking(fake, channel, slave, node):
+    slave.answers_guarding = True
+    slave.objects[0x100C, 0] = (100).to_bytes(U16, "little")
+    slave.objects[0x100D, 0] = b"\3"
+    outcome = give(channel, node, NmtCommand.START)
+    assert (outcome.ok, outcome.way.by) == (True, Confirmation.SDO)
+    assert fake.remote == []
+
+
+def test_a_node_that_answers_no_remote_frame_is_seen_by_its_sdo_server(channel, slave, node):
+    started = give(channel, node, NmtCommand.START)
+    assert (started.ok, started.way.by) == (True, Confirmation.SDO)
+    stopped = give(channel, node, NmtCommand.STOP)
+    assert (stopped.ok, stopped.state) == (True, NmtState.STOPPED)
+
+
+def test_a_heartbeat_confirms_and_tells_the_state_before(fake, channel, slave, node):
+    fake.inject(0x705, "7F")
+    slave.objects[0x1017, 0] = (100).to_bytes(U16, "little")
+    ways = nmt_confirm.ways([node])
+    assert ways[5] == nmt_confirm.Way(Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1)
+    fake.peers.append(lambda can_id, *_: [(0x705, b"\5")] if can_id == 0 else [])
+    outcome = nmt_confirm.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
+    assert outcome.text.startswith("operational (was pre-operational), confirmed by its heartbeat")
+
+
+def test_a_heartbeat_of_the_old_state_confirms_nothing(fake, channel, slave, node):
+    fake.inject(0x705, "7F")
+    ways = nmt_confirm.ways([node])
+    fake.peers.append(lambda can_id, *_: [(0x705, b"\x7f")] if can_id == 0 else [])
+    outcome = nmt_confirm.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
+    assert not outcome.ok
+    assert "it still says pre-operational" in outcome.text
+
+
+def test_a_reset_needs_a_boot_up_message_after_the_command(fake, channel, slave, node):
+    fake.inject(0x705, "00")
+    outcome = give(channel, node, NmtCommand.RESET_COMMUNICATION)
+    assert (outcome.ok, outcome.way.by) == (True, Confirmation.BOOT_UP)
+    fake.peers.clear()
+    assert not give(channel, node, NmtCommand.RESET_NODE).ok
+
+
+def test_a_node_that_shows_nothing_is_an_outcome(fake, channel):
+    with Node(channel, 9) as silent:
+        outcome = give(channel, silent, NmtCommand.START)
+    assert (outcome.ok, outcome.state) == (False, None)
+    assert "it shows nothing" in outcome.text
+
+
+def test_one_command_to_everybody_is_one_frame(fake, channel, slave, node):
+    ways = nmt_confirm.ways([node])
+    nmt_confirm.command(channel, [node], NmtCommand.START, ways, everybody=True)
+    assert fake.frames(0) == [b"\1\0"]

@@ -1,0 +1,109 @@
+"""Recordings: candump's lines typed by hand after can-utils, and every format that python-can writes, read back."""
+
+from __future__ import annotations
+
+import can
+import pytest
+
+from axisbus.bus import candump, recording
+from axisbus.cia301.frame import Frame
+from axisbus.errors import UserError
+
+
+@pytest.mark.parametrize(
+    ("line", "frame"),
+    [
+        (
+            "(1436509052.249713) vcan0 044#2A366C2BBA",
+            Frame(1436509052.249713, 0x044, bytes.fromhex("2A366C2BBA")),
+        ),
+        ("(1436509052.249713) can0 705#00 R", Frame(1436509052.249713, 0x705, b"\0")),
+        ("(1.000000) can0 705#R", Frame(1.0, 0x705, remote=True)),
+        ("(1.000000) can0 705#R1", Frame(1.0, 0x705, remote=True)),
+        ("(1.000000) can0 00000181#01", Frame(1.0, 0x181, b"\1", extended=True)),
+        (
+            "(1.000000) can0 20000004#0008000000000000",
+            Frame(1.0, 4, bytes.fromhex("0008000000000000"), error=True),
+        ),
+        ("  can0  181   [8]  37 06 01 00 80 00 00 00", Frame(0.0, 0x181, bytes.fromhex("3706010080000000"))),
+        (" (001.500000)  can0  080   [0]", Frame(1.5, 0x080)),
+        (" (1436509052.249713)  can0  RX - -  705   [1]  05", Frame(1436509052.249713, 0x705, b"\5")),
+        ("  can0  705   [1]  remote request", Frame(0.0, 0x705, remote=True)),
+        ("  vcan0  181   [3]  41 42 43   'ABC'", Frame(0.0, 0x181, b"ABC")),
+        (
+            "  can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME",
+            Frame(0.0, 0x80, bytes(8), error=True),
+        ),
+    ],
+)
+def test_a_line_of_candump(line, frame):
+    assert candump.parse(line) == frame
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "",
+        "hello",
+        "(1.0) can0 181#0",
+        "(1.0) can0 181#112233445566778899",
+        "can0 181 [2] 11",
+        "(1.0) can0 181##1AABB",
+        "[bus]",
+    ],
+)
+def test_a_line_that_is_none(line):
+    assert candump.parse(line) is None
+
+
+MESSAGES = [
+    can.Message(timestamp=10.0, arbitration_id=0x705, data=b"\0", is_extended_id=False),
+    can.Message(timestamp=10.25, arbitration_id=0x181, data=bytes(range(8)), is_extended_id=False),
+    can.Message(timestamp=10.5, arbitration_id=0x12345678, data=b"\1", is_extended_id=True),
+]
+
+
+@pytest.mark.parametrize("suffix", [".asc", ".blf", ".csv", ".log", ".trc", ".db"])
+def test_every_format_gives_the_same_frames(tmp_path, suffix):
+    path = tmp_path / f"run{suffix}"
+    with can.Logger(path) as writer:
+        for message in MESSAGES:
+            writer(message)
+    skipped = recording.Skipped()
+    frames = list(recording.read(path, skipped))
+    assert [(frame.can_id, frame.data, frame.extended) for frame in frames] == [
+        (0x705, b"\0", False),
+        (0x181, bytes(range(8)), False),
+        (0x12345678, b"\1", True),
+    ]
+    assert frames[1].time - frames[0].time == pytest.approx(0.25, abs=0.002)
+    assert skipped.frames == 3
+
+
+def test_a_torn_last_line_is_counted_not_fatal(tmp_path):
+    path = tmp_path / "run.log"
+    path.write_text("(1.0) can0 705#00\n(1.1) can0 705#0")
+    skipped = recording.Skipped()
+    assert len(list(recording.read(path, skipped))) == 1
+    assert (skipped.count, skipped.first) == (1, "2: (1.1) can0 705#0")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("none.blf", None, "there is no recording"),
+        ("run.pdf", b"%PDF", "recordings of this format are not known"),
+        (
+            "run.blf",
+            b"no blf at all, but long enough to look like the beginning of one" * 3,
+            "cannot be read at its beginning",
+        ),
+        ("run.log", b"", "there is no CAN frame in"),
+        ("run.txt", b"some text\n", "there is no CAN frame in"),
+    ],
+)
+def test_a_file_that_is_no_recording_is_one_clear_sentence(tmp_path, name, content, words):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(UserError, match=words):
+        list(recording.read(tmp_path / name, recording.Skipped()))

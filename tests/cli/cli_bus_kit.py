@@ -1,0 +1,58 @@
+"""The command line in this process, and stand-ins on a private virtual bus that it can be pointed at."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from axisbus.cli.common import run
+from axisbus.cli.main import cli
+from axisbus.eds import builtin, load
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+
+ROOT = Path(__file__).parents[2]
+CELL = str(ROOT / "examples" / "cell.toml")
+GENERIC = "builtin:generic-cia402"
+_channels = (f"cli-{os.getpid()}-{number}" for number in itertools.count())
+
+
+class Result(NamedTuple):
+    """What a command did."""
+
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Result]
+
+
+def runner(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Return a function that runs the command line: ``axisbus("od", "read", ..., stdin="")``."""
+
+    def call(*arguments: object, stdin: str = "") -> Result:
+        monkeypatch.setattr(sys, "argv", ["axisbus", *map(str, arguments)])
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin.encode())))
+        code = run(cli)
+        seen = capsys.readouterr()
+        return Result(code, seen.out, seen.err)
+
+    return call
+
+
+@contextmanager
+def drives(*node_ids: int) -> Iterator[tuple[StandIns, str]]:
+    """Generic drives on a private channel; yields them and the channel's name."""
+    eds = load(builtin.resolve(GENERIC, Path()))
+    name = next(_channels)
+    with StandIns(name, [device_from_eds(eds, node_id, seed=node_id) for node_id in node_ids]) as stand_ins:
+        yield stand_ins, name

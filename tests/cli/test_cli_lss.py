@@ -1,0 +1,199 @@
+"""``axisbus lss`` as its user types it, on a simulated cell whose node 2 waits for a node-ID."""
+
+import json
+import sys
+
+import pytest
+
+from axisbus.cli.common import run
+from axisbus.cli.lss import COMMANDS
+from axisbus.cli.main import cli
+
+CELL = """
+[bus]
+interface = "sim"
+scan_period = "4ms"
+[bus.options]
+unconfigured = {unconfigured}
+[nodes.1]
+eds = "builtin:gim6010-8"
+[nodes.2]
+eds = "builtin:gim6010-8"
+"""
+WHO = ("-s", "0xC0B00", 0, 0, 2)
+PATIENT = ("--timeout", "0.05")
+
+
+@pytest.fixture
+def lss(monkeypatch, capsys):
+    """Run ``axisbus lss`` in this process; returns (exit code, output, errors)."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["axisbus", "lss", *map(str, arguments)])
+        code = run(cli)
+        seen = capsys.readouterr()
+        return code, seen.out, seen.err
+
+    return call
+
+
+@pytest.fixture
+def cell(tmp_path):
+    return written(tmp_path, [2])
+
+
+def written(folder, unconfigured):
+    path = folder / "cell.toml"
+    path.write_text(CELL.format(unconfigured=unconfigured))
+    return path
+
+
+def test_find_shows_who_has_no_node_id_and_what_to_type(lss, cell):
+    code, out, _ = lss("find", cell, *PATIENT)
+    assert code == 0
+    assert "1 without a node-ID:\n  vendor 0xC0B00, product 0x0, revision 0x0, serial 0x2\n" in out
+    assert f"axisbus lss set-node-id NODE_ID {cell} -s 0xC0B00 0x0 0x0 0x2 --store" in out
+
+
+def test_find_as_json_with_known_numbers(lss, cell):
+    code, out, _ = lss(
+        "find", cell, "--vendor", "0xC0B00", "--revision", 0, "--json", "--beside-operation", *PATIENT
+    )
+    assert code == 0
+    assert json.loads(out) == {
+        "slaves": [
+            {
+                "vendor_id": 0xC0B00,
+                "product_code": 0,
+                "revision_number": 0,
+                "serial_number": 2,
+                "twins": False,
+            }
+        ],
+        "others": False,
+    }
+
+
+def test_find_where_everybody_has_a_node_id(lss, tmp_path):
+    code, out, _ = lss("find", written(tmp_path, []), "--beside-operation")
+    assert code == 1
+    assert "no LSS slave without a node-ID answers" in out
+    assert "next: see who has a node-ID: axisbus scan" in out
+
+
+def test_find_where_only_others_are(lss, cell):
+    code, out, _ = lss("find", cell, "--vendor", 5, "--beside-operation")
+    assert code == 1
+    assert "other slaves without a node-ID are there" in out
+
+
+def test_inquire(lss, cell):
+    code, out, _ = lss("inquire", cell, *WHO, "--beside-operation")
+    assert (code, "no node-ID\n" in out) == (0, True)
+    code, out, _ = lss("inquire", cell, "-s", "0xC0B00", 0, 0, 2, "--json", "--beside-operation")
+    assert json.loads(out)["node_id"] is None
+
+
+def test_set_node_id_of_the_one_that_is_found(lss, cell):
+    code, out, _ = lss("set-node-id", 7, cell, "--found", "--store", "--beside-operation", *PATIENT)
+    assert code == 0
+    assert "serial 0x2: node-ID 7, stored" in out
+    assert "it booted as node 7" in out
+    assert f"next: axisbus scan {cell}" in out
+
+
+def test_set_node_id_that_another_node_has(lss, cell):
+    code, out, err = lss("set-node-id", 1, cell, *WHO)
+    assert (code, out) == (1, "")
+    assert "node-ID 1 is taken" in err
+
+
+def test_set_node_id_as_json(lss, cell):
+    code, out, _ = lss("set-node-id", 7, cell, *WHO, "--json", "--beside-operation")
+    assert code == 0
+    told = json.loads(out)
+    assert (told["old_node_id"], told["node_id"], told["stored"], told["booted"]) == (255, 7, False, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("set-node-id", 7), "name the slave in one way"),
+        (("set-node-id", 7, *WHO, "--only"), "name the slave in one way"),
+        (("set-node-id", 0, *WHO), "node-ID 0 cannot be given"),
+        (("set-node-id", "x", *WHO), "'x' is not a number"),
+        (("set-node-id", 7, "-s", 1, 2, 3, 1 << 32), "not a number of 32 bits"),
+        (("inquire", *WHO, "--timeout", 0), "time-out of 0 s"),
+        (("set-bitrate", 100_000, *WHO, "--yes"), "no bit rate of 100000"),
+        (("set-bitrate", 500_000, "--yes"), "name the slaves"),
+        (("set-bitrate", 500_000, *WHO, "--all", "--yes"), "name the slaves"),
+        (("set-bitrate", 500_000, *WHO, "--activate", "--delay", 99, "--yes"), "switch delay of 99 s"),
+        (("find",), "give a cell file, or the bus with -i and -c"),
+    ],
+)
+def test_misuse_is_told_before_the_bus_is_opened(lss, arguments, words):
+    code, out, err = lss(*arguments)
+    assert (code, out) == (2, "")
+    assert words in err
+
+
+def test_set_bitrate_says_what_it_does_to_others_and_wants_a_yes(lss, cell):
+    code, out, err = lss("set-bitrate", 500_000, cell, *WHO, "--activate")
+    assert (code, out) == (2, "")
+    assert "loses every node that does not" in err
+    assert "--yes" in err
+
+
+def test_set_bitrate_without_activation_changes_nothing_yet(lss, cell):
+    code, out, _ = lss("set-bitrate", 500_000, cell, *WHO, "--store", "--yes", "--beside-operation")
+    assert code == 0
+    assert "told: 500000 bit/s, stored" in out
+    assert "nothing has changed yet: the new rate holds from their next power-up" in out
+    assert f"axisbus scan {cell} -b 500000" in out
+
+
+def test_set_bitrate_of_all_with_activation(lss, cell):
+    code, out, _ = lss(
+        "set-bitrate",
+        500_000,
+        cell,
+        "--all",
+        "--activate",
+        "--delay",
+        0.02,
+        "--yes",
+        "--json",
+        "--beside-operation",
+    )
+    assert code == 0
+    assert json.loads(out) == {"bitrate": 500_000, "slaves": "all", "stored": False, "activated": True}
+
+
+def test_store(lss, cell):
+    code, out, _ = lss("store", cell, *WHO, "--beside-operation")
+    assert (code, "stored: node-ID and bit rate are kept without power" in out) == (0, True)
+
+
+def test_a_slave_that_is_not_there_is_a_failure_of_the_bus(lss, cell):
+    code, out, err = lss("inquire", cell, "-s", 1, 2, 3, 4, "--beside-operation")
+    assert (code, out) == (3, "")
+    assert "no LSS slave has the identity 0x1 0x2 0x3 0x4" in err
+
+
+def test_the_only_one_where_there_are_two(lss, cell):
+    code, _, err = lss("store", cell, "--only", "--beside-operation")
+    assert code == 3
+    assert "several LSS slaves answered inquire vendor-ID" in err
+
+
+def test_unconfigured_must_name_nodes_of_the_cell(lss, tmp_path):
+    code, _, err = lss("find", written(tmp_path, [9]))
+    assert code == 1
+    assert "unconfigured = [9] is not a list of nodes of this cell" in err
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_each_subcommand_has_help(lss, name):
+    code, out, _ = lss(name, "-h")
+    assert code == 0
+    assert f"axisbus lss {name} [OPTIONS]" in out.splitlines()[0]

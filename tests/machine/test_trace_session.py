@@ -1,0 +1,133 @@
+"""A whole session of ours, recorded on the virtual bus and decoded; and frames that nobody should ever send."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus import Machine
+from axisbus.bus.listen import listen
+from axisbus.cia301.frame import Frame
+from axisbus.machine import config
+from axisbus.machine.runtime import load_dictionaries
+from axisbus.machine.trace import filters, known
+from axisbus.machine.trace.decoded import Kind
+from axisbus.machine.trace.decoder import Decoder
+from axisbus.machine.trace.plain import plain
+from axisbus.machine.trace.text import line
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+
+CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """The frames of a boot, an enabling, a homing, a move and the way out, with what is known of the cell."""
+    path = tmp_path_factory.mktemp("trace") / "cell.toml"
+    text = CELL.read_text().replace('interface = "sim"', 'interface = "virtual"\nchannel = "trace-session"')
+    path.write_text(text)
+    loaded = config.load(path)
+    files = load_dictionaries(loaded)
+    devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in files.items()]
+    with listen("virtual", "trace-session", None, {}) as listener:
+        with StandIns("trace-session", devices), Machine.open(path) as cell:
+            cell["x"].enable().wait()
+            cell["x"].home().wait()
+            cell["x"].move_absolute(1.0).wait()
+        frames = list(listener.frames(1.5))
+    return frames, known.of_cell(loaded, files)
+
+
+def _decode(frames, what):
+    decoder = Decoder(what)
+    return [decoder.feed(frame) for frame in frames]
+
+
+def test_every_frame_is_decoded_without_complaint(session):
+    frames, cell = session
+    decoded = _decode(frames, cell)
+    assert [line(one) for one in decoded if one.problem or one.kind is Kind.UNKNOWN] == []
+    assert {one.kind for one in decoded} >= {
+        Kind.NMT,
+        Kind.SYNC,
+        Kind.SDO,
+        Kind.RPDO,
+        Kind.TPDO,
+        Kind.HEARTBEAT,
+        Kind.BOOT_UP,
+    }
+
+
+def test_every_pdo_is_decoded_by_what_boot_up_showed_alone(session):
+    """Without any file: mappings are learned from the SDO transfers of the recording."""
+    frames, cell = session
+    with_files = _decode(frames, cell)
+    alone = _decode(frames, known.NOTHING)
+    for one, other in zip(with_files, alone, strict=True):
+        if one.kind in (Kind.TPDO, Kind.RPDO):
+            assert [value.value for value in one.values] == [value.value for value in other.values]
+            assert one.values
+
+
+def test_the_story_of_the_axis_can_be_read(session):
+    frames, cell = session
+    words = [
+        value.words
+        for one in _decode(frames, cell)
+        if one.node == 1
+        for value in one.values
+        if value.index == 0x6041
+    ]
+    states = [word.split(";")[0] for word in words]
+    assert states.index("switch on disabled") < states.index("operation enabled")
+    assert states[-1] != "operation enabled"
+    assert any("homing attained" in word for word in words)
+    assert any("set-point acknowledge" in word for word in words)
+
+
+def test_filters(session):
+    frames, cell = session
+    decoded = _decode(frames, cell)
+    commands = [one for one in decoded if filters.parse(["node=x", "object=6040", "kind=rpdo,sdo"])(one)]
+    assert commands
+    assert {one.node for one in commands} == {1}
+    named = filters.parse(["object=controlword"])
+    assert all(named(one) for one in commands)
+    assert not any(filters.parse(["node=1,2,3"])(one) for one in decoded if one.kind is Kind.SYNC)
+
+
+identifiers = st.one_of(
+    st.integers(0, 0x7FF),
+    st.sampled_from([0x000, 0x080, 0x081, 0x100, 0x181, 0x201, 0x581, 0x601, 0x701, 0x7E4, 0x7E5]),
+)
+# SDO frames that go far: a command, one of a few objects, and anything.
+sdo = st.builds(
+    lambda command, index, sub, rest: bytes([command]) + index.to_bytes(2, "little") + bytes([sub]) + rest,
+    st.integers(0, 255),
+    st.sampled_from([0x1005, 0x1014, 0x1200, 0x1400, 0x1600, 0x1800, 0x1A00, 0x6041, 0x6060, 0x1008, 0xFFFF]),
+    st.integers(0, 9),
+    st.binary(min_size=4, max_size=4),
+)
+frame = st.builds(
+    Frame,
+    st.floats(-10, 1e9),
+    identifiers,
+    st.one_of(st.binary(max_size=8), sdo),
+    extended=st.booleans(),
+    remote=st.booleans(),
+    error=st.sampled_from([False, False, False, True]),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(frame, max_size=40))
+def test_no_frame_at_all_breaks_the_decoder(frames):
+    decoder = Decoder()
+    for one in map(decoder.feed, frames):
+        assert line(one)
+        assert json.loads(json.dumps(plain(one), allow_nan=False))["cob_id"] == one.frame.can_id

@@ -1,0 +1,40 @@
+"""Frames as a person types them, for the tests of the decoder."""
+
+from __future__ import annotations
+
+from axisbus.cia301.frame import Frame
+from axisbus.machine.trace import text
+from axisbus.machine.trace.decoded import Decoded
+from axisbus.machine.trace.decoder import Decoder
+from axisbus.machine.trace.known import NOTHING, Known
+
+STEP = 0.001
+
+
+class Wire:
+    """A decoder that is fed with frames one millisecond apart."""
+
+    def __init__(self, known: Known = NOTHING) -> None:
+        self.decoder = Decoder(known)
+        self.time = 0.0
+
+    def __call__(self, can_id: int, data: str = "", **flags: bool) -> Decoded:
+        """Feed a frame of hexadecimal digits."""
+        self.time += STEP
+        return self.decoder.feed(Frame(self.time, can_id, bytes.fromhex(data), **flags))
+
+    def says(self, can_id: int, data: str = "", **flags: bool) -> str:
+        """Feed a sound frame and return its words."""
+        one = self(can_id, data, **flags)
+        assert not one.problem, one.problem
+        return text.what(one)
+
+
+def crc16(data: bytes) -> int:
+    """CRC of SDO block transfer, bit by bit as CiA 301 7.2.4.3.16 describes it (x^16 + x^12 + x^5 + 1, from 0)."""
+    register = 0
+    for octet in data:
+        for bit in range(7, -1, -1):
+            out = (register >> 15) ^ (octet >> bit & 1)
+            register = (register << 1 & 0xFFFF) ^ (0x1021 if out else 0)
+    return register
