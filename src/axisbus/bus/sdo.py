@@ -105,6 +105,7 @@ class SdoClient:
         data: bytes,
         *,
         timeout: float | None = None,
+        tries: int | None = None,
         call: Call | None = None,
     ) -> None:
         """Write an object's bytes (CiA 301 7.2.4.3.3); blocks. An empty value goes in a segmented transfer.
@@ -112,7 +113,7 @@ class SdoClient:
         Raises:
             as ``upload``.
         """
-        self._run(_Request(index, subindex, bytes(data), timeout or self.timeout, self.tries), call)
+        self._run(_Request(index, subindex, bytes(data), timeout or self.timeout, tries or self.tries), call)
 
     def download_urgent(self, index: int, subindex: int, data: bytes) -> None:
         """Write up to 4 bytes at once: a running transfer is aborted, and nothing is awaited before the frame is sent.

@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +86,26 @@ def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, 
             now = done * 1000 // max(1, total)
             bar.update(now - shown)
             shown = now
+
+        yield tell
+
+
+@contextmanager
+def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
+    """Offer ``tell(what, done, all)``, which draws a bar for each phase of a long work, as ``progress_bar`` does."""
+    now = ""
+    with ExitStack() as stack:
+        bar = ExitStack()
+        draw: Callable[[int, int], None] | None = None
+        stack.callback(lambda: bar.close())
+
+        def tell(what: str, done: int, total: int) -> None:
+            nonlocal now, draw
+            if what != now:
+                bar.close()
+                now, draw = what, bar.enter_context(progress_bar(what, quiet=quiet))
+            if draw is not None:
+                draw(done, total)
 
         yield tell
 
