@@ -27,8 +27,8 @@ from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, BootError
+from axisbus.machine import dcf, proposal
 from axisbus.machine import identity as ids
-from axisbus.machine import proposal
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.configure import Watch, write_all, writes_of
@@ -142,7 +142,8 @@ class NodeBoot:
             return
         self._watch.set_sync()
         dictionary = Dictionary(self._eds, self._objects.node_id)
-        count = write_all(
+        count = dcf.apply(self._objects, self._cell, self._eds, self._make)
+        count += write_all(
             self._objects, writes_of(self._cell, self._objects.node_id, dictionary), self._cell.file
         )
         self._report.configured = f"{count} objects written and read back"
