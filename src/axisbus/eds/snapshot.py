@@ -79,7 +79,9 @@ def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
             variable, f"the device sends {len(data)} octets, {variable.data_type.name} has {size}: wrong EDS?"
         )
     text = _text(variable, data, node_id)
-    if not data or _means(text, variable, data, node_id) or not variable.writable:
+    if not text and variable.writable:
+        return left(variable, "it is empty, which an EDS cannot say")
+    if _means(text, variable, data, node_id) or not variable.writable:
         return text
     return left(variable, f"{data[:16].hex(' ')} cannot be written in an EDS as {variable.data_type.name}")
 

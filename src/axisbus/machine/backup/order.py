@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 Only what differs is written, and what must be taken apart for it. So the plan is worked out anew from what the device holds,
-whatever an earlier, interrupted run did to it, and it is empty when there is nothing left to do. The phases are:
+whatever an earlier, interrupted run did to it, and it is empty when there is nothing left to do. No write repeats what is held
+already: runs that are cut off after every single write still come to the end. The phases are:
 
 1. 1020h (Verify configuration) becomes 0, because the configuration that it vouches for is about to change.
 2. PDOs that will change are switched off: bit 31 of their COB-ID (CiA 301 7.5.2.35, 7.5.2.37).
@@ -120,14 +121,22 @@ class _Plan:
     # -- 1020h ----------------------------------------------------------------------------------------------------------
 
     def stamp_away(self) -> Iterator[Write]:
-        for key in sorted(self._wanted):
-            if key[0] == VERIFY and any(self._held.get(key) or b""):
+        for key in self._stamps() if self._beside_stamp() else ():
+            if any(self._held.get(key) or b""):
                 yield Write(*key, bytes(len(self._wanted[key])))
 
     def stamp(self) -> Iterator[Write]:
-        for key in sorted(self._wanted):
-            if key[0] == VERIFY and any(self._wanted[key]):
+        taken_away = {write.key for write in self.stamp_away()}
+        for key in self._stamps():
+            now = bytes(len(self._wanted[key])) if key in taken_away else self._held.get(key)
+            if now != self._wanted[key]:
                 yield Write(*key, self._wanted[key])
+
+    def _stamps(self) -> list[Key]:
+        return sorted(key for key in self._wanted if key[0] == VERIFY)
+
+    def _beside_stamp(self) -> bool:
+        return any(index != VERIFY for index, _ in self._differing)
 
     # -- PDOs -----------------------------------------------------------------------------------------------------------
 
@@ -153,12 +162,15 @@ class _Plan:
                 if key[0] == mapping:
                     yield Write(*key, self._wanted[key], pdo)
             return
-        if any(self._held.get((mapping, 0)) or b"\1"):
+        mapped = any(self._held.get((mapping, 0)) or b"\1")
+        if mapped:
             yield Write(mapping, 0, bytes(len(count)), pdo)
         for subindex in range(1, int.from_bytes(count, "little") + 1):
-            data = self._wanted.get((mapping, subindex)) or self._held.get((mapping, subindex))
-            if data is not None and self._settable(mapping, subindex):
-                yield Write(mapping, subindex, data, pdo)
+            key = mapping, subindex
+            data = self._wanted.get(key)
+            # Emptying a mapping may empty its entries too, so all are written behind it.
+            if data is not None and (mapped or self._held.get(key) != data):
+                yield Write(*key, data, pdo)
         if any(count):
             yield Write(mapping, 0, count, pdo)
 
@@ -180,25 +192,48 @@ class _Plan:
             now = self._number((index, 0))
             if (index, 0) in self._differing and now is not None and off(now) != now:
                 yield Write(index, 0, _u32(off(now)))
-        if (_SYNC_OVERFLOW, 0) in self._differing and (o.CYCLE_PERIOD, 0) in self._wanted:
+        if self._stops_sync():
             yield Write(o.CYCLE_PERIOD, 0, bytes(4))  # 1019h may only change while it is 0 (CiA 301 7.5.2.22)
         for index in self._sdo_channels():
             for subindex in _SDO_COB_IDS:
-                now = self._number((index, subindex))
-                if now is not None and not now & cob.INVALID and self._settable(index, subindex):
-                    yield Write(index, subindex, _u32(now | cob.INVALID))
+                if self._blocks(index, subindex):
+                    yield Write(index, subindex, _u32((self._number((index, subindex)) or 0) | cob.INVALID))
+
+    def _blocks(self, index: int, subindex: int) -> bool:
+        """Whether a COB-ID of an SDO channel must be switched off before what differs of the channel may change."""
+        key = index, subindex
+        now = self._number(key)
+        if now is None or now & cob.INVALID or not self._settable(index, subindex):
+            return False
+        others = any(index == of and sub not in _SDO_COB_IDS for of, sub in self._differing)
+        return others or key in self._differing
 
     def channels(self) -> Iterator[Write]:
         for index in (_COB_ID_TIME, o.COB_ID_EMCY, _SYNC_OVERFLOW):
             yield from self._if_differing((index, 0))
-        if (_SYNC_OVERFLOW, 0) in self._differing and (o.CYCLE_PERIOD, 0) in self._wanted:
-            yield Write(o.CYCLE_PERIOD, 0, self._wanted[o.CYCLE_PERIOD, 0])
-        else:
+        period = self._wanted.get((o.CYCLE_PERIOD, 0), b"")
+        if self._stops_sync() and any(period):
+            yield Write(o.CYCLE_PERIOD, 0, period)
+        elif not self._stops_sync():
             yield from self._if_differing((o.CYCLE_PERIOD, 0))
         yield from self._if_differing((o.COB_ID_SYNC, 0))
         for index in self._sdo_channels():
-            keys = sorted((key for key in self._wanted if key[0] == index), key=lambda key: (-key[1], key))
-            yield from (Write(*key, self._wanted[key]) for key in keys)  # the COB-IDs last
+            keys = sorted((key for key in self._wanted if key[0] == index), key=lambda key: -key[1])
+            for key in keys:  # the COB-IDs last
+                if self._switched_off(key) != self._wanted[key]:
+                    yield Write(*key, self._wanted[key])
+
+    def _stops_sync(self) -> bool:
+        """Whether 1006h must be 0 for a while."""
+        key = o.CYCLE_PERIOD, 0
+        return (
+            (_SYNC_OVERFLOW, 0) in self._differing and key in self._wanted and any(self._held.get(key) or b"")
+        )
+
+    def _switched_off(self, key: Key) -> bytes | None:
+        """Return what an entry of an SDO channel holds once the channel is switched off."""
+        now = self._number(key)
+        return self._held.get(key) if now is None or not self._blocks(*key) else _u32(now | cob.INVALID)
 
     def _sdo_channels(self) -> list[int]:
         return sorted({index for index, _ in self._differing if index in _SDO_CHANNELS})

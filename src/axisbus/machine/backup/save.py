@@ -45,7 +45,7 @@ def backup(device: Device, reading: Reading, settings: dcf.Settings, tell: Tell 
         text = text_of(variable, found, settings.node_id) if isinstance(found, bytes) else found
         if isinstance(text, LeftOut):
             left_out.append(text)
-        else:
+        elif text:
             texts[variable.index, variable.subindex] = text
         if isinstance(found, bytes) and (variable.index, variable.subindex) == (o.IDENTITY, o.SERIAL_NUMBER):
             serial = int.from_bytes(found, "little")
