@@ -25,6 +25,7 @@ from axisbus.machine.first.match import Match
 
 _DEGREES = "deg"
 _CONTROL = re.compile(r"[^\x20-\x7e]")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 30
 
 
@@ -123,7 +124,10 @@ def _bus(bus: BusFound, nodes: list[NodeFound]) -> Iterator[str]:
         yield _noted(f"master_id = {free}", f"our own node-ID; {BusConfig().master_id} is taken")
     if bus.options:
         yield "[bus.options]"
-        yield from (f"{key} = {_value(value)}" for key, value in bus.options.items())
+        yield from (
+            f"{key if _BARE.fullmatch(key) else _text(key)} = {_value(value)}"
+            for key, value in bus.options.items()
+        )
 
 
 def _node(node: NodeFound) -> Iterator[str]:
