@@ -366,3 +366,17 @@ def test_a_value_that_is_no_number_is_named_with_its_line(axisbus, bus, saved, t
     assert code == 1
     assert "'fast' cannot be written to 6081h:00" in err
     assert _held(stand_ins) == saved
+
+
+def test_a_value_beyond_the_files_limits_is_refused_unless_the_drive_is_to_judge(
+    axisbus, bus, saved, tmp_path
+):
+    options, stand_ins = bus
+    text = (tmp_path / "x.dcf").read_text()
+    (tmp_path / "x.dcf").write_text(text.replace("[6081]\n", "[6081]\nHighLimit=1000\n"))
+    code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
+    assert (code, _held(stand_ins)) == (2, saved)
+    assert "6081h:00" in err
+    assert "nothing was written" in err
+    assert axisbus("config", "restore", "x.dcf", "5", *options, "--ignore-limits").code == 0
+    assert _held(stand_ins) == CHANGES

@@ -42,6 +42,7 @@ class _Wish:
     replacement: bool
     store: bool
     dry_run: bool
+    ignore_limits: bool
 
 
 @click.command("restore")
@@ -61,6 +62,9 @@ class _Wish:
     help="The node replaces the one of the file: let revision, serial number and node-ID differ.",
 )
 @click.option("--store", is_flag=True, help="Store by 1010h, wait for a restart, and read all again.")
+@click.option(
+    "--ignore-limits", is_flag=True, help="Leave it to the drive to refuse values beyond the file's limits."
+)
 @click.option("--dry-run", is_flag=True, help="Only say what would be written.")
 @click.option("--concise", is_flag=True, help="FILE is a concise DCF (1F22h); needs the EDS.")
 @click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
@@ -72,6 +76,7 @@ def command(
     exclude: tuple[str, ...],
     replacement: bool,
     store: bool,
+    ignore_limits: bool,
     dry_run: bool,
     concise: bool,
     as_json: bool,
@@ -89,6 +94,7 @@ def command(
         replacement,
         store,
         dry_run,
+        ignore_limits,
     )
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
@@ -145,7 +151,8 @@ def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -
     selection = select(eds, device.node_id, make, wish.include, wish.exclude)
     restore = Restore(device.sdo, selection, stack.enter_context(progress_phases(quiet=as_json)))
     differing = restore.look()
-    require_within_limits(differing, eds, device.node_id)
+    if not wish.ignore_limits:
+        require_within_limits(differing, eds, device.node_id)
     if wish.dry_run:
         return _dry(device.node_id, differing, selection, as_json)
     guard.require_at_rest(device)

@@ -123,7 +123,7 @@ def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> No
         raise LimitError(
             f"{eds.source} has values beyond its own limits; nothing was written",
             observed="; ".join(found[:_SHOWN]) + rest,
-            remedy="correct the value or the limit in the file, or leave the object out with --exclude",
+            remedy="correct the value or the limit in the file, leave the object out with --exclude, or give --ignore-limits",
         )
 
 
