@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 
 import cli_bus_kit as kit
@@ -379,4 +380,30 @@ def test_a_value_beyond_the_files_limits_is_refused_unless_the_drive_is_to_judge
     assert "6081h:00" in err
     assert "nothing was written" in err
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--ignore-limits").code == 0
+    assert _held(stand_ins) == CHANGES
+
+
+def test_a_master_on_the_bus_is_not_disturbed(axisbus, bus, saved):
+    options, stand_ins = bus
+    stop = threading.Event()
+
+    def sync():
+        while not stop.wait(0.01):
+            stand_ins.network.send_message(0x80, b"")
+
+    thread = threading.Thread(target=sync)
+    thread.start()
+    code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
+    stop.set()
+    thread.join()
+    assert code == 1
+    assert "another master is on the bus of node 5; nothing was sent" in err
+    assert _held(stand_ins) == saved
+
+
+def test_a_drive_that_watches_its_peers_is_restored_all_the_same(axisbus, bus, saved):
+    options, stand_ins = bus
+    _set(stand_ins, {(0x1016, 1): 6 << 16 | 1000})
+    _set(stand_ins, {(0x1017, 0): 20}, device=1)
+    assert axisbus("config", "restore", "x.dcf", "5", *options).code == 0
     assert _held(stand_ins) == CHANGES

@@ -33,6 +33,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, SdoAbort, StateError
 
 LISTEN = 0.5  # seconds for another master to show
+_PRODUCES_SYNC = 1 << 30  # of 1005h (CiA 301 7.5.2.5)
 _STATUSWORDS = tuple(c402.STATUSWORD + c402.AXIS_OFFSET * axis for axis in range(8))
 
 # Written values that are orders: what could be read back is another matter.
@@ -160,9 +161,16 @@ def _require_at_rest(node: Node) -> None:
         )
 
 
-def require_no_other_master(node: Node) -> None:
-    """A value that another master sends by PDO in every cycle would be overwritten at once, or fight with it."""
-    heard = _traffic(node)
+def require_no_other_master(node: Node, *, heartbeats: bool = True) -> None:
+    """Check that nobody else runs the node: what another master sends would overwrite a value at once, or fight with it.
+
+    Listens for ``LISTEN`` seconds. Without ``heartbeats`` those that the node watches are no sign: they may be those of its peers.
+
+    Raises:
+        StateError: SYNC, RPDOs for the node, or such heartbeats come.
+        SdoError, AdapterError: the node does not answer.
+    """
+    heard = _traffic(node, heartbeats=heartbeats)
     if heard:
         raise StateError(
             f"another master is on the bus of node {node.node_id}; nothing was sent",
@@ -171,11 +179,13 @@ def require_no_other_master(node: Node) -> None:
         )
 
 
-def _traffic(node: Node) -> Counter[str]:
+def _traffic(node: Node, *, heartbeats: bool) -> Counter[str]:
     """Listen for what only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node watches (1016h)."""
-    titles = {cob.SYNC: "SYNC"}
+    own_sync = (_number(node, c301.COB_ID_SYNC) or 0) & _PRODUCES_SYNC
+    titles = {} if own_sync else {cob.SYNC: "SYNC"}
     titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
-    titles |= {cob.HEARTBEAT + watched: f"heartbeats of node {watched}" for watched in _watched(node)}
+    watched = _watched(node) if heartbeats else []
+    titles |= {cob.HEARTBEAT + each: f"heartbeats of node {each}" for each in watched}
     heard: Counter[str] = Counter()
     with ExitStack() as stack:
         for identifier, title in titles.items():

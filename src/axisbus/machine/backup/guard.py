@@ -111,7 +111,7 @@ def require_at_rest(node: Node) -> None:
             observed="; ".join(found),
             remedy="stop it first: axisbus stop CELL",
         )
-    careful.require_no_other_master(node)
+    careful.require_no_other_master(node, heartbeats=False)
     state = _state(node)
     if state is None:
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
