@@ -97,7 +97,7 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
     with ExitStack() as stack:
         bar = ExitStack()
         draw: Callable[[int, int], None] | None = None
-        stack.callback(lambda: bar.close())
+        stack.callback(bar.close)
 
         def tell(what: str, done: int, total: int) -> None:
             nonlocal now, draw
@@ -106,6 +106,9 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
                 now, draw = what, bar.enter_context(progress_bar(what, quiet=quiet))
             if draw is not None:
                 draw(done, total)
+            if done >= total:
+                bar.close()  # what is printed next begins a line of its own
+                now = ""
 
         yield tell
 

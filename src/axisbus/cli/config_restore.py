@@ -26,6 +26,7 @@ from axisbus.errors import BusError, EdsError, StateError
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node
+    from axisbus.drives.make import Make
     from axisbus.eds.model import Eds, Variable
     from axisbus.machine.backup.items import Item, Selection
     from axisbus.machine.backup.restore import Report, Restore, Result
@@ -141,7 +142,6 @@ def _concise_values(file: str, files: Files, node_id: int) -> Eds:
 def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
     from axisbus.drives import registry
     from axisbus.machine.backup import guard
-    from axisbus.machine.backup import store as storing
     from axisbus.machine.backup.items import require_within_limits, select
     from axisbus.machine.backup.restore import Restore
 
@@ -149,32 +149,52 @@ def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -
     guard.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
     make = registry.find(who.vendor_id, who.product_code)
     selection = select(eds, device.node_id, make, wish.include, wish.exclude)
-    restore = Restore(device.sdo, selection, stack.enter_context(progress_phases(quiet=as_json)))
+    bars = stack.enter_context(ExitStack())
+    restore = Restore(device.sdo, selection, bars.enter_context(progress_phases(quiet=as_json)))
     differing = restore.look()
     if not wish.ignore_limits:
         require_within_limits(differing, eds, device.node_id)
     if wish.dry_run:
         return _dry(device.node_id, differing, selection, as_json)
+    found: dict[str, Any] = {"node": device.node_id, "file": eds.source, "cannot_store": _ready(device, wish)}
+    try:
+        report = _carry_out(device, restore, make, wish, found)
+    except (BusError, KeyboardInterrupt) as error:
+        bars.close()
+        return _cut_off(device.node_id, restore, error, found, as_json)
+    found["in_ram_only"] = report.writes > 0 and "stored" not in found
+    _tell(report, found, as_json)
+    return OK if report.ok else WRONG
+
+
+def _ready(device: Node, wish: _Wish) -> str:
+    """Check that the node may be written to; return why it cannot store, empty where it can.
+
+    Raises:
+        StateError: it may not, or cannot store though it should.
+    """
+    from axisbus.machine.backup import guard, store
+
     guard.require_at_rest(device)
-    why_not = storing.can_store(device)
+    why_not = store.can_store(device)
     if wish.store and why_not:
         raise StateError(
             f"node {device.node_id} cannot store: {why_not}; nothing was written", remedy="leave --store out"
         )
-    found: dict[str, Any] = {"node": device.node_id, "file": eds.source}
-    try:
-        report = restore.run()
-        if wish.store and report.ok:
-            stored = storing.store(device, make)
-            found["stored"] = {"restarted": stored.restarted, "seconds": stored.seconds}
-            restore.look()
-            report = restore.report()
-    except (BusError, KeyboardInterrupt) as error:
-        return _cut_off(device.node_id, restore, error, found, as_json)
-    found["in_ram_only"] = report.writes > 0 and "stored" not in found
-    found["cannot_store"] = why_not
-    _tell(report, found, as_json)
-    return OK if report.ok else WRONG
+    return why_not
+
+
+def _carry_out(device: Node, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]) -> Report:
+    """Write, store where that is asked for, and read again; ``found`` gets what came of the storing."""
+    from axisbus.machine.backup import store
+
+    report = restore.run()
+    if not (wish.store and report.ok):
+        return report
+    stored = store.store(device, make)
+    found["stored"] = {"restarted": stored.restarted, "seconds": stored.seconds}
+    restore.look()
+    return restore.report()
 
 
 def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: bool) -> int:
