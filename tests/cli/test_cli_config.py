@@ -109,6 +109,13 @@ def test_a_backup_that_is_there_is_not_replaced(axisbus, bus, saved, tmp_path):
     assert (tmp_path / "x.dcf").read_bytes() != before
 
 
+def test_the_folder_is_looked_for_before_the_drive_is_read(axisbus, bus):
+    options, _ = bus
+    code, _, err = axisbus("config", "backup", "5", *options, "--eds", kit.GENERIC, "-o", "none/x.dcf")
+    assert code == 1
+    assert "there is no folder none" in err
+
+
 def test_a_node_that_is_not_there_leaves_no_file(axisbus, bus, tmp_path):
     options, _ = bus
     code, _, err = axisbus("config", "backup", "9", *options, "--eds", kit.GENERIC, "-o", "x.dcf")
@@ -243,6 +250,18 @@ def test_what_a_restart_loses_is_found_by_reading_again(axisbus, bus, saved):
     assert code == 1
     assert "FAILED    6083h:00" in out
     assert "it restarted, and all was read again" in out
+
+
+def test_a_drive_that_refuses_to_store_is_told_and_keeps_what_it_has_in_ram(axisbus, bus, saved):
+    options, stand_ins = bus
+    stand_ins.devices[0].dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
+    code, out, err = axisbus("config", "restore", "x.dcf", "5", *options, "--store")
+    assert code == 3
+    assert "1010h:01" in err
+    assert "0x08000022" in err
+    assert "4 restored" in out
+    assert "in RAM only" in out
+    assert _held(stand_ins) == CHANGES
 
 
 def test_another_drive_is_refused_unless_it_replaces_the_one_of_the_file(axisbus, bus, saved):

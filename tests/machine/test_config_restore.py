@@ -356,6 +356,24 @@ def test_an_object_that_the_device_lacks_or_has_in_another_size_is_not_written()
     assert not [each for each in device.log if each[:2] in failed]
 
 
+class Mute(StrictDevice):
+    """Does not let 2000h be read."""
+
+    def upload(self, index, subindex=0):
+        if index == 0x2000:
+            raise self.abort(index, subindex, 0x0601_0001)
+        return super().upload(index, subindex)
+
+
+def test_what_cannot_be_read_is_written_once_and_told_as_not_verified():
+    device = Mute(FACTORY)
+    report = _run(device)
+    (blind,) = report.of(Outcome.UNVERIFIED)
+    assert blind.item.key == (0x2000, 0)
+    assert [data for index, _, data in device.log if index == 0x2000] == [b"Axis 1"]
+    assert report.ok
+
+
 class Rounding(StrictDevice):
     """Takes 6084h in steps of 1000."""
 

@@ -113,6 +113,23 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
         yield tell
 
 
+def require_free(path: Path | None, force: bool) -> None:
+    """Check before long work that a file may be written: it is not there yet (or ``force``), and its folder is.
+
+    Raises:
+        UserError: it may not.
+    """
+    if path is None:
+        return
+    if path.exists() and not force:
+        raise UserError(
+            f"{path} is there already; nothing was written",
+            remedy="give another name with -o, or --force to replace it",
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"{path} cannot be written: there is no folder {path.parent}", remedy="make it first")
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that it is either the old one or the new one, never half of it; a link stays, and so do permissions.
 

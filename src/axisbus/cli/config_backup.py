@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli import config_files, od_objects
-from axisbus.cli.common import OK, progress_bar, say, say_json, say_next, write_whole
+from axisbus.cli.common import OK, progress_bar, require_free, say, say_json, say_next, write_whole
 from axisbus.cli.nodes import Asked, Files, Session, node_options_beside_output, require_bus
-from axisbus.errors import UserError
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node, NodeIdentity
@@ -43,14 +42,14 @@ def command(
     """
     require_bus(asked)
     for path in (output, concise_out):
-        _require_free(path, force)
+        require_free(path, force)
     files = Files.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
         device = Session(stack, asked, files).node(node_id)
         who = device.identity()
         target = output or Path(_default_name(node_id, who))
-        _require_free(target, force)
+        require_free(target, force)
         made, origin = _taken(stack, asked, files, device, target.name)
     written = _write(made, target, concise_out)
     if as_json:
@@ -58,14 +57,6 @@ def command(
     else:
         _show(made, who, origin, node_id, written)
     return OK
-
-
-def _require_free(path: Path | None, force: bool) -> None:
-    if path is not None and path.exists() and not force:
-        raise UserError(
-            f"{path} is there already; nothing was written",
-            remedy="give another name with -o, or --force to replace it",
-        )
 
 
 def _default_name(node_id: int, who: NodeIdentity) -> str:

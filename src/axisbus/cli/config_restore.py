@@ -22,7 +22,7 @@ from axisbus.cli.common import (
     say_next,
 )
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.errors import BusError, EdsError, StateError
+from axisbus.errors import BusError, EdsError, SdoAbort, StateError
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node
@@ -164,6 +164,9 @@ def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -
         return _cut_off(device.node_id, restore, error, found, as_json)
     found["in_ram_only"] = report.writes > 0 and "stored" not in found
     _tell(report, found, as_json)
+    if "store_refused" in found:
+        say_error(found["store_refused"])
+        return FAILURE
     return OK if report.ok else WRONG
 
 
@@ -191,7 +194,11 @@ def _carry_out(device: Node, restore: Restore, make: Make, wish: _Wish, found: d
     report = restore.run()
     if not (wish.store and report.ok):
         return report
-    stored = store.store(device, make)
+    try:
+        stored = store.store(device, make)
+    except SdoAbort as refusal:
+        found["store_refused"] = str(refusal)
+        return report
     found["stored"] = {"restarted": stored.restarted, "seconds": stored.seconds}
     restore.look()
     return restore.report()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.buses import open_bus
-from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next, write_whole
+from axisbus.cli.common import OK, WRONG, progress_bar, require_free, say, say_json, say_next, write_whole
 from axisbus.cli.options import bus_options_beside_output, parse_options
 from axisbus.errors import UserError
 
@@ -60,11 +60,7 @@ def command(
 
     if interface is None:
         raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
-    if output.exists() and not force:
-        raise UserError(
-            f"{output} is there already; nothing was written",
-            remedy="give another name with -o, or --force to replace it",
-        )
+    require_free(output, force)
     known, unreadable = match.collect(folders)
     with ExitStack() as stack:
         bus = open_bus(stack, None, interface, channel, bitrate, option)

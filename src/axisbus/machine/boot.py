@@ -142,11 +142,13 @@ class NodeBoot:
             return
         self._watch.set_sync()
         dictionary = Dictionary(self._eds, self._objects.node_id)
-        count = dcf.apply(self._objects, self._cell, self._eds, self._make)
-        count += write_all(
+        by_dcf = dcf.apply(self._objects, self._cell, self._eds, self._make)
+        count = write_all(
             self._objects, writes_of(self._cell, self._objects.node_id, dictionary), self._cell.file
         )
         self._report.configured = f"{count} objects written and read back"
+        if by_dcf:
+            self._report.configured += f", {by_dcf} are as its DCF says"
         self._comms.watch(self._watch.produce())
 
     def _arm(self) -> None:
