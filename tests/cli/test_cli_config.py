@@ -10,8 +10,10 @@ import cli_bus_kit as kit
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.eds import load
+from axisbus.eds import load, loads
 from axisbus.machine.backup import guard, store
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
 
 # Numbers by hand: objects of the generic drive that a configuration changes, with what they then hold.
 CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (0x607D, 2): 50_000}
@@ -87,6 +89,31 @@ def test_without_an_eds_the_standards_objects_are_asked_for(axisbus, bus, tmp_pa
     assert "a skeleton of the standard objects" in out
     eds = load(tmp_path / "node-5.dcf")
     assert {key: eds.get(*key).initial(5) for key in CHANGES} == CHANGES
+
+
+STORED = b"""[FileInfo]
+FileName=small.eds
+[2000]
+ParameterName=Only the maker knows it
+ObjectType=0x7
+DataType=0x0007
+AccessType=rw
+DefaultValue=7
+"""
+
+
+def test_the_eds_that_the_drive_stores_is_taken_before_asking_object_by_object(axisbus, tmp_path):
+    text = (kit.ROOT / "eds" / "generic-cia402.eds").read_text()
+    text += "\n[1021]\nParameterName=Store EDS\nObjectType=0x7\nDataType=0x000A\nAccessType=ro\n"
+    text += f"DefaultValue={STORED.hex()}\n"
+    text += STORED.decode().partition("[2000]")[2].join(("\n[2000]", "\n"))
+    drive = device_from_eds(loads(text.encode(), "live.eds"), 5)
+    drive.write(0x2000, 0, 99)
+    with StandIns("config-stored", [drive]):
+        code, out, _ = axisbus("config", "backup", "5", "-i", "virtual", "-c", "config-stored", "-o", "x.dcf")
+    assert code == 0
+    assert "the EDS that the drive stores (1021h)" in out
+    assert load(tmp_path / "x.dcf").get(0x2000).initial(5) == 99
 
 
 def test_the_default_name_has_the_serial_number(axisbus, bus, tmp_path):

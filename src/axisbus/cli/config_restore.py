@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cia301.datatypes import decode
-from axisbus.cli import config_files
+from axisbus.cli import config_files, config_report
 from axisbus.cli.common import (
     FAILURE,
     OK,
@@ -19,7 +18,6 @@ from axisbus.cli.common import (
     say,
     say_error,
     say_json,
-    say_next,
 )
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import BusError, EdsError, SdoAbort, StateError
@@ -27,9 +25,9 @@ from axisbus.errors import BusError, EdsError, SdoAbort, StateError
 if TYPE_CHECKING:
     from axisbus.bus.node import Node
     from axisbus.drives.make import Make
-    from axisbus.eds.model import Eds, Variable
+    from axisbus.eds.model import Eds
     from axisbus.machine.backup.items import Item, Selection
-    from axisbus.machine.backup.restore import Report, Restore, Result
+    from axisbus.machine.backup.restore import Report, Restore
 
 STOPPED = 130  # by Ctrl-C, as shells have it
 
@@ -163,7 +161,7 @@ def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -
         bars.close()
         return _cut_off(device.node_id, restore, error, found, as_json)
     found["in_ram_only"] = report.writes > 0 and "stored" not in found
-    _tell(report, found, as_json)
+    config_report.tell(report, found, as_json)
     if "store_refused" in found:
         say_error(found["store_refused"])
         return FAILURE
@@ -209,8 +207,10 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
         say_json(
             {
                 "node": node_id,
-                "would_write": [_entry(each.variable) for each in differing],
-                "skipped": [{**_entry(each.variable), "reason": each.text} for each in selection.skipped],
+                "would_write": [config_report.entry(each.variable) for each in differing],
+                "skipped": [
+                    {**config_report.entry(each.variable), "reason": each.text} for each in selection.skipped
+                ],
             }
         )
     else:
@@ -229,7 +229,7 @@ def _cut_off(
 ) -> int:
     """Say how far it came: another run goes on from there."""
     report = restore.report()
-    _tell(
+    config_report.tell(
         report,
         {**found, "cut_off": str(error) or "stopped by Ctrl-C", "in_ram_only": report.writes > 0},
         as_json,
@@ -239,98 +239,3 @@ def _cut_off(
         f"the restore of node {node_id} was cut off after {report.writes} writes; run it again: it goes on with what differs"
     )
     return FAILURE if isinstance(error, BusError) else STOPPED
-
-
-# -- what came of it ---------------------------------------------------------------------------------------------------
-
-
-def _tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        say_json(_plain(report, found))
-    else:
-        _show(report, found)
-
-
-def _show(report: Report, found: dict[str, Any]) -> None:
-    from axisbus.machine.backup.restore import Outcome
-
-    for each in report.of(Outcome.RESTORED):
-        say(f"restored  {_change(each)}")
-    for each in report.of(Outcome.UNVERIFIED, Outcome.DIFFERS):
-        say(f"{each.outcome.value}: {config_files.place(each.item.variable)}: {each.reason}")
-    for each in report.of(Outcome.FAILED):
-        say(f"FAILED    {_change(each)}: {each.reason}")
-    _show_skipped(report)
-    silent = sum(not each.why.told for each in report.skipped)
-    counts = {outcome: len(report.of(outcome)) for outcome in Outcome}
-    say(
-        f"node {found['node']}: {counts[Outcome.RESTORED]} restored, {counts[Outcome.SAME]} had it already, "
-        f"{counts[Outcome.FAILED]} failed, {len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
-    )
-    _show_memory(found, report)
-
-
-def _show_skipped(report: Report) -> None:
-    from axisbus.machine.backup.items import Why
-
-    orders = [
-        f"{each.variable.index:04X}h:{each.variable.subindex:02X}"
-        for each in report.skipped
-        if each.why is Why.ORDER
-    ]
-    if orders:
-        say(
-            f"skipped   {len(orders)} that are orders and no settings (controlword, targets, storing ...): {', '.join(orders)}"
-        )
-    for each in report.skipped:
-        if each.why.told and each.why is not Why.ORDER:
-            say(f"skipped   {config_files.place(each.variable)}: {each.text}")
-
-
-def _show_memory(found: dict[str, Any], report: Report) -> None:
-    stored = found.get("stored")
-    if stored is not None:
-        restart = "it restarted, and " if stored["restarted"] else ""
-        say(f"stored by 1010h in {stored['seconds']:.1f} s; {restart}all was read again")
-    elif found["in_ram_only"] and found.get("cannot_store"):
-        say(f"what was written is in RAM: {found['cannot_store']}")
-    elif found["in_ram_only"]:
-        say("what was written is in RAM only, and is lost with the next power-off")
-        say_next(f"keep it: axisbus config restore {found['file']} {found['node']} ... --store")
-    if not report.ok and stored is None and "cut_off" not in found:
-        say_next("mend what failed in the file, or leave it out with --exclude, and run it again")
-
-
-def _change(each: Result) -> str:
-    variable = each.item.variable
-    wanted = config_files.data_shown(variable, each.item.data)
-    before = config_files.data_shown(variable, each.before)
-    now = "" if each.after == each.item.data else f", it is {config_files.data_shown(variable, each.after)}"
-    return f"{config_files.place(variable)}: {before} -> {wanted}{now}"
-
-
-def _entry(variable: Variable) -> dict[str, object]:
-    return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
-
-
-def _plain(report: Report, found: dict[str, Any]) -> dict[str, Any]:
-    def value(each: Result, data: bytes | None) -> object:
-        return None if data is None else config_files.plain(decode(data, each.item.variable.data_type))
-
-    return {
-        **found,
-        "ok": report.ok and "cut_off" not in found,
-        "writes": report.writes,
-        "objects": [
-            {
-                **_entry(each.item.variable),
-                "outcome": each.outcome.name.lower(),
-                "wanted": value(each, each.item.data),
-                "before": value(each, each.before),
-                "after": value(each, each.after),
-                "reason": each.reason,
-            }
-            for each in report.results
-        ],
-        "skipped": [{**_entry(each.variable), "reason": each.text} for each in report.skipped],
-    }
