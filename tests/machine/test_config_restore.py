@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from strict_device import Cut, StrictDevice
+from strict_device import PDO_MAPPING, Cut, StrictDevice
 
 from axisbus.cia301.datatypes import encode, size_in_bytes
 from axisbus.drives.make import GENERIC, Make
@@ -317,6 +318,38 @@ def test_runs_that_are_cut_off_after_every_single_write_come_to_the_end():
 
 
 # -- what a device refuses ---------------------------------------------------------------------------------------------
+
+
+def test_a_mapping_entry_alone_in_a_dcf_made_by_hand_is_restored():
+    """The PDO is switched off, emptied, filled, counted and switched on for it, also when the first run is cut off."""
+    eds = dcf.make(EDS, dcf.Settings(NODE), [(EDS.eds.get(0x1A00, 1), "0x606C0020")]).eds
+    selection = select(eds, NODE, GENERIC)
+    for budget in range(6):
+        device = StrictDevice(FACTORY)
+        device.budget = budget
+        with suppress(Cut):
+            Restore(device, selection).run()
+        device.budget = None
+        assert Restore(device, selection).run().ok
+        assert device.values == {**FACTORY, (0x1A00, 1): bytes.fromhex("20 00 6c 60")}
+    forgetful = Forgetful(FACTORY)
+    assert Restore(forgetful, selection).run().ok
+    assert forgetful.values[0x1A00, 2] == FACTORY[0x1A00, 2]
+
+
+class Forgetful(StrictDevice):
+    """Empties the entries of a mapping with its count, as some drives do."""
+
+    def download(self, index, subindex, data):
+        super().download(index, subindex, data)
+        if index in PDO_MAPPING and subindex == 0 and not any(data):
+            self.values |= {key: bytes(4) for key in self.values if key[0] == index and key[1]}
+
+
+def test_a_drive_that_forgets_a_mapping_with_its_count_is_restored():
+    device = Forgetful(FACTORY)
+    assert _run(device).ok
+    assert not _differing(device)
 
 
 def test_a_refused_object_is_named_with_its_reason_and_the_others_are_restored():

@@ -11,8 +11,9 @@ from axisbus.cia301.datatypes import DataType, encode
 from axisbus.cia402.orders import order
 from axisbus.drives.make import Make
 from axisbus.eds import assign
-from axisbus.eds.model import Eds, Number, Variable
+from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
+from axisbus.machine.backup.order import pdo_of
 
 Key = tuple[int, int]
 
@@ -101,7 +102,39 @@ def select(
             items.append(Item(variable, _data(eds, variable, node_id)))
         else:
             skipped.append(reason)
+    items += _companions(eds, node_id, items, frozenset(given))
     return Selection(tuple(items), tuple(skipped))
+
+
+def _companions(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]) -> Iterator[Item]:
+    """Yield what changing a PDO needs beside what the file gives: its COB-ID, and its whole mapping, as they are by default.
+
+    A DCF made by hand may give one mapping entry alone. Taken from the file and not from the device, the values are the same in
+    every run, also behind one that was cut off with the PDO switched off.
+    """
+    for pdo in sorted({pdo for item in items if (pdo := pdo_of(item.key[0])) is not None}):
+        subs = {item.key for item in items if pdo_of(item.key[0]) == pdo}
+        for key in _needed(eds, node_id, pdo, subs):
+            variable = eds.get(*key)
+            if (
+                key not in given
+                and variable is not None
+                and variable.writable
+                and variable.default is not None
+            ):
+                yield Item(variable, _data(eds, variable, node_id))
+
+
+def _needed(eds: Eds, node_id: int, pdo: int, touched: set[Key]) -> Iterator[Key]:
+    """Yield the entries without which those of a PDO that are touched cannot change (CiA 301 7.5.2.35 to 7.5.2.38)."""
+    mapping = pdo + o.RPDO_MAPPING - o.RPDO_COMMUNICATION
+    remapped = any(index == mapping for index, _ in touched)
+    if remapped or touched & {(pdo, o.PDO_INHIBIT_TIME), (pdo, o.PDO_SYNC_START)}:
+        yield pdo, o.PDO_COB_ID
+    count = eds.get(mapping, 0)
+    number = count.initial(node_id) if count is not None and remapped else None
+    if isinstance(number, int):
+        yield from ((mapping, subindex) for subindex in range(number + 1))
 
 
 def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> None:
@@ -173,10 +206,9 @@ def _unused(eds: Eds, variable: Variable, node_id: int) -> bool:
 
 
 def _data(eds: Eds, variable: Variable, node_id: int) -> bytes:
-    value = variable.parameter_value
-    plain = value.resolve(node_id) if isinstance(value, Number) else value
+    plain = variable.initial(node_id)
     where = f"{eds.source}:{variable.line}: {variable.index:04X}h:{variable.subindex:02X} ({variable.name})"
-    assert plain is not None  # ``_given`` yields no others
+    assert plain is not None  # others are not asked for
     try:
         return encode(plain, variable.data_type, where)
     except AxisbusError as error:
