@@ -52,7 +52,7 @@ class _Wish:
     "--include",
     multiple=True,
     metavar="OBJECT",
-    help="Also write this calibration object, such as 6098:0; one by one.",
+    help="Also write this calibration object, such as 2105:1; one by one.",
 )
 @click.option("--exclude", multiple=True, metavar="OBJECT", help="Leave this object as it is.")
 @click.option(

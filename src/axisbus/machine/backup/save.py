@@ -48,7 +48,7 @@ def backup(device: Device, reading: Reading, settings: dcf.Settings, tell: Tell 
         elif text:
             texts[variable.index, variable.subindex] = text
         if isinstance(found, bytes) and (variable.index, variable.subindex) == (o.IDENTITY, o.SERIAL_NUMBER):
-            serial = int.from_bytes(found, "little")
+            serial = int.from_bytes(found, "little") or None  # 0 is none
         if tell is not None:
             tell(number, len(wanted))
     made = dcf.record(reading, replace(settings, serial=serial), texts)
