@@ -101,6 +101,7 @@ class SdoClient:
         data: bytes,
         *,
         timeout: float | None = None,
+        tries: int | None = None,
         call: Call | None = None,
         way: Way = Way.AUTO,
         progress: Progress | None = None,
@@ -112,7 +113,7 @@ class SdoClient:
         Raises:
             as ``upload``.
         """
-        request = Request(index, subindex, bytes(data), timeout or self.timeout, self.tries, way)
+        request = Request(index, subindex, bytes(data), timeout or self.timeout, tries or self.tries, way)
         self._run(request, call, progress)
 
     def download_urgent(self, index: int, subindex: int, data: bytes) -> None:

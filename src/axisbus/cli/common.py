@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,46 @@ def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, 
             shown = now
 
         yield tell
+
+
+@contextmanager
+def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
+    """Offer ``tell(what, done, all)``, which draws a bar for each phase of a long work, as ``progress_bar`` does."""
+    now = ""
+    with ExitStack() as stack:
+        bar = ExitStack()
+        draw: Callable[[int, int], None] | None = None
+        stack.callback(bar.close)
+
+        def tell(what: str, done: int, total: int) -> None:
+            nonlocal now, draw
+            if what != now:
+                bar.close()
+                now, draw = what, bar.enter_context(progress_bar(what, quiet=quiet))
+            if draw is not None:
+                draw(done, total)
+            if done >= total:
+                bar.close()  # what is printed next begins a line of its own
+                now = ""
+
+        yield tell
+
+
+def require_free(path: Path | None, force: bool) -> None:
+    """Check before long work that a file may be written: it is not there yet (or ``force``), and its folder is.
+
+    Raises:
+        UserError: it may not.
+    """
+    if path is None:
+        return
+    if path.exists() and not force:
+        raise UserError(
+            f"{path} is there already; nothing was written",
+            remedy="give another name with -o, or --force to replace it",
+        )
+    if not path.parent.is_dir():
+        raise UserError(f"{path} cannot be written: there is no folder {path.parent}", remedy="make it first")
 
 
 def write_whole(path: Path, data: bytes) -> None:

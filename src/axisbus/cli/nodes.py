@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,7 @@ import click
 
 from axisbus.cli.buses import open_bus
 from axisbus.cli.frames import eds_of
-from axisbus.cli.options import Decorated, bus_options
+from axisbus.cli.options import Decorated, bus_options, bus_options_beside_output
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 from axisbus.machine import config
@@ -96,6 +97,15 @@ class Asked:
 
 def node_options(function: Decorated) -> Decorated:
     """Add the bus options, --cell and --eds; the command gets them together as ``asked``."""
+    return _node_options(function, bus_options)
+
+
+def node_options_beside_output(function: Decorated) -> Decorated:
+    """As ``node_options``, for a command whose -o is the file that it writes."""
+    return _node_options(function, bus_options_beside_output)
+
+
+def _node_options(function: Decorated, with_bus: Callable[[Decorated], Decorated]) -> Decorated:
 
     @functools.wraps(function)
     def packed(
@@ -118,7 +128,7 @@ def node_options(function: Decorated) -> Decorated:
     with_cell: Decorated = click.option(
         "--cell", type=click.Path(path_type=Path), help="Take bus, EDS files and units from this cell file."
     )
-    return with_cell(bus_options(with_eds(packed)))  # type: ignore[no-any-return]
+    return with_cell(with_bus(with_eds(packed)))  # type: ignore[no-any-return]
 
 
 class Session:

@@ -12,10 +12,17 @@ Decorated = Callable[..., Any]
 
 def bus_options(function: Decorated) -> Decorated:
     """Add -i, -c, -b and -o: which bus to open."""
+    return _bus_options(function, "-o", "--option")
+
+
+def bus_options_beside_output(function: Decorated) -> Decorated:
+    """Add -i, -c, -b and --option, for a command whose -o is the file that it writes."""
+    return _bus_options(function, "--option")
+
+
+def _bus_options(function: Decorated, *option: str) -> Decorated:
     for decorate in (
-        click.option(
-            "-o", "--option", multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."
-        ),
+        click.option(*option, multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."),
         click.option("-b", "--bitrate", type=int, help="Bit rate in bit/s, where the adapter sets it."),
         click.option("-c", "--channel", help="Channel, such as can0 or PCAN_USBBUS1."),
         click.option(

@@ -20,8 +20,9 @@ class Make:
 
     ``vendor_id`` is that of 1018h:01 and ``product_codes`` those of 1018h:02 (None: any). ``fault_objects`` are to be read, where
     the drive has them, when it is in fault; ``explain(code, details)`` turns 603Fh and their values into sentences.
-    ``store_restarts`` says that storing parameters (1010h) reboots the drive. ``calibration_objects`` are those whose writing makes
-    the motor move to calibrate; they are written only on the user's explicit word. ``scale_proposal`` is a text for a person: the
+    ``store_restarts`` says that storing parameters (1010h) reboots the drive. ``calibration_objects`` are those that belong to one
+    specimen or whose writing makes the motor move to calibrate (sub-index None: all of the object); they are written only when the
+    user names them one by one. ``scale_proposal`` is a text for a person: the
     position scale is a setting, never taken from here.
     """
 
@@ -31,7 +32,7 @@ class Make:
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain: Explain = no_explanation
     store_restarts: bool = False
-    calibration_objects: tuple[tuple[int, int], ...] = ()
+    calibration_objects: tuple[tuple[int, int | None], ...] = ()
     scale_proposal: str = ""
     notes: tuple[str, ...] = ()
 
@@ -40,6 +41,10 @@ class Make:
         if self.vendor_id is None or vendor_id != self.vendor_id:
             return False
         return self.product_codes is None or product_code in self.product_codes
+
+    def calibrates(self, index: int, subindex: int) -> bool:
+        """Whether an object is one of ``calibration_objects``."""
+        return (index, subindex) in self.calibration_objects or (index, None) in self.calibration_objects
 
 
 GENERIC = Make("CiA 402 drive")

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import decode, encode, size_in_bytes
+from axisbus.cia402.orders import order
 from axisbus.eds import assign, dcf
 from axisbus.eds.compose import written
 from axisbus.eds.concise import Write
@@ -23,10 +24,6 @@ from axisbus.errors import EdsError
 
 VERIFY = 0x1020
 
-# Writes to these do something at once: store, restore, program, switch a drive on. They configure nothing.
-_ACTIONS = frozenset(
-    (o.STORE_PARAMETERS, o.RESTORE_DEFAULTS, *range(0x1F50, 0x1F60), *range(0x6040, 0xA000, 0x800))
-)
 _REFUSE_WRITE = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
 _INVALID = 1 << 31
 _TO_MAPPING = o.RPDO_MAPPING - o.RPDO_COMMUNICATION
@@ -58,18 +55,19 @@ def configuration(reading: Reading, node_id: int | None = None) -> Configuration
     """
     eds = reading.eds
     node = eds.node_id if node_id is None else node_id
-    _check_understood(reading)
+    check_understood(reading)
     chosen: dict[_Key, bytes] = {}
     left_out = []
     for variable in dcf.differing(eds, node):
-        if not variable.writable or variable.object_flags & _REFUSE_WRITE or variable.index in _ACTIONS:
+        if not variable.writable or variable.object_flags & _REFUSE_WRITE or order(variable.index):
             left_out.append(variable)
         else:
             chosen[variable.index, variable.subindex] = _data(eds, variable, variable.parameter_value, node)
     return Configuration(tuple(_ordered(eds, chosen, node)), tuple(left_out))
 
 
-def _check_understood(reading: Reading) -> None:
+def check_understood(reading: Reading) -> None:
+    """Raise EdsError where the file gives a parameter value that is none of its entry's type."""
     for section, key, index, subindex in _given(reading):
         variable = reading.eds.get(index, subindex)
         if section.entries.get(key) and variable is not None and variable.parameter_value is None:

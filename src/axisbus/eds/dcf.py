@@ -24,7 +24,7 @@ class Settings:
     """What a DCF says of its node beside the values; None leaves out, or leaves as it was, what it is for.
 
     ``node_id`` is 1 to 127, ``baudrate`` in kbit/s one of CiA 301's. ``file_name`` and ``last_eds`` are the names of the DCF and of
-    the EDS that it is made of, for [FileInfo].
+    the EDS that it is made of, for [FileInfo]. ``serial`` is the serial number of the one device that the DCF is of.
     """
 
     node_id: int
@@ -33,6 +33,7 @@ class Settings:
     network_name: str | None = None
     net_number: int | None = None
     manager: bool | None = None
+    serial: int | None = None
     file_name: str | None = None
     last_eds: str | None = None
 
@@ -52,6 +53,22 @@ def make(reading: Reading, settings: Settings, parameters: Iterable[tuple[Variab
         (variable.index, variable.subindex): assign.text_for(variable, given, settings.node_id)
         for variable, given in parameters
     }
+    return _filled(reading, settings, chosen)
+
+
+def record(reading: Reading, settings: Settings, texts: Mapping[tuple[int, int], str]) -> Reading:
+    """Return the DCF of a node that answered with these values, by index and sub-index, each as an EDS writes it.
+
+    Unlike ``make`` it asks neither access nor limits: what a device holds is what it holds.
+
+    Raises:
+        ArgumentError, EdsError: as ``make``, of settings and places.
+    """
+    _check(reading, settings)
+    return _filled(reading, settings, texts)
+
+
+def _filled(reading: Reading, settings: Settings, chosen: Mapping[tuple[int, int], str]) -> Reading:
     in_sections = {key: text for key, text in chosen.items() if _section(reading, *key) is not None}
     changes = [
         edit.set_value(reading.document, section, "ParameterValue", text)
@@ -104,6 +121,13 @@ def _section(reading: Reading, index: int, subindex: int) -> Section | None:
     if section is None and subindex == 0 and not reading.eds.objects[index].is_record:
         section = reading.parts.heads.get(index)
     return section
+
+
+def has_place(reading: Reading, index: int, subindex: int) -> bool:
+    """Whether a file can give an entry a value of its own; not where the entry is only implied, as by CompactPDO."""
+    head = reading.parts.heads.get(index)
+    compact = head is not None and "compactsubobj" in head.entries
+    return compact or _section(reading, index, subindex) is not None
 
 
 def _listed(reading: Reading, document: Document, index: int, subindex: int, text: str) -> Document:
@@ -164,6 +188,7 @@ def _entries(settings: Settings) -> Mapping[str, str]:
         "NetNumber": settings.net_number,
         "NetworkName": settings.network_name,
         "CANopenManager": None if settings.manager is None else int(settings.manager),
+        "LSS_SerialNumber": settings.serial,
     }
     return {key: str(value) for key, value in given.items() if value is not None}
 

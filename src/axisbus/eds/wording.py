@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects as cia402
-from axisbus.eds.dictionary import PROFILE_AREA
+from axisbus.cia402.orders import first_axis as first_axis
 from axisbus.eds.model import Number, Object, ObjectType, Variable
 
 Default = Number | float | str | bytes | None
@@ -20,11 +20,6 @@ _BIT_WORDS = frozenset(
     )
 )
 _PDO_BY_ACCESS = {"ro": "TPDO", "rwr": "TPDO", "const": "TPDO", "wo": "RPDO", "rww": "RPDO"}
-
-
-def first_axis(index: int) -> int:
-    """Return the index of the same object on the first axis (objects of CiA 402 repeat every 800h)."""
-    return 0x6000 + (index - 0x6000) % cia402.AXIS_OFFSET if index in PROFILE_AREA else index
 
 
 def place(index: int, subindex: int | None = None) -> str:

@@ -25,6 +25,12 @@ class Objects(Protocol):
     def write_unchecked(self, key: int, subindex: int, value: int) -> None:
         """Set an integer without asking the EDS for its limits."""
 
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Return an object's bytes."""
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Set an object's bytes."""
+
 
 class DeviceObjects:
     """The objects of a stand-in, reached without a bus."""
@@ -59,6 +65,16 @@ class DeviceObjects:
         """Set an integer without asking the EDS for its limits; raises ``SdoAbort`` or ``SdoTimeout``."""
         self._require_answer(key, subindex)
         self._device.write(key, subindex, value)
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Return an object's bytes; raises ``SdoAbort`` or ``SdoTimeout``."""
+        self._require_answer(index, subindex)
+        return self._device.upload(index, subindex)
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Set an object's bytes; raises ``SdoAbort`` or ``SdoTimeout``."""
+        self._require_answer(index, subindex)
+        self._device.download(index, subindex, data)
 
     def _require_answer(self, index: int, subindex: int) -> None:
         if not self._device.answers_sdo:

@@ -31,8 +31,8 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
+from axisbus.machine import dcf, proposal
 from axisbus.machine import identity as ids
-from axisbus.machine import proposal
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
 from axisbus.machine.bootfailure import as_error, at_step
@@ -103,6 +103,7 @@ class NodeBoot:
         self._watch = Watch(objects, cell.bus)
         self._parameters: dict[str, AxisParameters] = {}
         self._restarts: int | None = None
+        self._by_dcf = 0
 
     def run(self) -> Booted:
         """Do all steps; blocks for some dozen SDO transfers. What fails stands in the report, and is not raised."""
@@ -137,6 +138,8 @@ class NodeBoot:
             report.configured = "not configured again: 1020h has the date and time that the cell file expects"
         else:
             report.configured = f"{outcome.written} objects written and read back"
+            if self._by_dcf:
+                report.configured += f", {self._by_dcf} are as its DCF says"
 
     @property
     def found_enabled(self) -> bool:
@@ -171,6 +174,7 @@ class NodeBoot:
     def _prepare(self) -> None:
         self._restarts = self._comms.restarts()
         self._watch.set_sync()
+        self._by_dcf = dcf.apply(self._objects, self._cell, self._eds, self._make)
 
     def _require_no_restart(self) -> None:
         """A node that has restarted since has lost its configuration, and must not be started with half of it."""

@@ -26,29 +26,16 @@ from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state
+from axisbus.cia402.orders import MOVING, first_axis
 from axisbus.drives import registry
 from axisbus.eds.dictionary import Entry
 from axisbus.eds.model import Eds
-from axisbus.eds.wording import first_axis
 from axisbus.errors import ArgumentError, SdoAbort, StateError
 
 LISTEN = 0.5  # seconds for another master to show
+_PRODUCES_SYNC = 1 << 30  # of 1005h (CiA 301 7.5.2.5)
 _STATUSWORDS = tuple(c402.STATUSWORD + c402.AXIS_OFFSET * axis for axis in range(8))
 
-# First-axis objects that make a drive move, let it move, or let its load go: the controlword, modes, targets and offsets of every
-# mode, and the digital outputs, which release brakes (CiA 402-2).
-MOVING = frozenset(
-    {
-        *(
-            c402.CONTROLWORD,
-            c402.MODES_OF_OPERATION,
-            c402.TARGET_TORQUE,
-            c402.TARGET_POSITION,
-            c402.TARGET_VELOCITY,
-        ),
-        *(c402.POSITION_OFFSET, c402.VELOCITY_OFFSET, c402.TORQUE_OFFSET, 0x6042, 0x60C1, 0x60FE),
-    }
-)
 # Written values that are orders: what could be read back is another matter.
 _COMMANDS = frozenset({c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, c301.PREDEFINED_ERROR_FIELD})
 _MAY_MOVE = (
@@ -126,7 +113,7 @@ def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_
         require_harmless(node.eds, node.node_id, entry)
         _require_at_rest(node)
     elif moves(node.eds, entry):
-        _require_no_other_master(node)
+        require_no_other_master(node)
     before = _read(node, entry)
     _require_size(node, entry, known, before)
     node.sdo.download(entry.index, entry.subindex, data)
@@ -160,7 +147,7 @@ def moves(eds: Eds | None, entry: Entry) -> bool:
     """Whether an object is one by which a drive is energised, moved or calibrated."""
     identity = eds.identity if eds is not None else None
     make = registry.find(identity.vendor_id, identity.product_code) if identity is not None else None
-    calibrates = make is not None and (entry.index, entry.subindex) in make.calibration_objects
+    calibrates = make is not None and make.calibrates(entry.index, entry.subindex)
     return calibrates or first_axis(entry.index) in MOVING
 
 
@@ -174,9 +161,16 @@ def _require_at_rest(node: Node) -> None:
         )
 
 
-def _require_no_other_master(node: Node) -> None:
-    """A value that another master sends by PDO in every cycle would be overwritten at once, or fight with it."""
-    heard = _traffic(node)
+def require_no_other_master(node: Node, *, heartbeats: bool = True) -> None:
+    """Check that nobody else runs the node: what another master sends would overwrite a value at once, or fight with it.
+
+    Listens for ``LISTEN`` seconds. Without ``heartbeats`` those that the node watches are no sign: they may be those of its peers.
+
+    Raises:
+        StateError: SYNC, RPDOs for the node, or such heartbeats come.
+        SdoError, AdapterError: the node does not answer.
+    """
+    heard = _traffic(node, heartbeats=heartbeats)
     if heard:
         raise StateError(
             f"another master is on the bus of node {node.node_id}; nothing was sent",
@@ -185,11 +179,13 @@ def _require_no_other_master(node: Node) -> None:
         )
 
 
-def _traffic(node: Node) -> Counter[str]:
+def _traffic(node: Node, *, heartbeats: bool) -> Counter[str]:
     """Listen for what only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node watches (1016h)."""
-    titles = {cob.SYNC: "SYNC"}
+    own_sync = (_number(node, c301.COB_ID_SYNC) or 0) & _PRODUCES_SYNC
+    titles = {} if own_sync else {cob.SYNC: "SYNC"}
     titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
-    titles |= {cob.HEARTBEAT + watched: f"heartbeats of node {watched}" for watched in _watched(node)}
+    watched = _watched(node) if heartbeats else []
+    titles |= {cob.HEARTBEAT + each: f"heartbeats of node {each}" for each in watched}
     heard: Counter[str] = Counter()
     with ExitStack() as stack:
         for identifier, title in titles.items():

@@ -41,17 +41,18 @@ def compare(scale: Scale, values: Values) -> ScaleReport:
     Which side of the gear 6064h counts cannot be seen from the objects, so each side is a candidate.
     """
     configured = f"{abs(scale.factor):g} increments per {scale.unit}"
-    candidates = _candidates(scale.unit, values)
-    if not candidates:
+    found = candidates(scale.unit, values)
+    if not found:
         return ScaleReport(configured, _nothing(scale.unit, values), None)
-    for side, proposed in candidates:
+    for side, proposed in found:
         if abs(abs(scale.factor) - float(proposed)) <= _TOLERANCE * float(proposed):
             return ScaleReport(configured, f"agrees with the drive's objects ({side})", agrees=True)
-    texts = ", ".join(f"{float(proposed):g} ({side})" for side, proposed in candidates)
+    texts = ", ".join(f"{float(proposed):g} ({side})" for side, proposed in found)
     return ScaleReport(configured, f"the drive's objects suggest {texts}", agrees=False)
 
 
-def _candidates(unit: str, values: Values) -> list[tuple[str, Fraction]]:
+def candidates(unit: str, values: Values) -> list[tuple[str, Fraction]]:
+    """Return the position scales that 608Fh and 6091h suggest, in increments per unit, each with the side that it counts at."""
     part = _OF_A_TURN.get(unit.lower())
     motor = _ratio(values, o.ENCODER_RESOLUTION)
     if part is None or motor is None:

@@ -142,6 +142,16 @@ class Device:
         self._refuse(index, subindex, writing=True)
         self.dictionary.write(index, subindex, value)
 
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read an object's bytes as SDO does, without the wire; raises as ``read``."""
+        self._refuse(index, subindex, writing=False)
+        return self.dictionary.upload(index, subindex)
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object's bytes as SDO does, without the wire; raises as ``write``."""
+        self._refuse(index, subindex, writing=True)
+        self.dictionary.download(index, subindex, data)
+
     @property
     def answers_sdo(self) -> bool:
         """Whether SDO requests are answered: not while dead, silent, initialising or stopped."""

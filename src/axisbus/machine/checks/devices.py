@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 from axisbus import eds as eds_files
 from axisbus.cia402 import objects
+from axisbus.drives import registry
 from axisbus.eds import builtin
 from axisbus.eds.model import Eds, Finding, Severity
-from axisbus.errors import EdsError
+from axisbus.errors import ArgumentError, EdsError, LimitError
+from axisbus.machine.backup.items import require_within_limits, select
 from axisbus.machine.cell import CellConfig, NodeConfig
 from axisbus.machine.checks.case import NEEDED, Case, Check, Found, own_title, titles
 from axisbus.machine.problem import Problem
@@ -96,6 +98,29 @@ def made_for_node(case: Case) -> Found:
                 f"node {node.node_id}: {eds.source} is made for node {eds.node_id}",
                 "a DCF holds the COB-IDs of one node ID (NodeID in [DeviceComissioning])",
                 f"name the DCF of node {node.node_id}, or the EDS of the drive",
+            )
+
+
+def dcf_values(case: Case) -> Found:
+    """Check the values of a DCF, which boot writes: their types, and the file's own limits."""
+    for node, eds, _ in case.nodes:
+        if node.dcf is None or node.dcf != node.file:
+            continue
+        line = node.at.of("dcf")
+        make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
+        try:
+            selection = select(eds, node.node_id, make)
+        except ArgumentError as error:
+            yield case.error(line, f"node {node.node_id}: {error.message}", error.observed, error.remedy)
+            continue
+        try:
+            require_within_limits(selection.items, eds, node.node_id)
+        except LimitError as error:
+            yield case.warning(
+                line,
+                f"node {node.node_id}: {eds.source} has values beyond its own limits",
+                error.observed,
+                "where the drive does not have them already, boot refuses them: correct the value or the limit",
             )
 
 
@@ -195,4 +220,12 @@ def bitrate(case: Case) -> Found:
 
 _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, CiA 301 table 1
 
-CHECKS: tuple[Check, ...] = (defects, made_for_node, is_drive, has_axis, one_axis_per_object, bitrate)
+CHECKS: tuple[Check, ...] = (
+    defects,
+    made_for_node,
+    dcf_values,
+    is_drive,
+    has_axis,
+    one_axis_per_object,
+    bitrate,
+)

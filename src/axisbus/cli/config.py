@@ -1,0 +1,24 @@
+"""``axisbus config``: the configuration of a node as a DCF file."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.lazy import LazyGroup
+
+COMMANDS = {
+    "backup": ("axisbus.cli.config_backup", "Read all objects of a node into a DCF; writes nothing to it."),
+    "diff": ("axisbus.cli.config_diff", "Compare two files, a file and a node, or a node and its EDS."),
+    "restore": (
+        "axisbus.cli.config_restore",
+        "Bring a node to what a DCF says, and read every object again.",
+    ),
+}
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Back up, compare and restore the configuration of a node as a DCF.
+
+    Exit codes: 0 all well, 1 something differs or was refused, 2 wrong use, 3 the bus or a drive failed.
+    """

@@ -1,0 +1,136 @@
+"""``axisbus config backup``: all objects of a node into a DCF."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli import config_files, od_objects
+from axisbus.cli.common import OK, progress_bar, require_free, say, say_json, say_next, write_whole
+from axisbus.cli.nodes import Asked, Files, Session, node_options_beside_output, require_bus
+
+if TYPE_CHECKING:
+    from axisbus.bus.node import Node, NodeIdentity
+    from axisbus.machine.backup.save import Backup
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command("backup")
+@click.argument("node", shell_complete=od_objects.complete)
+@node_options_beside_output
+@click.option("-o", "--output", type=_PATH, help="The DCF to write [default: node-N-serial-S.dcf].")
+@click.option(
+    "--concise", "concise_out", type=_PATH, help="Also write a concise DCF, the content of 1F22h, here."
+)
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was read as JSON.")
+def command(
+    node: str,
+    asked: Asked,
+    output: Path | None,
+    concise_out: Path | None,
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Read every object of NODE into a DCF, with its identity and serial number; nothing is written to the drive.
+
+    Without --eds or --cell the drive is asked for its EDS (1021h), and then for the standard's objects one by one.
+    """
+    require_bus(asked)
+    for path in (output, concise_out):
+        require_free(path, force)
+    files = Files.of(asked.cell, asked.eds)
+    node_id = files.address(node.rstrip(":")).node_id
+    with ExitStack() as stack:
+        device = Session(stack, asked, files).node(node_id)
+        who = device.identity()
+        target = output or Path(_default_name(node_id, who))
+        require_free(target, force)
+        made, origin = _taken(stack, asked, files, device, target.name)
+    written = _write(made, target, concise_out)
+    if as_json:
+        say_json(_plain(made, who, origin, written))
+    else:
+        _show(made, who, origin, node_id, written)
+    return OK
+
+
+def _default_name(node_id: int, who: NodeIdentity) -> str:
+    return f"node-{node_id}.dcf" if not who.serial else f"node-{node_id}-serial-{who.serial:X}.dcf"
+
+
+def _taken(stack: ExitStack, asked: Asked, files: Files, device: Node, name: str) -> tuple[Backup, str]:
+    from axisbus.eds.dcf import Settings
+    from axisbus.machine.backup.save import backup
+
+    reading, origin = config_files.node_reading(files, device)
+    settings = Settings(
+        device.node_id,
+        config_files.baudrate(asked, files, reading),
+        file_name=name,
+        last_eds=Path(reading.eds.source).name if config_files.eds_file(files, device.node_id) else None,
+    )
+    tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
+    return backup(device.sdo, reading, settings, tell), origin
+
+
+def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
+    from axisbus.eds import concise, writer
+    from axisbus.eds.configuration import configuration
+
+    stream = None
+    if concise_out is not None:
+        stream = concise.encode(configuration(made.reading).writes)
+    data = writer.dumps(made.reading)
+    write_whole(target, data)
+    written = [(target, len(data))]
+    if concise_out is not None and stream is not None:
+        write_whole(concise_out, stream)
+        written.append((concise_out, len(stream)))
+    return written
+
+
+def _show(
+    made: Backup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
+) -> None:
+    say(f"node {node_id}: {who.device_name or 'no device name'}, {_identity(who)}")
+    say(f"  described by {origin}")
+    for each in made.left_out:
+        say(f"  left out: {each.index:04X}h:{each.subindex:02X} {each.name}: {each.reason}")
+    for path, size in written:
+        say(f"{path}: {size} octets")
+    say(f"{made.values} objects read, {len(made.left_out)} left out")
+    say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
+
+
+def _identity(who: NodeIdentity) -> str:
+    numbers = (
+        ("vendor", who.vendor_id),
+        ("product", who.product_code),
+        ("revision", who.revision),
+        ("serial", who.serial),
+    )
+    known = [f"{title} 0x{value:X}" for title, value in numbers if value is not None]
+    return ", ".join(known) or "no identity (1018h)"
+
+
+def _plain(
+    made: Backup, who: NodeIdentity, origin: str, written: list[tuple[Path, int]]
+) -> dict[str, object]:
+    return {
+        "files": [str(path) for path, _ in written],
+        "eds": origin,
+        "vendor_id": who.vendor_id,
+        "product_code": who.product_code,
+        "revision": who.revision,
+        "serial": who.serial,
+        "read": made.values,
+        "left_out": [
+            {"index": each.index, "subindex": each.subindex, "name": each.name, "reason": each.reason}
+            for each in made.left_out
+        ],
+    }

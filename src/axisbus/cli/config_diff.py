@@ -1,0 +1,154 @@
+"""``axisbus config diff``: two files, a file and a node, or a node and its own EDS."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli import config_files
+from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.errors import SdoAbort
+
+if TYPE_CHECKING:
+    from axisbus.bus.node import Node
+    from axisbus.eds.model import Eds, Variable
+    from axisbus.machine.backup.compare import Comparison, Side
+
+
+@click.command("diff")
+@click.argument("one")
+@click.argument("other", required=False)
+@node_options
+@click.option(
+    "--all", "everything", is_flag=True, help="Also compare what can only be read, such as actual values."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
+def command(one: str, other: str | None, asked: Asked, everything: bool, as_json: bool) -> int:
+    """Compare configurations: FILE FILE, FILE NODE (the node as it is now), or NODE alone (with the defaults of its EDS).
+
+    A file is a DCF or an EDS; a node is its ID, or an axis of --cell. Compared are the identity and what can be set; controlword,
+    targets and other orders are not. Exit code 1 when something differs. Writes nothing.
+
+    \b
+    axisbus config diff old.dcf new.dcf
+    axisbus config diff x.dcf 5 -i socketcan -c can0
+    axisbus config diff 5 -i socketcan -c can0 --eds drive.eds
+    """
+    files = Files.of(asked.cell, asked.eds)
+    named = [each for each in (one, other) if each is not None and not _is_node(files, each)]
+    nodes = [each for each in (one, other) if each is not None and _is_node(files, each)]
+    if len(nodes) > 1 or (not nodes and len(named) < 2):
+        raise click.UsageError("compare FILE with FILE, FILE with NODE, or NODE with its own EDS")
+    if nodes:
+        require_bus(asked)
+        comparison, names = _with_node(asked, files, nodes[0], named, everything, quiet=as_json)
+    else:
+        comparison, names = _of_files(named[0], named[1], everything)
+    if as_json:
+        say_json(_plain(comparison, names))
+    else:
+        _show(comparison, names)
+    return WRONG if comparison.differences else OK
+
+
+def _is_node(files: Files, text: str) -> bool:
+    return text.isdecimal() or (files.cell is not None and text in files.cell.axes)
+
+
+def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple[str, str]]:
+    from axisbus.machine.backup import compare
+
+    first, second = (config_files.read_file(each).eds for each in (one, other))
+    entries = _entries(first, everything)
+    there = {(each.index, each.subindex) for each in entries}
+    entries += [each for each in _entries(second, everything) if (each.index, each.subindex) not in there]
+    node_id = (
+        first.node_id or second.node_id
+    )  # COB-IDs that follow the node-ID are compared as those of one node
+    left, right = (_side(each, node_id) for each in (first, second))
+    found = compare.compare(entries, left, right)
+    return found, (first.source, second.source)
+
+
+def _with_node(
+    asked: Asked, files: Files, node: str, named: list[str], everything: bool, *, quiet: bool
+) -> tuple[Comparison, tuple[str, str]]:
+    from axisbus.machine.backup import compare
+
+    node_id = files.address(node).node_id
+    given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
+    with ExitStack() as stack:
+        device = Session(stack, asked, files).node(node_id)
+        eds = given or config_files.node_reading(files, device)[0].eds
+        entries = _entries(eds, everything)
+        file = _side(eds, node_id)
+        asked_for = [each for each in entries if (each.index, each.subindex) in file.values]
+        tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
+        now = _device_side(device, asked_for, tell)
+    return compare.compare(asked_for, file, now), (file.name, now.name)
+
+
+def _entries(eds: Eds, everything: bool) -> list[Variable]:
+    from axisbus.machine.backup import compare
+
+    return list(compare.entries(eds, everything=everything))
+
+
+def _side(eds: Eds, node_id: int | None) -> Side:
+    from axisbus.machine.backup import compare
+
+    return compare.of_file(eds, node_id)
+
+
+def _device_side(device: Node, entries: list[Variable], tell: config_files.Tell | None) -> Side:
+    from axisbus.machine.backup import compare
+
+    values, unread = {}, {}
+    for number, variable in enumerate(entries, start=1):
+        key = variable.index, variable.subindex
+        try:
+            values[key] = compare.typed(variable, device.sdo.upload(*key))
+        except SdoAbort as refusal:
+            unread[key] = f"the device refuses it: {refusal.observed}"
+        if tell is not None:
+            tell(number, len(entries))
+    return compare.Side(f"node {device.node_id}", values, unread)
+
+
+def _show(comparison: Comparison, names: tuple[str, str]) -> None:
+    left, right = (Path(name).name if "/" in name else name for name in names)
+    for each in comparison.differences:
+        where = config_files.place(each.variable)
+        if each.note:
+            say(f"{where}: {each.note}")
+            continue
+        mine, other = (config_files.shown(each.variable, value) for value in (each.left, each.right))
+        say(f"{where}: {left} {mine}, {right} {other}")
+    say(f"{comparison.compared} objects compared, {len(comparison.differences)} differ")
+    if comparison.differences and right.startswith("node "):
+        say_next(
+            f"bring the node to a DCF: axisbus config restore FILE.dcf {right.removeprefix('node ')} ..."
+        )
+
+
+def _plain(comparison: Comparison, names: tuple[str, str]) -> dict[str, object]:
+    return {
+        "left": names[0],
+        "right": names[1],
+        "compared": comparison.compared,
+        "differences": [
+            {
+                "index": each.variable.index,
+                "subindex": each.variable.subindex,
+                "name": each.variable.name,
+                "left": config_files.plain(each.left),
+                "right": config_files.plain(each.right),
+                "note": each.note,
+            }
+            for each in comparison.differences
+        ],
+    }

@@ -1,0 +1,117 @@
+"""What the ``config`` subcommands share: reading DCFs, the EDS of a node, objects on the command line, values as text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from axisbus.cia301.datatypes import Value, decode
+from axisbus.cli.common import progress_bar
+from axisbus.cli.nodes import Asked, Files
+from axisbus.eds import builtin, dcf, reader, wording, writer
+from axisbus.eds.model import Number, Variable
+from axisbus.eds.reader import Reading
+from axisbus.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from axisbus.bus.node import Node
+
+Key = tuple[int, int]
+Tell = Callable[[int, int], None]
+
+
+def read_file(spec: str | Path) -> Reading:
+    """Read a DCF or EDS (a path, or ``builtin:NAME``).
+
+    Raises:
+        EdsError: it cannot be read, or is none.
+    """
+    path = builtin.resolve(str(spec), Path())
+    return reader.read(reader.file_bytes(path), str(path))
+
+
+def eds_file(files: Files, node_id: int) -> str:
+    """Return the EDS that the user named for a node, empty where none; by --eds, else by the cell file."""
+    found = files.eds_for(node_id)
+    return found.source if found is not None else ""
+
+
+def node_reading(files: Files, node: Node) -> tuple[Reading, str]:
+    """Return the EDS of a node and where it is from: the user's, the one that it stores (1021h), else a skeleton.
+
+    Blocks for long where the node itself is asked.
+
+    Raises:
+        EdsError: a file cannot be read.
+        SdoError, AdapterError: the node does not answer.
+    """
+    given = eds_file(files, node.node_id)
+    if given:
+        return read_file(given), given
+    from axisbus.bus.from_device import skeleton, stored_eds
+
+    with progress_bar(f"asking node {node.node_id} for its objects") as tell:
+        data = stored_eds(node.sdo)
+        if data is not None:
+            return reader.read(data, f"1021h of node {node.node_id}"), "the EDS that the drive stores (1021h)"
+        made = writer.dumps(skeleton(node.sdo, tell))
+    what = "a skeleton of the standard objects that it answers to (no maker's objects: give --eds)"
+    return reader.read(made, f"skeleton of node {node.node_id}"), what
+
+
+def baudrate(asked: Asked, files: Files, reading: Reading) -> int | None:
+    """Return the bus's bit rate in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
+    from axisbus.bus.listen import link_bitrate
+
+    cell = files.cell.bus.bitrate if files.cell is not None else None
+    rate = (asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel) or 0) // 1000
+    known = reading.eds.info.get("deviceinfo", {}).get(f"baudrate_{rate}", "1")
+    return rate if rate in dcf.BAUD_RATES and known.strip() not in ("0", "0x0") else None
+
+
+def keys(texts: tuple[str, ...], option: str) -> frozenset[Key]:
+    """Return the objects that an option names, each by index and sub-index (6098, 607D:1).
+
+    Raises:
+        ArgumentError: one is written otherwise.
+    """
+    return frozenset(_key(text, option) for text in texts)
+
+
+def _key(text: str, option: str) -> Key:
+    index, _, sub = text.partition(":")
+    try:
+        found = int(index.removesuffix("h"), 16), int(sub or "0", 16)
+    except ValueError:
+        found = (-1, -1)
+    if not (0 <= found[0] <= 0xFFFF and 0 <= found[1] <= 0xFF):
+        raise ArgumentError(
+            f"{option} {text!r} names no object",
+            remedy=f"write index and sub-index in hexadecimal, such as {option} 6098 or {option} 607D:1",
+        )
+    return found
+
+
+def place(variable: Variable) -> str:
+    """Return where and what an entry is."""
+    return f"{variable.index:04X}h:{variable.subindex:02X} {variable.name}"
+
+
+def shown(variable: Variable, value: Value | None) -> str:
+    """Return a value for a person."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bytes):
+        return value.hex(" ") or "nothing"
+    return wording.value(Number(value) if isinstance(value, int) else value, variable, None)
+
+
+def data_shown(variable: Variable, data: bytes | None) -> str:
+    """Return what a device sent for a person."""
+    return shown(variable, None if data is None else decode(data, variable.data_type))
+
+
+def plain(value: Value | None) -> object:
+    """Return a value for JSON; bytes as hexadecimal digits."""
+    return value.hex() if isinstance(value, bytes) else value

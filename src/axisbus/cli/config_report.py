@@ -1,0 +1,108 @@
+"""What came of ``axisbus config restore``, for people and as JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from axisbus.cia301.datatypes import decode
+from axisbus.cli import config_files
+from axisbus.cli.common import say, say_json, say_next
+
+if TYPE_CHECKING:
+    from axisbus.eds.model import Variable
+    from axisbus.machine.backup.restore import Report, Result
+
+
+def tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
+    """Print a report; ``found`` holds node, file, and what is known of storing (``stored``, ``in_ram_only``, ``cannot_store``)."""
+    if as_json:
+        say_json(_plain(report, found))
+    else:
+        _show(report, found)
+
+
+def _show(report: Report, found: dict[str, Any]) -> None:
+    from axisbus.machine.backup.restore import Outcome
+
+    for each in report.of(Outcome.RESTORED):
+        say(f"restored  {_change(each)}")
+    for each in report.of(Outcome.UNVERIFIED, Outcome.DIFFERS):
+        why = f" ({each.reason})" if each.reason else ""
+        say(f"{each.outcome.value}: {config_files.place(each.item.variable)}{why}")
+    for each in report.of(Outcome.FAILED):
+        say(f"FAILED    {_change(each)}: {each.reason}")
+    _show_skipped(report)
+    silent = sum(not each.why.told for each in report.skipped)
+    counts = {outcome: len(report.of(outcome)) for outcome in Outcome}
+    say(
+        f"node {found['node']}: {counts[Outcome.RESTORED]} restored, {counts[Outcome.SAME]} had it already, "
+        f"{counts[Outcome.FAILED]} failed, {len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
+    )
+    _show_memory(found, report)
+
+
+def _show_skipped(report: Report) -> None:
+    from axisbus.machine.backup.items import Why
+
+    orders = [
+        f"{each.variable.index:04X}h:{each.variable.subindex:02X}"
+        for each in report.skipped
+        if each.why is Why.ORDER
+    ]
+    if orders:
+        say(
+            f"skipped   {len(orders)} that are orders and no settings (controlword, targets, storing ...): {', '.join(orders)}"
+        )
+    for each in report.skipped:
+        if each.why.told and each.why is not Why.ORDER:
+            say(f"skipped   {config_files.place(each.variable)}: {each.text}")
+
+
+def _show_memory(found: dict[str, Any], report: Report) -> None:
+    stored = found.get("stored")
+    if stored is not None:
+        restart = "it restarted, and " if stored["restarted"] else ""
+        say(f"stored by 1010h in {stored['seconds']:.1f} s; {restart}all was read again")
+    elif found["in_ram_only"] and found.get("cannot_store"):
+        say(f"what was written is in RAM: {found['cannot_store']}")
+    elif found["in_ram_only"]:
+        say("what was written is in RAM only, and is lost with the next power-off")
+        say_next(f"keep it: axisbus config restore {found['file']} {found['node']} ... --store")
+    if not report.ok and stored is None and "cut_off" not in found:
+        say_next("mend what failed in the file, or leave it out with --exclude, and run it again")
+
+
+def _change(each: Result) -> str:
+    variable = each.item.variable
+    wanted = config_files.data_shown(variable, each.item.data)
+    before = config_files.data_shown(variable, each.before)
+    now = "" if each.after == each.item.data else f", it is {config_files.data_shown(variable, each.after)}"
+    return f"{config_files.place(variable)}: {before} -> {wanted}{now}"
+
+
+def entry(variable: Variable) -> dict[str, object]:
+    """Return which object it is, for JSON."""
+    return {"index": variable.index, "subindex": variable.subindex, "name": variable.name}
+
+
+def _plain(report: Report, found: dict[str, Any]) -> dict[str, Any]:
+    def value(each: Result, data: bytes | None) -> object:
+        return None if data is None else config_files.plain(decode(data, each.item.variable.data_type))
+
+    return {
+        **found,
+        "ok": report.ok and "cut_off" not in found,
+        "writes": report.writes,
+        "objects": [
+            {
+                **entry(each.item.variable),
+                "outcome": each.outcome.name.lower(),
+                "wanted": value(each, each.item.data),
+                "before": value(each, each.before),
+                "after": value(each, each.after),
+                "reason": each.reason,
+            }
+            for each in report.results
+        ],
+        "skipped": [{**entry(each.variable), "reason": each.text} for each in report.skipped],
+    }

@@ -1,0 +1,241 @@
+"""``axisbus config restore``: a node brought to what a DCF says, with every object read again."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from axisbus.cli import config_files, config_report
+from axisbus.cli.common import (
+    FAILURE,
+    OK,
+    WRONG,
+    progress_phases,
+    say,
+    say_error,
+    say_json,
+)
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.errors import BusError, EdsError, SdoAbort, StateError
+
+if TYPE_CHECKING:
+    from axisbus.bus.node import Node
+    from axisbus.drives.make import Make
+    from axisbus.eds.model import Eds
+    from axisbus.machine.backup.items import Item, Selection
+    from axisbus.machine.backup.restore import Report, Restore
+
+STOPPED = 130  # by Ctrl-C, as shells have it
+
+
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """What the user asked for beside file and node."""
+
+    include: frozenset[config_files.Key]
+    exclude: frozenset[config_files.Key]
+    replacement: bool
+    store: bool
+    dry_run: bool
+    ignore_limits: bool
+
+
+@click.command("restore")
+@click.argument("file")
+@click.argument("node")
+@node_options
+@click.option(
+    "--include",
+    multiple=True,
+    metavar="OBJECT",
+    help="Also write this calibration object, such as 2105:1; one by one.",
+)
+@click.option("--exclude", multiple=True, metavar="OBJECT", help="Leave this object as it is.")
+@click.option(
+    "--replacement",
+    is_flag=True,
+    help="The node replaces the one of the file: let revision, serial number and node-ID differ.",
+)
+@click.option("--store", is_flag=True, help="Store by 1010h, wait for a restart, and read all again.")
+@click.option(
+    "--ignore-limits", is_flag=True, help="Leave it to the drive to refuse values beyond the file's limits."
+)
+@click.option("--dry-run", is_flag=True, help="Only say what would be written.")
+@click.option("--concise", is_flag=True, help="FILE is a concise DCF (1F22h); needs the EDS.")
+@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+def command(
+    file: str,
+    node: str,
+    asked: Asked,
+    include: tuple[str, ...],
+    exclude: tuple[str, ...],
+    replacement: bool,
+    store: bool,
+    ignore_limits: bool,
+    dry_run: bool,
+    concise: bool,
+    as_json: bool,
+) -> int:
+    """Bring NODE to what FILE (a DCF) says: write what differs, in the order that a device takes, and read every object again.
+
+    It refuses a file of another device, and a node that is energised, operational, or run by another master. Controlword, modes,
+    targets and calibration are not written. A restore that was cut off is just run again: it finds what still differs.
+
+    Exit code 1 when an object cannot be restored, 3 when the node or the bus fails on the way.
+    """
+    wish = _Wish(
+        config_files.keys(include, "--include"),
+        config_files.keys(exclude, "--exclude"),
+        replacement,
+        store,
+        dry_run,
+        ignore_limits,
+    )
+    require_bus(asked)
+    files = Files.of(asked.cell, asked.eds)
+    node_id = files.address(node).node_id
+    eds = _concise_values(file, files, node_id) if concise else _values(file)
+    with ExitStack() as stack:
+        device = Session(stack, asked, files).node(node_id)
+        return _run(stack, device, eds, wish, as_json)
+
+
+def _values(file: str) -> Eds:
+    from axisbus.eds.configuration import check_understood
+
+    reading = config_files.read_file(file)
+    check_understood(reading)
+    if not any(sub.parameter_value is not None for entry in reading.eds for sub in entry.subs.values()):
+        raise EdsError(
+            "the file has no parameter values: there is nothing to restore",
+            file=reading.eds.source,
+            remedy="give a DCF: axisbus config backup makes one of a node, axisbus eds dcf one of an EDS",
+        )
+    return reading.eds
+
+
+def _concise_values(file: str, files: Files, node_id: int) -> Eds:
+    """Return the EDS of the node with the values of a concise DCF."""
+    from axisbus.eds import concise, dcf, reader
+    from axisbus.eds.configuration import parameters
+
+    given = config_files.eds_file(files, node_id)
+    if not given:
+        raise click.UsageError(
+            "a concise DCF does not say what its values are: give the node's EDS with --eds"
+        )
+    path = Path(file)
+    writes = concise.decode(reader.file_bytes(path), str(path))
+    reading = dcf.to_eds(config_files.read_file(given))
+    return dcf.make(reading, dcf.Settings(node_id), parameters(reading.eds, writes)).eds
+
+
+# -- the run -----------------------------------------------------------------------------------------------------------
+
+
+def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
+    from axisbus.drives import registry
+    from axisbus.machine.backup import guard
+    from axisbus.machine.backup.items import require_within_limits, select
+    from axisbus.machine.backup.restore import Restore
+
+    who = device.identity()
+    guard.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
+    make = registry.find(who.vendor_id, who.product_code)
+    selection = select(eds, device.node_id, make, wish.include, wish.exclude)
+    bars = stack.enter_context(ExitStack())
+    restore = Restore(device.sdo, selection, bars.enter_context(progress_phases(quiet=as_json)))
+    differing = restore.look()
+    if not wish.ignore_limits:
+        require_within_limits(differing, eds, device.node_id)
+    if wish.dry_run:
+        return _dry(device.node_id, differing, selection, as_json)
+    found: dict[str, Any] = {"node": device.node_id, "file": eds.source, "cannot_store": _ready(device, wish)}
+    try:
+        report = _carry_out(device, restore, make, wish, found)
+    except (BusError, KeyboardInterrupt) as error:
+        bars.close()
+        return _cut_off(device.node_id, restore, error, found, as_json)
+    found["in_ram_only"] = report.writes > 0 and "stored" not in found
+    config_report.tell(report, found, as_json)
+    if "store_refused" in found:
+        say_error(found["store_refused"])
+        return FAILURE
+    return OK if report.ok else WRONG
+
+
+def _ready(device: Node, wish: _Wish) -> str:
+    """Check that the node may be written to; return why it cannot store, empty where it can.
+
+    Raises:
+        StateError: it may not, or cannot store though it should.
+    """
+    from axisbus.machine.backup import guard, store
+
+    guard.require_at_rest(device)
+    why_not = store.can_store(device)
+    if wish.store and why_not:
+        raise StateError(
+            f"node {device.node_id} cannot store: {why_not}; nothing was written", remedy="leave --store out"
+        )
+    return why_not
+
+
+def _carry_out(device: Node, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]) -> Report:
+    """Write, store where that is asked for, and read again; ``found`` gets what came of the storing."""
+    from axisbus.machine.backup import store
+
+    report = restore.run()
+    if not (wish.store and report.ok):
+        return report
+    try:
+        stored = store.store(device, make)
+    except SdoAbort as refusal:
+        found["store_refused"] = str(refusal)
+        return report
+    found["stored"] = {"restarted": stored.restarted, "seconds": stored.seconds}
+    restore.look()
+    return restore.report()
+
+
+def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: bool) -> int:
+    if as_json:
+        say_json(
+            {
+                "node": node_id,
+                "would_write": [config_report.entry(each.variable) for each in differing],
+                "skipped": [
+                    {**config_report.entry(each.variable), "reason": each.text} for each in selection.skipped
+                ],
+            }
+        )
+    else:
+        for each in differing:
+            say(
+                f"would write {config_files.place(each.variable)} = {config_files.data_shown(each.variable, each.data)}"
+            )
+        say(
+            f"{len(selection.items)} objects of the file are for node {node_id}, {len(differing)} differ; nothing was written"
+        )
+    return WRONG if differing else OK
+
+
+def _cut_off(
+    node_id: int, restore: Restore, error: BaseException, found: dict[str, Any], as_json: bool
+) -> int:
+    """Say how far it came: another run goes on from there."""
+    report = restore.report()
+    config_report.tell(
+        report,
+        {**found, "cut_off": str(error) or "stopped by Ctrl-C", "in_ram_only": report.writes > 0},
+        as_json,
+    )
+    say_error(str(error) or "stopped by Ctrl-C")
+    say_error(
+        f"the restore of node {node_id} was cut off after {report.writes} writes; run it again: it goes on with what differs"
+    )
+    return FAILURE if isinstance(error, BusError) else STOPPED

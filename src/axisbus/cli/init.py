@@ -1,0 +1,188 @@
+"""``axisbus init``: a first cell file of what a scan finds."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli.buses import open_bus
+from axisbus.cli.common import OK, WRONG, progress_bar, require_free, say, say_json, say_next, write_whole
+from axisbus.cli.options import bus_options_beside_output, parse_options
+from axisbus.errors import UserError
+
+if TYPE_CHECKING:
+    from axisbus.bus.channel import Channel
+    from axisbus.bus.discover import Found
+    from axisbus.machine.first.draft import Draft, NodeFound
+    from axisbus.machine.first.match import Known, Match
+
+
+@click.command("init")
+@bus_options_beside_output
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("cell.toml"),
+    show_default=True,
+    help="The cell file to write.",
+)
+@click.option(
+    "--eds",
+    "folders",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Folder (or file) to look for EDS files in; may be repeated.",
+)
+@click.option("--force", is_flag=True, help="Replace a cell file that is there.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def command(
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+    output: Path,
+    folders: tuple[Path, ...],
+    force: bool,
+    as_json: bool,
+) -> int:
+    """Write a first cell file of what answers on a bus: its nodes, an EDS for each by its identity, and their axes.
+
+    What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
+    energises nothing. Exit code 1 when something is missing in the file.
+    """
+    from axisbus.machine.first import match
+
+    if interface is None:
+        raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
+    require_free(output, force)
+    known, unreadable = match.collect(folders)
+    with ExitStack() as stack:
+        bus = open_bus(stack, None, interface, channel, bitrate, option)
+        nodes = _found(bus, known, output, quiet=as_json)
+    if not nodes:
+        raise UserError(
+            "nobody answered on the bus; no cell file was written",
+            remedy="check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)",
+        )
+    made = _draft(nodes, interface, channel, bitrate, option)
+    write_whole(output, made.text.encode())
+    return _tell(output, nodes, made, unreadable, as_json)
+
+
+def _found(bus: Channel, known: list[Known], output: Path, *, quiet: bool) -> list[NodeFound]:
+    from axisbus.bus.discover import scan
+
+    found = scan(bus)
+    nodes = []
+    with progress_bar("asking the nodes", quiet=quiet) as tell:
+        for number, node in enumerate(found, start=1):
+            nodes.append(_node(bus, node, known, output))
+            if tell is not None:
+                tell(number, len(found))
+    return nodes
+
+
+def _node(bus: Channel, node: Found, known: list[Known], output: Path) -> NodeFound:
+    from axisbus.bus.sdo import SdoClient
+    from axisbus.cia402.objects import PROFILE_NUMBER
+    from axisbus.drives import registry
+    from axisbus.machine.first import draft, look, match
+
+    who = node.identity
+    files = match.match(known, node.node_id, who.vendor_id, who.product_code, who.revision)
+    axes: list[look.Axis] = []
+    if node.answers_sdo and who.profile == PROFILE_NUMBER:
+        client = SdoClient(bus, node.node_id)
+        try:
+            axes = look.axes(client)
+        finally:
+            client.close()
+    make = registry.find(who.vendor_id, who.product_code)
+    return draft.NodeFound(node, files, _specs(files, output), tuple(axes), make)
+
+
+def _specs(files: Match, output: Path) -> tuple[str, ...]:
+    """Return the files as the cell file names them: built-in ones by name, others relative to its folder."""
+    from axisbus.eds.builtin import PREFIX
+
+    folder = output.parent.resolve()
+    return tuple(
+        each.spec
+        if each.spec.startswith(PREFIX)
+        else Path(os.path.relpath(Path(each.spec).resolve(), folder)).as_posix()
+        for each in files.files
+    )
+
+
+def _draft(
+    nodes: list[NodeFound], interface: str, channel: str | None, bitrate: int | None, option: tuple[str, ...]
+) -> Draft:
+    from axisbus.bus.listen import link_bitrate
+    from axisbus.machine.first import draft
+
+    rate = bitrate or link_bitrate(interface, channel)
+    return draft.draft(draft.BusFound(interface, channel, rate, parse_options(option)), nodes)
+
+
+def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[str], as_json: bool) -> int:
+    from axisbus.machine.check import check
+
+    problems = check(output)
+    counts = Counter(problem.severity.value for problem in problems)
+    code = WRONG if made.missing or counts["error"] else OK
+    if as_json:
+        say_json(
+            {
+                "file": str(output),
+                "nodes": [_plain(node) for node in nodes],
+                "missing": made.missing,
+                "confirm": made.confirm,
+                "unreadable": unreadable,
+                "check": dict(counts),
+            }
+        )
+        return code
+    for node in nodes:
+        say(_line(node))
+    for text in unreadable:
+        say(f"not used: {text}")
+    for text in made.missing:
+        say(f"MISSING: {text}")
+    for text in made.confirm:
+        say(f"CONFIRM: {text}")
+    say(f"{output}: {len(nodes)} nodes, {sum(len(node.axes) for node in nodes)} axes")
+    say_next(f"confirm its comments with an editor, then: axisbus check {output}")
+    return code
+
+
+def _line(node: NodeFound) -> str:
+    who = node.found.identity
+    files = " or ".join(node.specs) or "no EDS"
+    axes = f", {len(node.axes)} axes" if len(node.axes) > 1 else ", 1 axis" if node.axes else ""
+    return (
+        f"node {node.found.node_id}: {who.device_name or node.found.kind or 'answers no SDO'}{axes}, {files}"
+    )
+
+
+def _plain(node: NodeFound) -> dict[str, object]:
+    who = node.found.identity
+    return {
+        "node": node.found.node_id,
+        "answers_sdo": node.found.answers_sdo,
+        "device_name": who.device_name,
+        "vendor_id": who.vendor_id,
+        "product_code": who.product_code,
+        "revision": who.revision,
+        "serial": who.serial,
+        "eds": list(node.specs),
+        "axes": [
+            {"drive_axis": axis.number, "power": axis.power, "energised": axis.energised}
+            for axis in node.axes
+        ],
+    }

@@ -1,0 +1,109 @@
+"""What differs between two configurations: of two files, of a file and a device, of a device and its EDS; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
+from axisbus.cia402.orders import order
+from axisbus.eds.model import Eds, Variable
+
+Key = tuple[int, int]
+
+_REFUSES_SCAN = 2  # bit 1 of ObjFlags (DS 306 4.6.3.3)
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One configuration: its name, what it says of each entry, and why it says nothing of others (device: an SDO abort)."""
+
+    name: str
+    values: Mapping[Key, Value]
+    unread: Mapping[Key, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One entry that differs; a value is None where that side has none, ``note`` then says why."""
+
+    variable: Variable
+    left: Value | None
+    right: Value | None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """How many entries were compared, and which differ."""
+
+    compared: int
+    differences: tuple[Difference, ...]
+
+
+def entries(eds: Eds, *, everything: bool = False) -> Iterator[Variable]:
+    """Yield what makes a configuration: identity and all that can be set; with ``everything`` all that can be read.
+
+    Orders (controlword, targets, storing), DOMAINs and what must not be read on a scan are left out.
+    """
+    for entry in eds:
+        for variable in entry.subs.values():
+            if not variable.readable or variable.data_type is DataType.DOMAIN:
+                continue
+            if variable.object_flags & _REFUSES_SCAN:
+                continue
+            settable = variable.writable and not order(variable.index)
+            if everything or settable or variable.index == o.IDENTITY:
+                yield variable
+
+
+def of_file(eds: Eds, node_id: int | None) -> Side:
+    """Return what a DCF or EDS says: parameter values, else defaults."""
+    found = {}
+    for entry in eds:
+        for variable in entry.subs.values():
+            value = variable.initial(node_id)
+            if value is not None:
+                found[variable.index, variable.subindex] = value
+    return Side(eds.source, found, {})
+
+
+def typed(variable: Variable, data: bytes) -> Value:
+    """Return what a device sent as a value; of another length than the type's as the bytes that it is."""
+    size = size_in_bytes(variable.data_type)
+    return data if size is not None and size != len(data) else decode(data, variable.data_type)
+
+
+def compare(variables: list[Variable], left: Side, right: Side) -> Comparison:
+    """Compare entry by entry; where either side says nothing and is not a device that refuses, there is nothing to compare."""
+    found: list[Difference] = []
+    compared = 0
+    for variable in variables:
+        key = variable.index, variable.subindex
+        note = left.unread.get(key) or right.unread.get(key) or ""
+        mine, other = left.values.get(key), right.values.get(key)
+        if not note and (mine is None or other is None):
+            continue
+        compared += 1
+        if note or not _equal(mine, other):
+            found.append(Difference(variable, mine, other, note))
+    return Comparison(compared, tuple(found))
+
+
+def only_in(one: Eds, other: Eds) -> list[Variable]:
+    """Return the entries that only the first of two files has."""
+    return [
+        variable
+        for entry in one
+        for variable in entry.subs.values()
+        if other.get(variable.index, variable.subindex) is None
+    ]
+
+
+def _equal(one: Value | None, other: Value | None) -> bool:
+    if isinstance(one, float) and isinstance(other, (int, float)):
+        return abs(one - other) <= 1e-6 * max(1.0, abs(other))  # REAL32 comes back rounded
+    if isinstance(one, str) and isinstance(other, str):
+        return one.strip("\0 ") == other.strip("\0 ")
+    return one == other

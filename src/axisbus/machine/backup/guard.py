@@ -1,0 +1,143 @@
+"""What must hold before a configuration is written: the right device, at rest, pre-operational, and no other master."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from axisbus.bus.node import Node, NodeIdentity
+from axisbus.cia301 import objects as o
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.eds.model import Eds
+from axisbus.errors import SdoAbort, StateError, UserError
+from axisbus.machine import careful
+
+LISTEN = 1.2  # seconds: the usual heartbeat of 1 s fits in
+_SLICE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class FileIdentity:
+    """Which device a DCF was taken from; None where the file does not say."""
+
+    device_type: int | None
+    vendor_id: int | None
+    product_code: int | None
+    revision: int | None
+    serial: int | None
+    node_id: int | None
+
+
+def identity_of(eds: Eds) -> FileIdentity:
+    """Return the identity that a file names: the values of 1000h and 1018h, and LSS_SerialNumber."""
+
+    def number(index: int, subindex: int = 0) -> int | None:
+        variable = eds.get(index, subindex)
+        value = variable.initial(eds.node_id) if variable is not None else None
+        return value if isinstance(value, int) else None
+
+    commissioning = eds.info.get("devicecomissioning", {})
+    written = commissioning.get("lss_serialnumber", "")
+    serial = number(o.IDENTITY, o.SERIAL_NUMBER)
+    if serial is None and written.isdecimal():
+        serial = int(written)
+    return FileIdentity(
+        number(o.DEVICE_TYPE),
+        eds.identity.vendor_id if (found := number(o.IDENTITY, o.VENDOR_ID)) is None else found,
+        eds.identity.product_code if (found := number(o.IDENTITY, o.PRODUCT_CODE)) is None else found,
+        number(o.IDENTITY, o.REVISION_NUMBER),
+        serial,
+        eds.node_id,
+    )
+
+
+def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacement: bool) -> None:
+    """Check that a file is of this device; what either does not say (or says as 0) is not compared.
+
+    With ``replacement`` another specimen of the same type will do: another revision, serial number or node-ID.
+
+    Raises:
+        UserError: it is of another one.
+    """
+    said = identity_of(eds)
+    kinds = (
+        ("device type (1000h)", said.device_type, found.device_type),
+        ("vendor ID", said.vendor_id, found.vendor_id),
+        ("product code", said.product_code, found.product_code),
+    )
+    specimens = (
+        ("revision", said.revision, found.revision),
+        ("serial number", said.serial, found.serial),
+        ("node-ID", said.node_id, node_id),
+    )
+    other = _differing(kinds)
+    if other:
+        raise UserError(
+            f"{eds.source} is of another type of device than node {node_id}; nothing was written",
+            observed="; ".join(other),
+            remedy="give the file of this device (axisbus scan shows who is there)",
+        )
+    other = [] if replacement else _differing(specimens)
+    if other:
+        raise UserError(
+            f"{eds.source} was taken from another device than node {node_id}; nothing was written",
+            observed="; ".join(other),
+            remedy="give the file of this device; if it replaces the one of the file, add --replacement",
+        )
+
+
+def _differing(pairs: tuple[tuple[str, int | None, int | None], ...]) -> list[str]:
+    return [
+        f"{what}: the file says 0x{said:X}, the device 0x{found:X}"
+        for what, said, found in pairs
+        if said and found and said != found
+    ]
+
+
+def require_at_rest(node: Node) -> None:
+    """Check that the node may be configured: no drive of it energised, not operational, no other master; blocks about 2 s.
+
+    A node that shows its NMT state by nothing (no heartbeat) is commanded to pre-operational, which energises nothing.
+
+    Raises:
+        StateError: it may not; nothing was written.
+        SdoError, AdapterError: it does not answer.
+    """
+    found = careful.energised(node)
+    if found:
+        raise StateError(
+            f"node {node.node_id} is energised: it is not configured; nothing was written",
+            observed="; ".join(found),
+            remedy="stop it first: axisbus stop CELL",
+        )
+    careful.require_no_other_master(node, heartbeats=False)
+    state = _state(node)
+    if state is None:
+        node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    elif state is not NmtState.PRE_OPERATIONAL:
+        raise StateError(
+            f"node {node.node_id} is {state.text}: it is configured in pre-operational only; nothing was written",
+            remedy=f"end the program that runs it, then: axisbus nmt pre-operational {node.node_id} ...",
+        )
+
+
+def _state(node: Node) -> NmtState | None:
+    """Listen for a heartbeat where the node sends any; None where it does not."""
+    period = _heartbeat(node)
+    deadline = time.monotonic() + max(LISTEN, 2.5 * period)
+    if period:
+        _until(lambda: node.nmt.reports > 0, deadline)
+    return node.nmt.state if node.nmt.reports else None
+
+
+def _heartbeat(node: Node) -> float:
+    try:
+        return int.from_bytes(node.sdo.upload(o.PRODUCER_HEARTBEAT), "little") / 1000
+    except SdoAbort:
+        return 0.0
+
+
+def _until(done: Callable[[], bool], deadline: float) -> None:
+    while not done() and time.monotonic() < deadline:
+        time.sleep(_SLICE)

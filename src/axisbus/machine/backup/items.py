@@ -1,0 +1,219 @@
+"""Which values of a DCF are for a device, as the bytes that SDO sends, and why the others are not; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.datatypes import DataType, encode
+from axisbus.cia402.orders import order
+from axisbus.drives.make import Make
+from axisbus.eds import assign
+from axisbus.eds.model import Eds, Variable
+from axisbus.errors import ArgumentError, AxisbusError, LimitError
+from axisbus.machine.backup.order import pdo_of
+
+Key = tuple[int, int]
+
+_REFUSES_DOWNLOAD = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
+_OWN_SDO_SERVER = 0x1200  # the channel that we talk by
+_PDO_MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+# Limits that many files have wrong: the standard's own UNSIGNED32 coding is the limit.
+_UNLIMITED = frozenset((o.CONSUMER_HEARTBEAT,))
+_SHOWN = 5
+
+
+class Why(Enum):
+    """Why a value of the file is not brought to the device."""
+
+    READ_ONLY = "it can only be read"
+    ORDER = "writing it is an order, not a setting"
+    CALIBRATION = "it calibrates the drive"
+    FLAGS = "its ObjFlags keep it from a download"
+    CHANNEL = "the SDO server that is used for this"
+    UNUSED = "a mapping entry beyond the number of those in use"
+    TYPE = "its type cannot be written"
+    EXCLUDED = "left out as asked"
+
+    @property
+    def told(self) -> bool:
+        """Whether a person wants to hear of it object by object."""
+        return self not in (Why.READ_ONLY, Why.UNUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One value for the device: ``data`` as SDO sends it; ``line`` is that of the file."""
+
+    variable: Variable
+    data: bytes
+
+    @property
+    def key(self) -> Key:
+        """Index and sub-index."""
+        return self.variable.index, self.variable.subindex
+
+
+@dataclass(frozen=True, slots=True)
+class Skipped:
+    """One value that stays in the file; ``more`` says it in detail."""
+
+    variable: Variable
+    why: Why
+    more: str = ""
+
+    @property
+    def text(self) -> str:
+        """The reason in words."""
+        return f"{self.why.value}: {self.more}" if self.more else self.why.value
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What of a file is for the device, in the file's order, and what is not."""
+
+    items: tuple[Item, ...]
+    skipped: tuple[Skipped, ...]
+
+
+def select(
+    eds: Eds,
+    node_id: int,
+    make: Make,
+    include: Collection[Key] = (),
+    exclude: Collection[Key] = (),
+) -> Selection:
+    """Return what a DCF configures on node ``node_id`` (1 to 127); ``include`` names calibration objects one by one.
+
+    Objects that act when they are written (controlword, targets, modes, storing) are never among them, whatever is asked.
+
+    Raises:
+        ArgumentError: ``include`` or ``exclude`` names what the file gives no value, or an order; a value does not fit its type.
+    """
+    given = {(each.index, each.subindex): each for each in _given(eds)}
+    for asked in (*include, *exclude):
+        _require_known(eds, given.keys(), asked)
+    items, skipped = [], []
+    for key, variable in given.items():
+        reason = _skipped(eds, variable, node_id, make, key in include, key in exclude)
+        if reason is None:
+            items.append(Item(variable, _data(eds, variable, node_id)))
+        else:
+            skipped.append(reason)
+    items += _companions(eds, node_id, items, frozenset(given))
+    return Selection(tuple(items), tuple(skipped))
+
+
+def _companions(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]) -> Iterator[Item]:
+    """Yield what changing a PDO needs beside what the file gives: its COB-ID, and its whole mapping, as they are by default.
+
+    A DCF made by hand may give one mapping entry alone. Taken from the file and not from the device, the values are the same in
+    every run, also behind one that was cut off with the PDO switched off.
+    """
+    for pdo in sorted({pdo for item in items if (pdo := pdo_of(item.key[0])) is not None}):
+        subs = {item.key for item in items if pdo_of(item.key[0]) == pdo}
+        for key in _needed(eds, node_id, pdo, subs):
+            variable = eds.get(*key)
+            if (
+                key not in given
+                and variable is not None
+                and variable.writable
+                and variable.default is not None
+            ):
+                yield Item(variable, _data(eds, variable, node_id))
+
+
+def _needed(eds: Eds, node_id: int, pdo: int, touched: set[Key]) -> Iterator[Key]:
+    """Yield the entries without which those of a PDO that are touched cannot change (CiA 301 7.5.2.35 to 7.5.2.38)."""
+    mapping = pdo + o.RPDO_MAPPING - o.RPDO_COMMUNICATION
+    remapped = any(index == mapping for index, _ in touched)
+    if remapped or touched & {(pdo, o.PDO_INHIBIT_TIME), (pdo, o.PDO_SYNC_START)}:
+        yield pdo, o.PDO_COB_ID
+    count = eds.get(mapping, 0)
+    number = count.initial(node_id) if count is not None and remapped else None
+    if isinstance(number, int):
+        yield from ((mapping, subindex) for subindex in range(number + 1))
+
+
+def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> None:
+    """Check the values that are to be written against the limits of the file.
+
+    Raises:
+        LimitError: some are beyond; it names them.
+    """
+    found = []
+    for item in items:
+        if item.variable.index in _UNLIMITED:
+            continue
+        try:
+            assign.check_limits(item.variable, item.variable.parameter_value, node_id)
+        except LimitError as error:
+            found.append(f"{error.message} ({error.observed})")
+    if found:
+        rest = f"; and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
+        raise LimitError(
+            f"{eds.source} has values beyond its own limits; nothing was written",
+            observed="; ".join(found[:_SHOWN]) + rest,
+            remedy="correct the value or the limit in the file, leave the object out with --exclude, or give --ignore-limits",
+        )
+
+
+def _given(eds: Eds) -> Iterator[Variable]:
+    for entry in eds:
+        for variable in entry.subs.values():
+            if variable.parameter_value is not None:
+                yield variable
+
+
+def _require_known(eds: Eds, given: Collection[Key], asked: Key) -> None:
+    where = f"{asked[0]:04X}h:{asked[1]:02X}"
+    if asked not in given:
+        raise ArgumentError(
+            f"{eds.source} gives no value for {where}",
+            remedy="see what it has: axisbus eds dcf FILE --values",
+        )
+
+
+def _skipped(
+    eds: Eds, variable: Variable, node_id: int, make: Make, included: bool, excluded: bool
+) -> Skipped | None:
+    key = variable.index, variable.subindex
+    reasons = (
+        (not variable.writable, Why.READ_ONLY, ""),
+        (excluded, Why.EXCLUDED, ""),
+        (order(variable.index) != "", Why.ORDER, order(variable.index)),
+        (make.calibrates(*key) and not included, Why.CALIBRATION, f"--include {_short(key)} writes it"),
+        (bool(variable.object_flags & _REFUSES_DOWNLOAD), Why.FLAGS, ""),
+        (variable.index == _OWN_SDO_SERVER, Why.CHANNEL, ""),
+        (variable.data_type is DataType.DOMAIN, Why.TYPE, "a DOMAIN is a file of its own"),
+        (_unused(eds, variable, node_id), Why.UNUSED, ""),
+    )
+    return next((Skipped(variable, why, more) for applies, why, more in reasons if applies), None)
+
+
+def _short(key: Key) -> str:
+    return f"{key[0]:04X}:{key[1]:X}"
+
+
+def _unused(eds: Eds, variable: Variable, node_id: int) -> bool:
+    if not any(variable.index in each for each in _PDO_MAPPINGS):
+        return False
+    count = eds.get(variable.index, 0)
+    number = count.initial(node_id) if count is not None else None
+    return isinstance(number, int) and variable.subindex > number
+
+
+def _data(eds: Eds, variable: Variable, node_id: int) -> bytes:
+    plain = variable.initial(node_id)
+    where = f"{eds.source}:{variable.line}: {variable.index:04X}h:{variable.subindex:02X} ({variable.name})"
+    assert plain is not None  # others are not asked for
+    try:
+        return encode(plain, variable.data_type, where)
+    except AxisbusError as error:
+        raise ArgumentError(
+            f"{error.message}; nothing was written",
+            observed=error.observed,
+            remedy="correct the value: axisbus eds check",
+        ) from error

@@ -1,0 +1,269 @@
+"""The writes that bring a device from what it holds to what a file says, in an order that a device takes; pure.
+
+Theory of operation
+-------------------
+Only what differs is written, and what must be taken apart for it. So the plan is worked out anew from what the device holds,
+whatever an earlier, interrupted run did to it, and it is empty when there is nothing left to do. No write repeats what is held
+already: runs that are cut off after every single write still come to the end. The phases are:
+
+1. 1020h (Verify configuration) becomes 0, because the configuration that it vouches for is about to change.
+2. PDOs that will change are switched off: bit 31 of their COB-ID (CiA 301 7.5.2.35, 7.5.2.37).
+3. SYNC, TIME, EMCY and SDO channels that will change are switched off, each by its own bit.
+4. Everything that has no order of its own, by index.
+5. The switched-off PDOs: communication parameters; mapping count 0, mapping entries, mapping count (7.5.2.36, 7.5.2.38).
+6. SYNC and the other channels get what they are to have, then the PDOs: all COB-IDs are free by now.
+7. Error control: guarding, heartbeat consumers (of which no two may watch one node, so they are emptied first), producer.
+8. 1020h gets its date and time: only a whole configuration has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
+
+Key = tuple[int, int]
+Values = Mapping[Key, bytes]
+Held = Mapping[Key, bytes | None]  # None: it cannot be read
+
+VERIFY = 0x1020
+_SYNC_OVERFLOW = 0x1019
+_COB_ID_TIME = 0x1012
+_TO_MAPPING = o.RPDO_MAPPING - o.RPDO_COMMUNICATION
+_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+_ERROR_CONTROL = (o.GUARD_TIME, o.LIFE_TIME_FACTOR, o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT)
+_SDO_CHANNELS = range(0x1201, 0x1300)
+_SDO_COB_IDS = (1, 2)
+_ACTIVE = 1 << 30  # bit 30 of 1005h and 1012h: the device produces
+
+
+def _invalid(value: int) -> int:
+    return value | cob.INVALID
+
+
+def _producing_no_more(value: int) -> int:
+    return value & ~_ACTIVE
+
+
+def _neither_way(value: int) -> int:
+    return value & ~(_ACTIVE | cob.INVALID)
+
+
+# How a COB-ID is switched off before its other bits may change (CiA 301 7.5.2.5, 7.5.2.15, 7.5.2.17).
+_OFF: Mapping[int, Callable[[int], int]] = {
+    o.COB_ID_SYNC: _producing_no_more,
+    _COB_ID_TIME: _neither_way,
+    o.COB_ID_EMCY: _invalid,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One write: ``data`` as SDO sends it; ``pdo`` is the communication parameter (14xxh, 18xxh) of the PDO that it belongs to."""
+
+    index: int
+    subindex: int
+    data: bytes
+    pdo: int | None = None
+
+    @property
+    def key(self) -> Key:
+        """Index and sub-index."""
+        return self.index, self.subindex
+
+
+def ordered(wanted: Values, held: Held) -> list[Write]:
+    """Return the writes after which a device that holds ``held`` has all of ``wanted``; none where it has it already."""
+    differing = {key for key, data in wanted.items() if held.get(key) != data}
+    if not differing:
+        return []
+    plan = _Plan(wanted, held, differing)
+    return [
+        *plan.stamp_away(),
+        *plan.pdos_off(),
+        *plan.channels_off(),
+        *plan.plain(),
+        *plan.pdos(),
+        *plan.channels(),
+        *plan.pdos_on(),
+        *plan.error_control(),
+        *plan.stamp(),
+    ]
+
+
+def pdo_of(index: int) -> int | None:
+    """Return the communication parameter of the PDO that an object belongs to, None where it is of none."""
+    for first in (index, index - _TO_MAPPING):
+        if any(first in each for each in _COMMUNICATION):
+            return first
+    return None
+
+
+def pdo_back(pdo: int, before: Held, now: Held) -> list[Write]:
+    """Return the writes that give one PDO back all that it had ``before``, whatever of it has been changed by now."""
+    own = {key: data for key, data in before.items() if data is not None and pdo_of(key[0]) == pdo}
+    state: dict[Key, bytes | None] = {**own, **{key: now.get(key) for key in own}}
+    return ordered(own, state)
+
+
+class _Plan:
+    """The phases; holds what is wanted, what is there, and what differs, and changes none of it."""
+
+    def __init__(self, wanted: Values, held: Held, differing: set[Key]) -> None:
+        self._wanted = wanted
+        self._held = held
+        self._differing = differing
+        found = {pdo for index, _ in differing if (pdo := pdo_of(index)) is not None}
+        self._pdos = sorted(found)
+
+    # -- 1020h ----------------------------------------------------------------------------------------------------------
+
+    def stamp_away(self) -> Iterator[Write]:
+        for key in self._stamps() if self._beside_stamp() else ():
+            if any(self._held.get(key) or b""):
+                yield Write(*key, bytes(len(self._wanted[key])))
+
+    def stamp(self) -> Iterator[Write]:
+        taken_away = {write.key for write in self.stamp_away()}
+        for key in self._stamps():
+            now = bytes(len(self._wanted[key])) if key in taken_away else self._held.get(key)
+            if now != self._wanted[key]:
+                yield Write(*key, self._wanted[key])
+
+    def _stamps(self) -> list[Key]:
+        return sorted(key for key in self._wanted if key[0] == VERIFY)
+
+    def _beside_stamp(self) -> bool:
+        return any(index != VERIFY for index, _ in self._differing)
+
+    # -- PDOs -----------------------------------------------------------------------------------------------------------
+
+    def pdos_off(self) -> Iterator[Write]:
+        for pdo in self._pdos:
+            now = self._number((pdo, o.PDO_COB_ID))
+            if now is not None and not now & cob.INVALID and self._settable(pdo, o.PDO_COB_ID):
+                yield Write(pdo, o.PDO_COB_ID, _u32(now | cob.INVALID), pdo)
+
+    def pdos(self) -> Iterator[Write]:
+        for pdo in self._pdos:
+            for key in sorted(self._differing):
+                if key[0] == pdo and key[1] != o.PDO_COB_ID:
+                    yield Write(*key, self._wanted[key], pdo)
+            if any(index == pdo + _TO_MAPPING for index, _ in self._differing):
+                yield from self._mapping(pdo)
+
+    def _mapping(self, pdo: int) -> Iterator[Write]:
+        mapping = pdo + _TO_MAPPING
+        count = self._wanted.get((mapping, 0))
+        if count is None:  # a number that is fixed: entries are changed one by one
+            for key in sorted(self._differing):
+                if key[0] == mapping:
+                    yield Write(*key, self._wanted[key], pdo)
+            return
+        mapped = any(self._held.get((mapping, 0)) or b"\1")
+        if mapped:
+            yield Write(mapping, 0, bytes(len(count)), pdo)
+        for subindex in range(1, int.from_bytes(count, "little") + 1):
+            key = mapping, subindex
+            data = self._wanted.get(key)
+            # Emptying a mapping may empty its entries too, so all are written behind it.
+            if data is not None and (mapped or self._held.get(key) != data):
+                yield Write(*key, data, pdo)
+        if any(count):
+            yield Write(mapping, 0, count, pdo)
+
+    def pdos_on(self) -> Iterator[Write]:
+        for pdo in self._pdos:
+            key = pdo, o.PDO_COB_ID
+            data = self._wanted.get(key)
+            now = self._number(key)
+            if data is not None and (now is None or data != _u32(now | cob.INVALID)):
+                yield Write(*key, data, pdo)
+
+    def _settable(self, index: int, subindex: int) -> bool:
+        return (index, subindex) in self._wanted
+
+    # -- SYNC, TIME, EMCY, SDO ------------------------------------------------------------------------------------------
+
+    def channels_off(self) -> Iterator[Write]:
+        for index, off in _OFF.items():
+            now = self._number((index, 0))
+            if (index, 0) in self._differing and now is not None and off(now) != now:
+                yield Write(index, 0, _u32(off(now)))
+        if self._stops_sync():
+            yield Write(o.CYCLE_PERIOD, 0, bytes(4))  # 1019h may only change while it is 0 (CiA 301 7.5.2.22)
+        for index in self._sdo_channels():
+            for subindex in _SDO_COB_IDS:
+                if self._blocks(index, subindex):
+                    yield Write(index, subindex, _u32((self._number((index, subindex)) or 0) | cob.INVALID))
+
+    def _blocks(self, index: int, subindex: int) -> bool:
+        """Whether a COB-ID of an SDO channel must be switched off before what differs of the channel may change."""
+        key = index, subindex
+        now = self._number(key)
+        if now is None or now & cob.INVALID or not self._settable(index, subindex):
+            return False
+        others = any(index == of and sub not in _SDO_COB_IDS for of, sub in self._differing)
+        return others or key in self._differing
+
+    def channels(self) -> Iterator[Write]:
+        for index in (_COB_ID_TIME, o.COB_ID_EMCY, _SYNC_OVERFLOW):
+            yield from self._if_differing((index, 0))
+        period = self._wanted.get((o.CYCLE_PERIOD, 0), b"")
+        if self._stops_sync() and any(period):
+            yield Write(o.CYCLE_PERIOD, 0, period)
+        elif not self._stops_sync():
+            yield from self._if_differing((o.CYCLE_PERIOD, 0))
+        yield from self._if_differing((o.COB_ID_SYNC, 0))
+        for index in self._sdo_channels():
+            keys = sorted((key for key in self._wanted if key[0] == index), key=lambda key: -key[1])
+            for key in keys:  # the COB-IDs last
+                if self._switched_off(key) != self._wanted[key]:
+                    yield Write(*key, self._wanted[key])
+
+    def _stops_sync(self) -> bool:
+        """Whether 1006h must be 0 for a while."""
+        key = o.CYCLE_PERIOD, 0
+        return (
+            (_SYNC_OVERFLOW, 0) in self._differing and key in self._wanted and any(self._held.get(key) or b"")
+        )
+
+    def _switched_off(self, key: Key) -> bytes | None:
+        """Return what an entry of an SDO channel holds once the channel is switched off."""
+        now = self._number(key)
+        return self._held.get(key) if now is None or not self._blocks(*key) else _u32(now | cob.INVALID)
+
+    def _sdo_channels(self) -> list[int]:
+        return sorted({index for index, _ in self._differing if index in _SDO_CHANNELS})
+
+    # -- the rest -------------------------------------------------------------------------------------------------------
+
+    def plain(self) -> Iterator[Write]:
+        special = {*_OFF, *_ERROR_CONTROL, _SYNC_OVERFLOW, o.CYCLE_PERIOD, VERIFY, *_SDO_CHANNELS}
+        for key in sorted(self._differing):
+            if key[0] not in special and pdo_of(key[0]) is None:
+                yield Write(*key, self._wanted[key])
+
+    def error_control(self) -> Iterator[Write]:
+        consumers = [key for key in sorted(self._differing) if key[0] == o.CONSUMER_HEARTBEAT]
+        for key in consumers if len(consumers) > 1 else ():
+            if any(self._held.get(key) or b"\1"):
+                yield Write(*key, bytes(len(self._wanted[key])))
+        for index in _ERROR_CONTROL:
+            for key in sorted(self._differing):
+                if key[0] == index:
+                    yield Write(*key, self._wanted[key])
+
+    def _if_differing(self, key: Key) -> Iterator[Write]:
+        if key in self._differing:
+            yield Write(*key, self._wanted[key])
+
+    def _number(self, key: Key) -> int | None:
+        data = self._held.get(key)
+        return None if data is None else int.from_bytes(data, "little")
+
+
+def _u32(value: int) -> bytes:
+    return value.to_bytes(4, "little")

@@ -1,0 +1,62 @@
+"""Taking the configuration of a device into a DCF: every object that may be read, with identity and serial number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as o
+from axisbus.eds import dcf
+from axisbus.eds.model import Variable
+from axisbus.eds.reader import Reading
+from axisbus.eds.snapshot import LeftOut, left, readable, text_of
+from axisbus.errors import SdoAbort
+from axisbus.machine.backup.restore import Device
+
+Key = tuple[int, int]
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """A DCF of a device: how many values are in it, and which entries of the EDS are not."""
+
+    reading: Reading
+    values: int
+    left_out: tuple[LeftOut, ...]
+
+
+def backup(device: Device, reading: Reading, settings: dcf.Settings, tell: Tell | None = None) -> Backup:
+    """Read every object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
+
+    An object that the device refuses or does not have is left out; ``tell(done, all)`` is called after each.
+
+    Raises:
+        SdoError, AdapterError: the node does not answer, or the channel failed.
+        ArgumentError, EdsError: the EDS cannot be made a DCF with these settings.
+    """
+    reading = dcf.to_eds(reading)
+    wanted, left_out = readable(reading)
+    texts: dict[Key, str] = {}
+    serial = None
+    for number, variable in enumerate(wanted, start=1):
+        found = _read(device, variable)
+        text = text_of(variable, found, settings.node_id) if isinstance(found, bytes) else found
+        if isinstance(text, LeftOut):
+            left_out.append(text)
+        elif text:
+            texts[variable.index, variable.subindex] = text
+        if isinstance(found, bytes) and (variable.index, variable.subindex) == (o.IDENTITY, o.SERIAL_NUMBER):
+            serial = int.from_bytes(found, "little") or None  # 0 is none
+        if tell is not None:
+            tell(number, len(wanted))
+    made = dcf.record(reading, replace(settings, serial=serial), texts)
+    return Backup(made, len(texts), tuple(left_out))
+
+
+def _read(device: Device, variable: Variable) -> bytes | LeftOut:
+    try:
+        return device.upload(variable.index, variable.subindex)
+    except SdoAbort as refusal:
+        return left(variable, f"the device refuses it: {abort.describe(refusal.code)}")

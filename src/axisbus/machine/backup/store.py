@@ -1,0 +1,89 @@
+"""Storing what a node has in RAM by 1010h, through the restart that some drives make of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from axisbus.bus.node import Node
+from axisbus.cia301 import objects as o
+from axisbus.drives.make import Make
+from axisbus.errors import NodeTimeout, SdoAbort, SdoTimeout, StateError
+
+SAVE = b"save"  # 65766173h, as it goes over the wire (CiA 301 7.5.2.13)
+ALL_PARAMETERS = 1
+ON_COMMAND, BY_ITSELF = 1, 2  # bits of what 1010h reads (CiA 301 figure 56)
+WRITE_TIME = 10.0  # seconds that a memory may take
+RESTART_SEEN = 1.0  # seconds within which a restart shows
+RESTART_TIME = 15.0  # seconds that a restart may take
+_SLICE = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """That a node stored: whether it restarted, and how many seconds all of it took."""
+
+    restarted: bool
+    seconds: float
+
+
+def can_store(node: Node) -> str:
+    """Return why 1010h:1 does not store on command, empty where it does; blocks for a transfer.
+
+    Raises:
+        SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    try:
+        flags = int.from_bytes(node.sdo.upload(o.STORE_PARAMETERS, ALL_PARAMETERS), "little")
+    except SdoAbort:
+        return "it has no 1010h:01 (Save all parameters); its manual says what it keeps"
+    if flags & ON_COMMAND:
+        return ""
+    return "it stores by itself (1010h:01)" if flags & BY_ITSELF else "1010h:01 says that it does not store"
+
+
+def store(node: Node, make: Make) -> Stored:
+    """Store all parameters and wait until the node answers again; blocks for up to about 30 s.
+
+    Raises:
+        StateError: it does not store on command; nothing was sent.
+        SdoAbort: it refuses.
+        NodeTimeout: it does not come back.
+        SdoTimeout, AdapterError: it did not answer, and did not restart; or the channel failed.
+    """
+    why_not = can_store(node)
+    if why_not:
+        raise StateError(
+            f"node {node.node_id} cannot store its parameters: {why_not}", remedy="leave --store out"
+        )
+    begin, boots = time.monotonic(), node.nmt.bootups
+    silent: SdoTimeout | None = None
+    try:
+        # Once only: a drive that restarts before it answers must not be told again.
+        node.sdo.download(o.STORE_PARAMETERS, ALL_PARAMETERS, SAVE, timeout=WRITE_TIME, tries=1)
+    except SdoTimeout as error:
+        silent = error
+    restarted = _restarts(node, boots, make)
+    if silent is not None and not restarted:
+        raise silent
+    _wait_for(node, begin)
+    return Stored(restarted, time.monotonic() - begin)
+
+
+def _restarts(node: Node, boots: int, make: Make) -> bool:
+    deadline = time.monotonic() + (RESTART_TIME if make.store_restarts else RESTART_SEEN)
+    while node.nmt.bootups == boots and time.monotonic() < deadline:
+        time.sleep(_SLICE)
+    return node.nmt.bootups != boots
+
+
+def _wait_for(node: Node, begin: float) -> None:
+    deadline = time.monotonic() + RESTART_TIME
+    while not node.answers_sdo():
+        if time.monotonic() > deadline:
+            raise NodeTimeout(
+                f"node {node.node_id} does not answer since it was told to store its parameters",
+                node=node.node_id,
+                observed=f"{time.monotonic() - begin:.0f} s without an answer; {node.nmt.describe(time.monotonic())}",
+                remedy="look for it with axisbus scan: with the stored parameters it may have another node-ID or bit rate",
+            )

@@ -1,0 +1,102 @@
+"""Configuring a node at boot from the DCF that its section of the cell file names."""
+
+from __future__ import annotations
+
+from axisbus.cia301 import objects as o
+from axisbus.drives.make import Make
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+from axisbus.errors import ArgumentError, BootError
+from axisbus.machine.access import Objects
+from axisbus.machine.backup.items import Key, Selection, require_within_limits, select
+from axisbus.machine.backup.order import pdo_of
+from axisbus.machine.backup.restore import Outcome, Report, Restore
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.configure import writes_of
+
+_ERROR_CONTROL = frozenset((o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT, o.GUARD_TIME, o.LIFE_TIME_FACTOR))
+_SHOWN = 4
+
+
+def apply(objects: Objects, cell: CellConfig, eds: Eds, make: Make) -> int:
+    """Write the values of a node's DCF that it does not have yet and read all of them again; return how many it has then.
+
+    What the cell file itself says of an object wins: its ``objects`` and ``pdo`` tables, the words of its axes, and [bus].
+    Blocks for a transfer for each value. A node without ``dcf`` is left alone.
+
+    Raises:
+        BootError: the node refuses a value or reads back another one; it names them.
+        SdoError, BusError: the node does not answer.
+    """
+    node = cell.nodes[objects.node_id]
+    if node.dcf is None:
+        return 0
+    try:
+        selection = own_values(cell, objects.node_id, eds, make)
+        restore = Restore(objects, selection)
+        require_within_limits(restore.look(), eds, objects.node_id)
+    except ArgumentError as error:
+        raise BootError(
+            f"node {objects.node_id}: {error.message}",
+            node=objects.node_id,
+            step="configuration",
+            observed=error.observed,
+            remedy=error.remedy,
+        ) from error
+    report = restore.run()
+    _require_ok(report, objects.node_id, eds)
+    return len(report.results)
+
+
+def own_values(cell: CellConfig, node_id: int, eds: Eds, make: Make) -> Selection:
+    """Return what of a node's DCF is written at boot: what the cell file does not say otherwise.
+
+    Raises:
+        ArgumentError: a value does not fit its type, or a key of the cell file names no object.
+    """
+    selection = select(eds, node_id, make)
+    taken = _taken(cell, node_id, eds)
+    pdos = _tables(cell, node_id)
+    items = tuple(
+        item for item in selection.items if item.key not in taken and pdo_of(item.key[0]) not in pdos
+    )
+    ours = _bus_objects(cell)
+    return Selection(tuple(item for item in items if item.key[0] not in ours), selection.skipped)
+
+
+def _bus_objects(cell: CellConfig) -> frozenset[int]:
+    """Return the objects that ``[bus]`` decides: error control by ``heartbeat``, the COB-ID of SYNC by ``sync``."""
+    heartbeat = _ERROR_CONTROL if cell.bus.heartbeat is not None else frozenset[int]()
+    return heartbeat | (frozenset((o.COB_ID_SYNC,)) if cell.bus.sync else frozenset[int]())
+
+
+def _taken(cell: CellConfig, node_id: int, eds: Eds) -> frozenset[Key]:
+    return frozenset(write.address for write in writes_of(cell, node_id, Dictionary(eds, node_id)))
+
+
+def _tables(cell: CellConfig, node_id: int) -> frozenset[int]:
+    """Return the communication parameters of the PDOs that have a table of their own."""
+    return frozenset(
+        (o.RPDO_COMMUNICATION if table.receive else o.TPDO_COMMUNICATION) + table.number - 1
+        for table in cell.nodes[node_id].pdos
+    )
+
+
+def _require_ok(report: Report, node_id: int, eds: Eds) -> None:
+    failed = report.of(Outcome.FAILED, Outcome.DIFFERS)
+    if not failed:
+        return
+    first = failed[0].item
+    named = "; ".join(
+        f"{each.item.key[0]:04X}h:{each.item.key[1]:02X}: {each.reason}" for each in failed[:_SHOWN]
+    )
+    rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
+    raise BootError(
+        f"node {node_id} does not take {len(failed)} values of its DCF {eds.source}",
+        node=node_id,
+        step="configuration",
+        index=first.key[0],
+        subindex=first.key[1],
+        observed=named + rest,
+        remedy=f"see all that differs: axisbus config diff {eds.source} {node_id} ...",
+    )

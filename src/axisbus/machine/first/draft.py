@@ -1,0 +1,281 @@
+"""The text of a first cell file; pure.
+
+Theory of operation
+-------------------
+What stands in the file without a comment sign is what was read (adapter, nodes, files, which axes there are) or is the master's own
+affair (periods). What only the user knows, such as units, scales, speeds and how to stop, is a comment: each with what the drive
+says, so that it can be confirmed by taking the sign away. Until then an axis counts in increments.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from axisbus.bus.discover import Found
+from axisbus.cia402 import homing, options
+from axisbus.cia402 import objects as o
+from axisbus.drives.make import Make
+from axisbus.machine import proposal
+from axisbus.machine.cell import BusConfig
+from axisbus.machine.first.look import Axis
+from axisbus.machine.first.match import Match
+
+_DEGREES = "deg"
+_CONTROL = re.compile(r"[^\x20-\x7e]")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_WIDTH = 30
+
+
+@dataclass(frozen=True, slots=True)
+class BusFound:
+    """The bus that was scanned; ``bitrate`` in bit/s, None where nobody knows it."""
+
+    interface: str
+    channel: str | None
+    bitrate: int | None
+    options: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFound:
+    """One device that answered: who it is, the files for it (``spec`` as the cell file names them), its axes and its make."""
+
+    found: Found
+    match: Match
+    specs: tuple[str, ...]
+    axes: tuple[Axis, ...]
+    make: Make
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A first cell file, and what is missing in it or must be confirmed, in sentences."""
+
+    text: str
+    missing: tuple[str, ...]
+    confirm: tuple[str, ...]
+
+
+def draft(bus: BusFound, nodes: list[NodeFound]) -> Draft:
+    """Return a first cell file of what was found."""
+    missing = [text for node in nodes for text in _missing(node)]
+    if bus.bitrate is None:
+        missing.append("the bit rate of the bus is not known: write bitrate in [bus] (or give it with -b)")
+    confirm = [
+        f"axis {name(node, axis)}: unit, scale, defaults and stop are comments"
+        for node in nodes
+        for axis in node.axes
+    ]
+    lines = [*_head(bus), *_bus(bus, nodes)]
+    for node in nodes:
+        lines += ["", *_node(node)]
+    for node in nodes:
+        for axis in node.axes:
+            lines += ["", *_axis(node, axis)]
+    return Draft("\n".join(lines) + "\n", tuple(missing), tuple(confirm))
+
+
+def name(node: NodeFound, axis: Axis) -> str:
+    """Return the name of an axis in the file."""
+    node_id = node.found.node_id
+    return f"axis{node_id}" if len(node.axes) == 1 else f"axis{node_id}_{axis.number}"
+
+
+def _missing(node: NodeFound) -> Iterator[str]:
+    node_id = node.found.node_id
+    if not node.found.answers_sdo:
+        yield f"node {node_id} answers no SDO ({_state(node.found)}): it is left out"
+    elif not node.specs:
+        yield f"node {node_id}: no EDS ({node.match.note}): give its folder with --eds, or: axisbus eds from-device {node_id} ..."
+    elif len(node.specs) > 1:
+        yield f"node {node_id}: {len(node.specs)} EDS files fit it, choose one: {', '.join(node.specs)}"
+    for axis in node.axes:
+        if axis.energised:
+            yield f"node {node_id}, axis {axis.number} is energised ({axis.power}): another program may be running it"
+
+
+def _head(bus: BusFound) -> list[str]:
+    where = f"{bus.interface} {bus.channel}" if bus.channel is not None else bus.interface
+    return [
+        f"# A first cell file of what answered on {_plain(where)}. Lines with CONFIRM are proposals: they count only when you",
+        "# have checked them and taken away the # before them. Then: axisbus check, axisbus boot.",
+        "",
+    ]
+
+
+def _bus(bus: BusFound, nodes: list[NodeFound]) -> Iterator[str]:
+    yield "[bus]"
+    yield f"interface = {_text(bus.interface)}"
+    if bus.channel is not None:
+        yield f"channel = {_text(bus.channel)}"
+    yield (
+        f"bitrate = {bus.bitrate}"
+        if bus.bitrate is not None
+        else _noted("# bitrate = 1_000_000", "MISSING: bit/s")
+    )
+    yield _noted('scan_period = "10ms"', "commands, SYNC and feedback travel once in this time")
+    yield _noted('heartbeat = "100ms"', "ours, which the drives watch, and theirs, which we watch")
+    taken = {node.found.node_id for node in nodes}
+    if BusConfig().master_id in taken:
+        free = max(set(range(1, 128)) - taken, default=0)
+        yield _noted(f"master_id = {free}", f"our own node-ID; {BusConfig().master_id} is taken")
+    if bus.options:
+        yield "[bus.options]"
+        yield from (
+            f"{key if _BARE.fullmatch(key) else _text(key)} = {_value(value)}"
+            for key, value in bus.options.items()
+        )
+
+
+def _node(node: NodeFound) -> Iterator[str]:
+    found, who = node.found, node.found.identity
+    numbers = (
+        ("vendor", who.vendor_id), ("product", who.product_code), ("revision", who.revision), ("serial", who.serial),
+    )  # fmt: skip
+    identity = ", ".join(f"{title} 0x{value:X}" for title, value in numbers if value is not None)
+    if not found.answers_sdo:
+        yield f"# Node {found.node_id}: {_state(found)}, answers no SDO. LEFT OUT."
+        return
+    yield f"# {_plain(who.device_name or found.kind or 'a device without a name')}: {identity or 'no identity (1018h)'}"
+    yield from (f"# {_plain(note)}" for note in node.make.notes)
+    yield f"[nodes.{found.node_id}]"
+    if len(node.specs) == 1:
+        line = f"eds = {_text(node.specs[0])}"
+        yield (
+            _noted(line, f"CONFIRM: it is for another revision; {node.match.note}")
+            if node.match.note
+            else line
+        )
+        return
+    if not node.specs:
+        yield _noted('# eds = "..."', f"MISSING: {node.match.note}")
+    for spec in node.specs:
+        yield _noted(f"# eds = {_text(spec)}", "CONFIRM: several files fit, choose one")
+
+
+def _axis(node: NodeFound, axis: Axis) -> Iterator[str]:
+    own = name(node, axis)
+    if axis.modes:
+        yield f"# It claims the modes {', '.join(axis.modes)} (6502h). It was found {axis.power}."
+    yield f"[axes.{own}]"
+    yield f"node = {node.found.node_id}"
+    if axis.number > 1:
+        yield _noted(f"drive_axis = {axis.number}", "its objects lie 800h after those of the axis before")
+    yield _noted('unit = "increments"', "until unit and scale are confirmed:")
+    yield from _scales(node, axis)
+    yield from _limits(axis)
+    yield f"[axes.{own}.defaults]"
+    yield from _defaults(axis)
+    yield f"[axes.{own}.homing]"
+    yield from _homing(axis)
+    yield f"[axes.{own}.stop]"
+    yield from _stops(axis)
+
+
+def _scales(node: NodeFound, axis: Axis) -> Iterator[str]:
+    found = proposal.candidates(_DEGREES, axis.values)
+    if found:
+        yield _noted(f'# unit = "{_DEGREES}"', "CONFIRM: or mm, rev, ... (and take the line above away)")
+    for side, scale in found:
+        yield _noted(f'# scale = "{scale}"', f"CONFIRM: increments per degree {side}, by 608Fh and 6091h")
+    if not found:
+        yield _noted('# unit = "..."', "CONFIRM: deg, mm, rev, ... (and take the line above away)")
+        yield _noted(
+            "# scale = ...",
+            "CONFIRM: position increments per unit; the drive's objects suggest nothing (608Fh)",
+        )
+    if node.make.scale_proposal:
+        yield f"# {_plain(node.make.scale_proposal)}"
+    yield _noted("# velocity_scale = ...", "CONFIRM: only where 6081h is not in position increments/s")
+    if axis.get(o.RATED_TORQUE):
+        yield _noted(
+            "# rated_torque = ...", f"CONFIRM: N·m; 6076h is {axis.get(o.RATED_TORQUE)}, in the standard mN·m"
+        )
+
+
+def _limits(axis: Axis) -> Iterator[str]:
+    low, high = (axis.get(o.SOFTWARE_POSITION_LIMIT, subindex) for subindex in (1, 2))
+    now = (
+        f"607Dh is {low} to {high} increments"
+        if low is not None and high is not None
+        else "the drive has no 607Dh"
+    )
+    yield _noted("# position_limits = [..., ...]", f"CONFIRM: in units; {now}")
+    yield _noted(
+        "# max_velocity = ...", f"CONFIRM: in units/s; {_says(axis, '607Fh', o.MAX_PROFILE_VELOCITY)}"
+    )
+
+
+def _defaults(axis: Axis) -> Iterator[str]:
+    for key, title, index in (
+        ("velocity", "6081h", o.PROFILE_VELOCITY),
+        ("acceleration", "6083h", o.PROFILE_ACCELERATION),
+        ("deceleration", "6084h", o.PROFILE_DECELERATION),
+    ):
+        yield _noted(
+            f"# {key} = ...",
+            f"CONFIRM: in units/s{'' if key == 'velocity' else '²'}; {_says(axis, title, index)}",
+        )
+
+
+def _homing(axis: Axis) -> Iterator[str]:
+    method = axis.get(o.HOMING_METHOD)
+    if method is None:
+        yield _noted("# method = ...", "CONFIRM: the drive has no 6098h")
+    else:
+        yield _noted(f"# method = {method}", f"CONFIRM: 6098h is {method}: {homing.describe(method)}")
+
+
+def _stops(axis: Axis) -> Iterator[str]:
+    for option in options.ALL:
+        value = axis.get(option.index, option.subindex)
+        where = f"{option.index:04X}h"
+        yield f"# {option.key}: the drive has no {where}" if value is None else _stop(option, where, value)
+    yield _noted(
+        "# deceleration = ...",
+        f"CONFIRM: in units/s², of the quick stop; {_says(axis, '6085h', o.QUICK_STOP_DECELERATION)}",
+    )
+
+
+def _stop(option: options.OptionCode, where: str, value: int) -> str:
+    """Return the line of one option code; a word that lets the motor coast is not proposed."""
+    word = next((word for word, number in option.words.items() if number == value and word != "coast"), None)
+    note = f"CONFIRM: {where} is {value}: {option.meaning(value)}"
+    if word is None:
+        return _noted(f"# {option.key} = ...", f"{note}; choose of {', '.join(option.words)}")
+    return _noted(f'# {option.key} = "{word}"', note)
+
+
+def _says(axis: Axis, title: str, index: int) -> str:
+    value = axis.get(index)
+    return f"the drive has no {title}" if value is None else f"{title} is {value} in the drive's own unit"
+
+
+def _state(found: Found) -> str:
+    return f"it says that it is {found.nmt.text}" if found.nmt is not None else "no heartbeat"
+
+
+def _noted(line: str, note: str) -> str:
+    return f"{line:<{_WIDTH}} # {note}"
+
+
+def _plain(text: str) -> str:
+    return _CONTROL.sub("?", text)
+
+
+def _text(text: str) -> str:
+    """Return a text as TOML writes it; JSON's escapes are TOML's."""
+    return json.dumps(text, ensure_ascii=True)
+
+
+def _value(value: object) -> str:
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+        if isinstance(value, int)
+        else _text(str(value))
+    )

@@ -1,0 +1,115 @@
+"""Which EDS file describes a device, by its identity; pure but for reading the files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from axisbus.eds import builtin, load
+from axisbus.eds.model import Eds
+from axisbus.errors import EdsError, UserError
+
+_SUFFIXES = (".eds", ".dcf")
+_MOST = 5000  # files in all folders: more is a mistyped folder
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A file that may describe a device; ``spec`` is how a cell file names it (a path, or ``builtin:NAME``)."""
+
+    spec: str
+    eds: Eds
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """The files for one device, best first: one that is ``exact`` or alone is to be taken, of several the user must choose."""
+
+    files: tuple[Known, ...]
+    exact: bool
+    note: str = ""
+
+    @property
+    def chosen(self) -> Known | None:
+        """The file to be taken, None where there is none or a choice."""
+        return self.files[0] if len(self.files) == 1 else None
+
+
+def collect(folders: Iterable[Path]) -> tuple[list[Known], list[str]]:
+    """Read every EDS and DCF in these folders and below, and the built-in ones; return them and what could not be read.
+
+    Raises:
+        UserError: a folder is none, or holds too many files.
+    """
+    found = [
+        Known(f"{builtin.PREFIX}{name}", load(builtin.resolve(builtin.PREFIX + name, Path())))
+        for name in builtin.names()
+    ]
+    problems: list[str] = []
+    for path in _files(folders):
+        try:
+            found.append(Known(str(path), load(path)))
+        except EdsError as error:
+            problems.append(str(error).splitlines()[0])
+    return found, problems
+
+
+def _files(folders: Iterable[Path]) -> list[Path]:
+    files: list[Path] = []
+    for folder in folders:
+        if folder.is_file():
+            files.append(folder)
+            continue
+        if not folder.is_dir():
+            raise UserError(f"{folder} is no folder and no file", remedy="give --eds a folder of EDS files")
+        files += sorted(path for path in folder.rglob("*") if path.suffix.lower() in _SUFFIXES)
+        if len(files) > _MOST:
+            raise UserError(
+                f"{folder} holds more than {_MOST} EDS files",
+                remedy="give the folder of this machine's files",
+            )
+    return files
+
+
+def match(
+    known: Iterable[Known],
+    node_id: int,
+    vendor_id: int | None,
+    product_code: int | None,
+    revision: int | None,
+) -> Match:
+    """Return the files of this vendor and product: with this revision, else with any; a DCF only where it is of this node.
+
+    A file that gives no vendor describes no device in particular and is never taken. One without a product code is only
+    for a vendor of which no file has the code. Of equal files the first counts.
+    """
+    if not vendor_id:
+        return Match((), exact=False, note="the device gives no vendor ID (1018h:01)")
+    ours = [
+        each
+        for each in known
+        if each.eds.identity.vendor_id == vendor_id and each.eds.node_id in (None, node_id)
+    ]
+    same = [each for each in ours if each.eds.identity.product_code == (product_code or None)]
+    if product_code and not same:
+        same = [each for each in ours if each.eds.identity.product_code is None]
+    exact = [each for each in same if each.eds.identity.revision == (revision or None)]
+    files = _unequal(exact or same)
+    if not files:
+        return Match(
+            (), exact=False, note=f"no file of vendor 0x{vendor_id:X}, product 0x{product_code or 0:X}"
+        )
+    note = "" if exact else f"the device has revision 0x{revision or 0:X}"
+    return Match(tuple(files), bool(exact), note)
+
+
+def _unequal(files: list[Known]) -> list[Known]:
+    """Return the files without those whose objects are the same text as those of an earlier one."""
+    seen: dict[tuple[object, ...], Known] = {}
+    for each in files:
+        info = each.eds.info.get("fileinfo", {})
+        seen.setdefault(
+            (info.get("filename"), info.get("filerevision"), len(each.eds.objects), each.eds.node_id), each
+        )
+    return list(seen.values())

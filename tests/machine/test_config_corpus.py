@@ -1,0 +1,51 @@
+"""Backups by makers' files, where a folder of them is at hand: what was read comes back from the DCF, octet by octet."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from axisbus.drives.make import GENERIC
+from axisbus.eds import dcf, reader, writer
+from axisbus.machine.backup.items import select
+from axisbus.machine.backup.restore import Outcome, Restore
+from axisbus.machine.backup.save import backup
+from axisbus.sim.dictionary import Dictionary
+
+FOLDER = Path(
+    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
+)
+FILES = sorted(FOLDER.rglob("*.eds"))[::7] if FOLDER.is_dir() else []
+NODE = 5
+
+pytestmark = pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
+
+
+class Scrambled:
+    """A device of which every value that can be restored is another one; takes what it is given."""
+
+    def __init__(self, dictionary: Dictionary, keys: list[tuple[int, int]]) -> None:
+        self._dictionary = dictionary
+        self.values = {key: bytes(each ^ 0x5A for each in dictionary.upload(*key)) for key in keys}
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        held = self.values.get((index, subindex))
+        return self._dictionary.upload(index, subindex) if held is None else held
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        self.values[index, subindex] = data
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem[:40])
+def test_what_a_device_answered_is_what_a_restore_brings_back(path):
+    drive = Dictionary(reader.read(path.read_bytes(), str(path)).eds, NODE)
+    made = backup(drive, reader.read(path.read_bytes(), str(path)), dcf.Settings(NODE))
+    again = reader.read(writer.dumps(made.reading), "backup.dcf").eds
+    selection = select(again, NODE, GENERIC)
+    assert Restore(drive, selection).look() == []
+    device = Scrambled(drive, [item.key for item in selection.items])
+    report = Restore(device, selection).run()
+    assert {each.outcome for each in report.results} <= {Outcome.RESTORED, Outcome.SAME}
+    assert {key: drive.upload(*key) for key in device.values} == device.values

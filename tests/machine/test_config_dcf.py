@@ -1,0 +1,165 @@
+"""A node configured from ``dcf = "x.dcf"``: its values reach the drive, what the cell file says itself wins, the rest is told."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+
+import pytest
+
+from axisbus import Machine, eds
+from axisbus.eds import assign, dcf, reader, writer
+from axisbus.errors import BootError
+from axisbus.machine.check import check
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.network import StandIns
+
+ROOT = Path(__file__).parents[2]
+PATH = ROOT / "eds" / "generic-cia402.eds"
+GENERIC = eds.load(PATH)
+CHANNELS = (f"dcf-{os.getpid()}-{number}" for number in itertools.count())
+CELL = """
+[bus]
+interface = "sim"
+scan_period = "5ms"
+[nodes.3]
+dcf = "node3.dcf"
+[axes.x]
+node = 3
+unit = "deg"
+scale = 100
+[axes.x.defaults]
+velocity = 50.0
+acceleration = 500.0
+"""
+# What a user sets with ``axisbus eds dcf --set``: objects and values by hand.
+VALUES = {"6083": "4321", "6065": "1111", "6085": "222", "6098": "17", "607D:1": "-9000"}
+
+
+@pytest.fixture
+def cell(tmp_path):
+    """A function that writes the cell file with more lines and a DCF with more values, and returns its path."""
+
+    def write(more="", text=CELL, **values):
+        reading = reader.read(PATH.read_bytes(), str(PATH))
+        wanted = {**VALUES, **{key.replace("_", ":").lstrip("x"): value for key, value in values.items()}}
+        parameters = [(assign.entry(reading.eds, key), value) for key, value in wanted.items()]
+        made = dcf.make(reading, dcf.Settings(3, 1000), parameters)
+        (tmp_path / "node3.dcf").write_bytes(writer.dumps(made))
+        path = tmp_path / "cell.toml"
+        path.write_text(text + more)
+        return path
+
+    return write
+
+
+def _booted(path, made):
+    with Machine.simulated(path, {3: made}):
+        pass
+    return made
+
+
+def test_the_values_of_the_dcf_reach_the_drive(cell):
+    made = _booted(cell(), device_from_eds(GENERIC, 3))
+    assert made.read(0x6083) == 4321
+    assert made.read(0x6065) == 1111
+    assert made.read(0x6098) == 17
+    assert made.read(0x607D, 1) == -9000
+
+
+def test_what_the_drive_has_already_is_not_written_again(cell):
+    path = cell()
+    made = _booted(path, device_from_eds(GENERIC, 3))
+    written = []
+    made.dictionary.on_write(0x6083 << 8, written.append)
+    _booted(path, made)
+    assert written == []
+
+
+@pytest.mark.parametrize(
+    ("more", "index", "value"),
+    [
+        ('[nodes.3.objects]\n"6065" = 3000\n', 0x6065, 3000),
+        ('[axes.x.objects]\n"Following error window" = 77\n', 0x6065, 77),
+        ("[axes.x.stop]\ndeceleration = 9.0\n", 0x6085, 900),
+    ],
+    ids=["the node's objects", "the axis's objects", "the axis's words"],
+)
+def test_what_the_cell_file_says_itself_wins_and_the_dcf_is_not_even_written(cell, more, index, value):
+    made = device_from_eds(GENERIC, 3)
+    written = []
+    made.dictionary.on_write(index << 8, written.append)
+    _booted(cell(more), made)
+    assert made.read(index) == value
+    assert written == [value]
+
+
+def test_the_heartbeat_of_the_bus_wins(cell):
+    path = cell(x1017="777")
+    made = device_from_eds(GENERIC, 3)
+    with Machine.simulated(path, {3: made}):
+        assert made.read(0x1017) == 100
+
+
+def test_orders_in_a_dcf_are_not_carried_out(cell):
+    made = device_from_eds(GENERIC, 3)
+    written = []
+    for index in (0x6040, 0x607A, 0x60FF):
+        made.dictionary.on_write(index << 8, written.append)
+    with Machine.simulated(cell(x607A="5000", x60FF="100"), {3: made}):
+        pass
+    assert 5000 not in written
+    assert 100 not in written
+
+
+def test_a_value_that_the_drive_refuses_ends_the_boot_with_its_name(cell):
+    made = device_from_eds(GENERIC, 3)
+    made.dials.sdo_write_aborts[0x6083, 0] = 0x0800_0021
+    with pytest.raises(BootError) as raised:
+        _booted(cell(), made)
+    error = raised.value
+    assert (error.node, error.index, error.subindex) == (3, 0x6083, 0)
+    assert "does not take 1 values of its DCF" in error.message
+    assert "0x08000021" in error.observed
+
+
+def test_a_value_beyond_the_files_limits_is_found_by_check_and_refused_by_boot(cell, tmp_path):
+    path = cell()
+    file = tmp_path / "node3.dcf"
+    file.write_text(file.read_text().replace("[6065]\n", "[6065]\nHighLimit=1000\n"))
+    (problem,) = [each for each in check(path) if "beyond its own limits" in each.message]
+    assert "6065h:00" in problem.observed
+    with pytest.raises(BootError, match="beyond its own limits; nothing was written"):
+        _booted(path, device_from_eds(GENERIC, 3))
+
+
+def test_a_check_of_a_cell_with_a_dcf_finds_no_error(cell):
+    assert not [each for each in check(cell()) if each.severity.value == "error"]
+
+
+def test_on_a_bus_pdos_of_the_dcf_are_set_and_a_pdo_table_wins(cell, tmp_path):
+    name = next(CHANNELS)
+    text = CELL.replace('interface = "sim"', f'interface = "virtual"\nchannel = "{name}"')
+    table = '[nodes.3.pdo.tpdo3]\nmap = ["606C"]\ntransmission = 1\n'
+    path = cell(
+        table,
+        text,
+        x1A02_0="1",
+        x1A02_1="0x60640020",
+        x1802_1="0x383",
+        x1A03_0="1",
+        x1A03_1="0x60770010",
+        x1803_1="0x483",
+        x1803_2="254",
+    )
+    with StandIns(name, [device_from_eds(GENERIC, 3)]) as stand_ins:
+        (made,) = stand_ins.devices
+        with Machine.open(path):
+            pass
+        with stand_ins.lock:
+            assert made.read(0x1A02, 1) == 0x606C_0020  # the table's
+            assert made.read(0x1802, 2) == 1
+            assert made.read(0x1A03, 1) == 0x6077_0010  # the DCF's
+            assert made.read(0x1803, 2) == 254
+            assert made.read(0x6083) == 4321
