@@ -20,6 +20,7 @@
     │   │   ├── LssRefused           the slave refused it and said why
     │   │   └── LssTimeout           no answer (also TimeoutError)
     │   ├── BootError                a node that could not be brought up, with step and object
+    │   ├── SyncError                the SYNC of another producer is missing, or comes at another pace
     │   └── ScanError                the cyclic scan ended
     ├── DriveError                   the drive answers, but not as asked
     │   ├── DriveFault               it reports a fault (CiA 402 state Fault)
@@ -206,6 +207,10 @@ class BootError(BusError):
         self.step = step
         self.index = index
         self.subindex = subindex
+
+
+class SyncError(BusError):
+    """SYNC, which another device sends, is missing, or comes at another period than the scan's."""
 
 
 class ScanError(BusError):

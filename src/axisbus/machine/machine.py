@@ -37,6 +37,7 @@ _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
 _CLOSE_MARGIN = 2.0
+_HUNG = 0.25  # seconds without a cycle, at least, after which the scan counts as hung
 _FIRST_VALUES = (
     1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
 )
@@ -228,7 +229,8 @@ class Machine:
         gc.freeze()  # a full collection over the dictionaries takes several periods
         self.scan.waiter = self._waiter
         self._thread = threading.Thread(target=self.scan.run, name="axisbus scan", daemon=True)
-        self._supervisor = Supervisor(self.scan, self._thread, max(0.25, 20 * self.scan.period))
+        patience = max(_HUNG, 20 * self.scan.period, _HUNG + (self.cell.bus.sync_timeout or 0.0))
+        self._supervisor = Supervisor(self.scan, self._thread, patience)
         self._thread.start()
         self._waiter.scan_thread = self._thread.ident
         self._supervisor.start()

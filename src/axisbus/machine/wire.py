@@ -15,14 +15,16 @@ from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
+from axisbus.bus.sync import SyncConsumer
+from axisbus.bus.timeofday import TimeProducer
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import Capabilities, Port
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError, NodeTimeout
 from axisbus.machine.boot import Booted, NodeBoot
-from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.cell import AxisConfig, BusConfig, CellConfig
+from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos
 from axisbus.machine.configure import HEARTBEATS
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.node_stop import NodeStop
@@ -75,8 +77,11 @@ class CanComms:
             communication=disturb,
             taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
             spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
+            fixed=fixed_pdos(self._config.pdos),
+            requests=requested_pdos(self._config.pdos),
         )
-        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis)
+        also = [(table.receive, table.number) for table in self._config.pdos]
+        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
         port = CanPort(
             self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
         )
@@ -88,12 +93,7 @@ class CanComms:
         """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
         tables, self._tables = self._tables, ()
         for table in tables:
-            entries = [self._node.sdo.dictionary.resolve(key) for key in table.map or ()]
-            mapping = tuple(
-                MappedObject(entry.index, entry.subindex, entry.data_type.bits or 0)
-                for entry in entries
-                if entry.data_type is not None
-            )
+            mapping = tuple(map_entry(key, self._node.sdo.dictionary)[0] for key in table.map or ())
             set_pdo(
                 self._node.sdo,
                 table.receive,
@@ -103,6 +103,8 @@ class CanComms:
                 event_timer=None if table.event_timer is None else round(table.event_timer * 1000),
                 inhibit_time=None if table.inhibit_time is None else round(table.inhibit_time * 10_000),
                 cob_id=table.cob_id,
+                sync_start=table.sync_start,
+                rtr=None if table.rtr is None else True,
             )
 
     def watch(self, timeout: float | None) -> None:
@@ -150,10 +152,14 @@ def build_on_bus(
         booted = _boot_all(cell, dictionaries, nodes, comms, on_report)
         ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
         there = {name: port for name, port in ports.items() if port is not None}
+        consumer = _sync_consumer(cell.bus, channel, booted)
         cycle = CanCycle(
             channel,
             list(there.values()),
-            sync_cob_id=cob.SYNC if cell.bus.sync else None,
+            sync_cob_id=cell.bus.sync_cob_id if cell.bus.sync and consumer is None else None,
+            sync_counter=cell.bus.sync_counter,
+            sync_consumer=consumer,
+            time_producer=_time_producer(cell.bus, channel),
             master_id=cell.bus.master_id,
             heartbeat=cell.bus.heartbeat or 0.0,
             guarded={node_id: one.guarding for node_id, one in comms.items() if one.guarding is not None},
@@ -172,6 +178,26 @@ def build_on_bus(
             stand_ins,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
+
+
+def _sync_consumer(bus: BusConfig, channel: Channel, booted: Mapping[int, Booted]) -> SyncConsumer | None:
+    """Listen to another device's SYNC where the cell says so, and wait until it comes steadily; blocks up to 3 s.
+
+    Raises:
+        SyncError: it does not.
+    """
+    if not bus.hears_sync:
+        return None
+    consumer = SyncConsumer(channel, bus.sync_cob_id, bus.scan_period, bus.sync_timeout)
+    if all(
+        one.report.ok for one in booted.values()
+    ):  # else there will be no scan, and the nodes' own errors are to be told
+        consumer.await_steady()
+    return consumer
+
+
+def _time_producer(bus: BusConfig, channel: Channel) -> TimeProducer | None:
+    return None if bus.time is None else TimeProducer(channel, bus.time, bus.time_cob_id)
 
 
 def open_channel(

@@ -22,6 +22,7 @@ WARNING_LOAD = 0.6
 _LATE = 0.001  # seconds; a shorter period depends on the computer
 _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _HEARTBEAT_BYTES = 1
+_TIME_BYTES = 6
 
 _M = ModeOfOperation
 
@@ -94,7 +95,9 @@ def _rounded_up(seconds: float) -> str:
 def _traffic(case: Case) -> Iterator[Traffic]:
     bus = case.cell.bus
     if bus.sync:
-        yield Traffic("SYNC", 1, worst_bits(0))
+        yield Traffic("SYNC", 1, worst_bits(1 if bus.sync_counter else 0))
+    if bus.time is not None:
+        yield Traffic("TIME", bus.scan_period / bus.time, worst_bits(_TIME_BYTES))
     frames: dict[tuple[str, int], float] = {}
     for node, eds, dictionary in case.nodes:
         for receive, pdo in _travelling(case, node, eds, dictionary):
@@ -111,7 +114,12 @@ def _travelling(case: Case, node: NodeConfig, eds: Eds, dictionary: Dictionary) 
     """The PDOs of a node that travel after boot: those of the plan, and those that are on and that no plan touches."""
     device = pdomodel.device_pdos(node, eds)
     seen: set[tuple[bool, int]] = set()
-    policy = Policy(sync=case.cell.bus.sync, remap=node.remappable and not node.pdos)
+    policy = Policy(
+        sync=case.cell.bus.sync,
+        remap=node.remappable and not node.pdos,
+        fixed=pdomodel.fixed_pdos(node.pdos),
+        requests=pdomodel.requested_pdos(node.pdos),
+    )
     for axis in case.cell.axes_of(node.node_id):
         if not axis.at.sound("drive_axis"):
             continue
