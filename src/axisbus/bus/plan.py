@@ -187,7 +187,8 @@ class _Side:
         kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
         if self.policy.remap and self.policy.communication:
-            laid = choose.lay_out(choose.slots(pdos, axis), self._mappable(), layout)
+            slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
+            laid = choose.lay_out(slots, self._mappable(), layout)
             if laid.carried - kept.carried and len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
@@ -217,9 +218,12 @@ class _Side:
         """Whether its present mapping may serve: no other axis's targets beside ours, and sent or taken without being asked for."""
         if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
             return False
-        if pdo.on_request and not self.receive:
-            return self._requested(pdo) or self._may_retype(pdo)
-        return self._may_retype(pdo) or pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
+        return self._travels(pdo)
+
+    def _travels(self, pdo: Pdo) -> bool:
+        if self._may_retype(pdo) or self._requested(pdo):
+            return True
+        return pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
 
     def _may_retype(self, pdo: Pdo) -> bool:
         return self.policy.communication and (self.receive, pdo.number) not in self.policy.fixed
