@@ -54,15 +54,20 @@ class SyncConsumer:
         deadline = self._clock() + timeout
         with self._changed:
             self._stamps.clear()
-            while len(self._stamps) <= sync.MEASURED:
+            while True:
+                newest = self._stamps[-1 - sync.MEASURED :]
+                measured = sync.measured_period(newest) if len(newest) > sync.MEASURED else None
+                if measured is not None and sync.fits(measured, self._watch.period):
+                    self._stamps.clear()
+                    return measured
                 if self._clock() > deadline:
-                    raise self._absent(len(self._stamps), timeout)
+                    raise (
+                        self._absent(len(newest), timeout)
+                        if measured is None
+                        else self._other_period(measured)
+                    )
                 self._channel.check()
                 self._changed.wait(_SLICE)
-            measured = sync.measured_period(self._stamps)
-        if not sync.fits(measured, self._watch.period):
-            raise self._other_period(measured)
-        return measured
 
     def wait(self) -> float:
         """Wait for the SYNC that begins the next cycle and return when it came, in seconds; blocks until it is missing.
