@@ -207,7 +207,7 @@ def transmission(case: Case) -> Found:
         line, where = config.at.of("transmission"), f"node {node.node_id}: {config.name}"
         if kind in _RESERVED:
             yield case.error(line, f"{where}: transmission type {kind} is reserved", remedy=_KINDS)
-        elif kind in RTR_TYPES and (config.receive or config.rtr is None):
+        elif kind in RTR_TYPES and (config.receive or (config.rtr is None and config.at.sound("rtr"))):
             yield case.error(
                 line,
                 f"{where}: transmission type {kind} needs remote frames",
