@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import can
 import pytest
 
 from axisbus import Machine, eds
 from axisbus.bus.deadline import Reception
 from axisbus.cia301.incident import Outcome
+from axisbus.cli import monitor
 from axisbus.errors import AxisbusError, BootError, ScanError, SyncError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
@@ -276,3 +279,42 @@ def test_a_node_without_1003_says_so(tmp_path: Path) -> None:
         assert "no 1003h" in machine.node(3).error_history_words()[0]
         with pytest.raises(AxisbusError):
             _ = machine.node(3).incidents
+
+
+def incident_lines(machine: Machine, told: set[str]) -> list[str]:
+    """What monitor has to tell, without PDOs that a busy computer may have missed."""
+    return [line for line in monitor.news(machine, told) if "TPDO" not in line]
+
+
+def test_monitor_tells_an_incident_once_and_again_when_it_changes(tmp_path: Path) -> None:
+    with Machine.open(write(tmp_path)) as machine:
+        told: set[str] = set()
+        machine["x"].enable().wait(20)
+        assert incident_lines(machine, told) == []
+        machine.stand_in(3).fault(0x2310)
+        eventually(lambda: machine.node(3).incidents)
+        eventually(lambda: machine["x"].snapshot.error is not None)
+        first, fault, *_ = incident_lines(machine, told)
+        assert first.startswith("node 3, incident 1: unresolved, ")
+        assert "0x2310" in fault
+        assert incident_lines(machine, told) == []
+        machine["x"].reset().wait(20)
+        eventually(lambda: machine.node(3).incidents[0].outcome is Outcome.RECOVERED)
+        assert incident_lines(machine, told)[0].startswith("node 3, incident 1: recovered after")
+        (one,) = monitor.of_node(machine, machine["x"])["incidents"]
+        assert (one["outcome"], one["codes"]) == ("recovered", ["0x2310"])
+
+
+def test_time_of_another_device_is_known_to_the_machine(tmp_path: Path) -> None:
+    """Day 15000 after 1 January 1984 is 25 January 2025; one hour after midnight."""
+    with Machine.open(write(tmp_path)) as machine:
+        assert machine.bus_time is None
+        network = machine.scan.cycle._channel.network  # type: ignore[attr-defined]
+        with can.Bus(interface="virtual", channel=network.bus.channel_id) as other:
+            other.send(
+                can.Message(arbitration_id=0x100, data=bytes.fromhex("80ee3600983a"), is_extended_id=False)
+            )
+            eventually(lambda: machine.bus_time is not None)
+        moment = machine.bus_time
+        assert moment is not None
+        assert timedelta(0) <= moment - datetime(2025, 1, 25, 1, tzinfo=UTC) < timedelta(minutes=1)

@@ -35,7 +35,7 @@ def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
 
 def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
     if as_json:
-        say_json([{**describe(axis), **_of_node(machine, axis)} for axis in machine])
+        say_json([{**describe(axis), **of_node(machine, axis)} for axis in machine])
         return
     for axis in machine:
         seen = describe(axis)
@@ -45,11 +45,11 @@ def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
         )
         if seen["error"]:
             say("         " + str(seen["error"]).replace("\n", "\n         "))
-    for line in _news(machine, told):
+    for line in news(machine, told):
         say(f"         {line}")
 
 
-def _news(machine: Machine, told: set[str]) -> list[str]:
+def news(machine: Machine, told: set[str]) -> list[str]:
     """Return what has happened on the nodes and is not in ``told`` yet: incidents as they now stand, TPDOs that stopped coming."""
     lines = []
     for node_id in sorted(machine.cell.nodes):
@@ -70,7 +70,7 @@ def _news(machine: Machine, told: set[str]) -> list[str]:
     return lines
 
 
-def _of_node(machine: Machine, axis: Axis) -> dict[str, object]:
+def of_node(machine: Machine, axis: Axis) -> dict[str, object]:
     """Return the incidents of an axis's node, and what its PDOs have done, as plain values."""
     node = machine.node(machine.cell.axes[axis.name].node)
     return {

@@ -6,8 +6,10 @@ import atexit
 import gc
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -80,6 +82,7 @@ class Machine:
             ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
             AdapterError: the bus cannot be opened.
             BootError: a node did not come up (several: an ExceptionGroup of them).
+            SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
         from axisbus.machine.wire import build_on_bus
 
@@ -99,6 +102,7 @@ class Machine:
     def _start(cls, cell: CellConfig, runtime: Runtime, realtime: bool) -> Machine:
         try:
             require_all(runtime.booted)
+            runtime.ready()
             machine = cls(cell, runtime, realtime)
         except BaseException:
             _leave(runtime)
@@ -177,6 +181,11 @@ class Machine:
     def reports(self) -> list[NodeReport]:
         """What boot-up had to say of each node."""
         return [booted.report for booted in self._runtime.booted.values()]
+
+    @property
+    def bus_time(self) -> datetime | None:
+        """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None where none was heard."""
+        return self._runtime.bus_time(time.monotonic())
 
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""

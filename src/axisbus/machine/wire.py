@@ -16,7 +16,7 @@ from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
-from axisbus.bus.timeofday import TimeProducer
+from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import Capabilities, Port
@@ -152,7 +152,7 @@ def build_on_bus(
         booted = _boot_all(cell, dictionaries, nodes, comms, on_report)
         ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
         there = {name: port for name, port in ports.items() if port is not None}
-        consumer = _sync_consumer(cell.bus, channel, booted)
+        consumer = _sync_consumer(cell.bus, channel)
         cycle = CanCycle(
             channel,
             list(there.values()),
@@ -176,24 +176,21 @@ def build_on_bus(
             partial(_let_all_go, nodes, booted),
             [cycle.close, stack.pop_all().close],
             stand_ins,
+            ready=_nothing if consumer is None else consumer.await_steady,
+            bus_time=TimeConsumer(channel, cell.bus.time_cob_id).at,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
 
 
-def _sync_consumer(bus: BusConfig, channel: Channel, booted: Mapping[int, Booted]) -> SyncConsumer | None:
-    """Listen to another device's SYNC where the cell says so, and wait until it comes steadily; blocks up to 3 s.
-
-    Raises:
-        SyncError: it does not.
-    """
+def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:
+    """Listen to another device's SYNC where the cell says so."""
     if not bus.hears_sync:
         return None
-    consumer = SyncConsumer(channel, bus.sync_cob_id, bus.scan_period, bus.sync_timeout)
-    if all(
-        one.report.ok for one in booted.values()
-    ):  # else there will be no scan, and the nodes' own errors are to be told
-        consumer.await_steady()
-    return consumer
+    return SyncConsumer(channel, bus.sync_cob_id, bus.scan_period, bus.sync_timeout)
+
+
+def _nothing() -> None:
+    """The scan needs nothing but our own clock."""
 
 
 def _time_producer(bus: BusConfig, channel: Channel) -> TimeProducer | None:

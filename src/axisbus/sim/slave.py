@@ -56,6 +56,7 @@ class Slave:
         self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
         self._events: list[Pdo] = []
         self._requested: list[Pdo] = []
+        self._answering: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
         self.sync = SyncService(device)
         self.time_of_day: tuple[int, int] | None = (
             None  # milliseconds since midnight, days since 1984, as heard by TIME
@@ -69,7 +70,8 @@ class Slave:
 
     def listens_to(self, can_id: int) -> bool:
         """Whether a frame with this identifier means anything to the node."""
-        return can_id in self._routes or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
+        known = can_id in self._routes or can_id in self._answering
+        return known or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
 
     def take_frames(self) -> list[Frame]:
         """Return the frames to be sent, as (identifier, data), and forget them."""
@@ -157,6 +159,7 @@ class Slave:
         self._cyclic = [pdo for pdo in sent if pdo.synchronous]
         self._events = [pdo for pdo in sent if not pdo.synchronous and not pdo.on_request]
         self._requested = [pdo for pdo in sent if pdo.on_request]
+        self._answering = {pdo.cob_id: pdo for pdo in sent if pdo.rtr}
 
     # NMT, heartbeat, guarding.
 
@@ -186,12 +189,12 @@ class Slave:
 
     def _on_remote(self, can_id: int, now: float) -> None:
         device = self.device
-        for pdo in device.pdos.transmit if device.operational else ():
-            if pdo.rtr and pdo.valid and pdo.cob_id == can_id:
-                state = self._sent.setdefault(pdo.number, TransmitState())
-                data = state.sampled if pdo.transmission_type == 252 else pdo.pack()
-                if data is not None:
-                    self._send(pdo, state, data, now)
+        pdo = self._answering.get(can_id) if device.operational else None
+        if pdo is not None:
+            state = self._sent.setdefault(pdo.number, TransmitState())
+            data = state.sampled if pdo.transmission_type == 252 else pdo.pack()
+            if data is not None:
+                self._send(pdo, state, data, now)
         if can_id == _HEARTBEAT + device.node_id and device.dictionary.get_int(0x1017) == 0:
             self._frames.append((can_id, device.life_guard.answer(device.nmt, device.time)))
 
