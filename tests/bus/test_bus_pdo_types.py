@@ -89,6 +89,13 @@ def test_the_plan_says_what_is_asked_for_and_what_starts_late() -> None:
     assert "TPDO1 185h with SYNC (type 4, from SYNC counter 3 on)" in describe(plan)
 
 
+def test_a_tpdo_that_the_user_has_set_is_not_switched_off_as_redundant() -> None:
+    device = DevicePdos((rpdo(1, "6040/16", 1),), (tpdo(1, "6041/16", 1), tpdo(2, "6041/16", 254)))
+    assert len(make_plan(NODE, device, objects(), WANTED, Policy()).pdos) == 3  # TPDO2 switched off
+    kept = make_plan(NODE, device, objects(), WANTED, Policy(fixed=frozenset({(False, 2)})))
+    assert [pdo.name for pdo in kept.pdos] == ["RPDO1", "TPDO1"]
+
+
 # -- parameters by SDO
 
 

@@ -175,3 +175,27 @@ def test_a_start_value_needs_a_counter_that_reaches_it(
         assert kit.serious(path) == []
     else:
         assert words in kit.only(path, severity, f"sync_start = {start}").message
+
+
+@pytest.mark.parametrize(
+    ("period", "words"),
+    [("4000", ""), ("2000", "node 2 sends SYNC every 2000 µs, but scan_period is 4000 µs")],
+)
+def test_the_producers_period_is_that_of_the_scan(tmp_path: Path, period: str, words: str) -> None:
+    sends = (
+        '[nodes.2]\neds = "drive.eds"\n',
+        '[nodes.2]\neds = "drive.eds"\n[nodes.2.objects]\n"1005" = 0x40000080\n',
+    )
+    path = kit.write(
+        tmp_path, bus('sync_producer = "external"'), sends, eds=with_object("1006", "0x0007", period)
+    )
+    if words:
+        assert kit.only(path, "warning", "[nodes.2]").message == words
+    else:
+        assert kit.serious(path) == []
+
+
+def test_what_is_asked_for_counts_in_the_bus_load(tmp_path: Path) -> None:
+    """Every 100 ms in cycles of 4 ms: 0.04 of a TPDO of 6 bytes and of a remote frame."""
+    told = kit.note(kit.write(tmp_path, (PDO, 'transmission = 253\nrtr = "100ms"')), "the bus load is")
+    assert "0.04 remote frame x 55" in told.observed

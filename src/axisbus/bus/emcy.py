@@ -59,6 +59,14 @@ class EmcyMonitor:
         self._feeds = (*self._feeds, feed)
         return feed
 
+    def listen_to(self, cob_id: int) -> None:
+        """Listen to another COB-ID, that of the node's own 1014h."""
+        if cob_id == self._cob_id:
+            return
+        self._channel.unsubscribe(self._cob_id, self._on_frame)
+        self._cob_id = cob_id
+        self._channel.subscribe(cob_id, self._on_frame)
+
     def close(self) -> None:
         """Stop listening."""
         self._channel.unsubscribe(self._cob_id, self._on_frame)

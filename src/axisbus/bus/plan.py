@@ -293,6 +293,7 @@ class _Side:
             return []
         carried = {mapped for planned in chosen for mapped in planned.target.mapping}
         numbers = {planned.target.number for planned in chosen}
+        numbers |= {number for receive, number in self.policy.fixed if not receive}  # the user wants it
         return [
             PlannedPdo(False, pdo, replace(pdo, valid=False), Change.DISABLE, (), ())
             for pdo in pdos

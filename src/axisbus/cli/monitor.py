@@ -22,6 +22,8 @@ def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
     """Boot CELL and show its axes; energises nothing."""
     with Machine.open(cell) as machine:
         looks, told = 0, set[str]()
+        for line in [] if as_json else _histories(machine):
+            say(line)
         while True:
             _look(machine, as_json, told)
             looks += 1
@@ -47,6 +49,17 @@ def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
             say("         " + str(seen["error"]).replace("\n", "\n         "))
     for line in news(machine, told):
         say(f"         {line}")
+
+
+def _histories(machine: Machine) -> list[str]:
+    """Return the errors that the nodes themselves have listed before (1003h); blocks for a few transfers each."""
+    lines = []
+    for node_id in sorted(machine.cell.nodes):
+        node = machine.node(node_id)
+        if node.error_history():
+            lines += [f"node {node_id}, earlier errors (1003h), the newest first:"]
+            lines += [f"  {text}" for text in node.error_history_words()]
+    return lines
 
 
 def news(machine: Machine, told: set[str]) -> list[str]:

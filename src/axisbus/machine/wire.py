@@ -13,11 +13,13 @@ from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
+from axisbus.bus.pdo_read import read_number
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import Capabilities, Port
 from axisbus.eds.model import Eds
@@ -61,6 +63,13 @@ class CanComms:
         while not self._node.answers_sdo():
             if time.monotonic() > deadline:
                 raise self._nobody()
+        self._follow_emcy()
+
+    def _follow_emcy(self) -> None:
+        """Listen to the node's emergency messages where its 1014h says that they are, else where the standard has them."""
+        value = read_number(self._node.sdo, o.COB_ID_EMCY, 0)
+        if value is not None and not value & cob.INVALID and value & cob.ID_MASK_11 not in (0, cob.EMCY):
+            self._node.emcy.listen_to(value & cob.ID_MASK_11)
 
     def prepare(self, disturb: bool) -> None:
         """Bring the node to pre-operational, where that disturbs nothing."""

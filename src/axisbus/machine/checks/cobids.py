@@ -177,6 +177,16 @@ def sync_producers(case: Case) -> Found:
         return
     values = [(node, case.node_number(node, o.COB_ID_SYNC) or 0) for node, _, _ in case.nodes]
     producers = [node for node, value in values if value & cob.SYNC_PRODUCER]
+    wanted = round(case.cell.bus.scan_period * 1e6)
+    for node in producers:
+        period = case.node_number(node, o.CYCLE_PERIOD)
+        if period is not None and period != wanted:
+            yield case.warning(
+                node.at.line,
+                f"node {node.node_id} sends SYNC every {period} µs, but scan_period is {wanted} µs",
+                "1006h of the producer is the period of the scan",
+                f'"1006" = {wanted} in [nodes.{node.node_id}.objects]',
+            )
     for node in producers[1:]:
         yield case.error(
             node.at.line,

@@ -102,7 +102,12 @@ def _traffic(case: Case) -> Iterator[Traffic]:
     for node, eds, dictionary in case.nodes:
         for receive, pdo in _travelling(case, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
-            frames[key] = frames.get(key, 0.0) + _per_cycle(pdo, receive, bus)
+            asked_every = None if receive else pdomodel.requested_pdos(node.pdos).get(pdo.number)
+            count = _per_cycle(pdo, receive, bus) if asked_every is None else bus.scan_period / asked_every
+            frames[key] = frames.get(key, 0.0) + count
+            if asked_every is not None:
+                remote = ("remote frame", worst_bits(0))
+                frames[remote] = frames.get(remote, 0.0) + count
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:
