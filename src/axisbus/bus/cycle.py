@@ -93,6 +93,7 @@ class CanCycle:
 
         Raises:
             SyncError: that SYNC has stopped.
+            BusError: the channel has failed: that is told before anything that follows from it.
         """
         if self._sync_consumer is not None:
             stamp = self._sync_consumer.wait()
@@ -103,6 +104,7 @@ class CanCycle:
             self._sleep(left)
             left = t - self._clock()
         self._lateness.note(-left)
+        self._channel.check()
         return None
 
     def commit(self) -> None:

@@ -75,5 +75,7 @@ class Requests:
         """Return COB-ID and data length of each TPDO whose period has passed since it was asked for; ``now`` in seconds."""
         asked = [number for number, due in enumerate(self._due) if now >= due]
         for number in asked:
-            self._due[number] = now + self._slots[number].request
+            period = self._slots[number].request
+            due = self._due[number] + period
+            self._due[number] = due if due > now else now + period
         return [(self._slots[number].cob_id, self._slots[number].size) for number in asked]

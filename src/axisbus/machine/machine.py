@@ -39,7 +39,7 @@ _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
 _CLOSE_MARGIN = 2.0
-_HUNG = 0.25  # seconds without a cycle, at least, after which the scan counts as hung
+_HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
 _FIRST_VALUES = (
     1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
 )
