@@ -260,6 +260,9 @@ def test_a_fault_and_its_reset_are_an_incident_and_stand_in_1003(tmp_path: Path)
         assert history is not None
         assert (history[0].number, history[0].code, history[0].additional) == (1, 0x2310, 0x1234)
         assert node.error_history_words()[0].startswith("1. 0x2310, ")
+        head, first = monitor.histories(machine)
+        assert head == "node 3, earlier errors (1003h), the newest first:"
+        assert first.startswith("  1. 0x2310, ")
         x.reset().wait(20)
         eventually(lambda: node.incidents[0].outcome is Outcome.RECOVERED)
         words = node.incident_words(node.incidents[0])

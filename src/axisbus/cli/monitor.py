@@ -22,7 +22,7 @@ def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
     """Boot CELL and show its axes; energises nothing."""
     with Machine.open(cell) as machine:
         looks, told = 0, set[str]()
-        for line in [] if as_json else _histories(machine):
+        for line in [] if as_json else histories(machine):
             say(line)
         while True:
             _look(machine, as_json, told)
@@ -51,7 +51,7 @@ def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
         say(f"         {line}")
 
 
-def _histories(machine: Machine) -> list[str]:
+def histories(machine: Machine) -> list[str]:
     """Return the errors that the nodes themselves have listed before (1003h); blocks for a few transfers each."""
     lines = []
     for node_id in sorted(machine.cell.nodes):
