@@ -5,6 +5,9 @@ Theory of operation
 ``wait_until`` sleeps to an absolute time, so that periods do not drift and a late cycle does not make the next one late. All frames
 go out from the scan's own calls: when the scan stops, SYNC, heartbeat and RPDOs stop with it, and the drives notice.
 
+Where another device sends SYNC, ``wait_until`` waits for that instead, and we send none, not even with the quick stop: two
+producers are one too many. The drives then take the stop frames with its next SYNC, and the quick stop by SDO at once.
+
 ``quick_stop_all`` is for when the scan has failed, perhaps stuck in the driver. It needs nothing that the scan may hold: the stop
 frames were built when the last ones were committed, they are sent by ``Channel.send_urgent`` in a thread of its own, and that
 thread is waited for only for a bounded time.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
-from axisbus.machine.cell import BusConfig, NodeConfig
+from axisbus.machine.cell import NodeConfig
 from axisbus.machine.checks import pdomodel
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.checks.pdomodel import NodePdo
@@ -138,113 +138,4 @@ def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
         yield Use(cob_id, what, line, remedy, "" if each.own_id else _MOVED)
 
 
-def sync_identifier(case: Case) -> Found:
-    """Check that each node takes our SYNC, and sends none of its own (1005h)."""
-    for node, eds, _ in case.nodes:
-        value = case.node_number(node, o.COB_ID_SYNC)
-        if value is None or not case.cell.bus.sync:
-            continue
-        what = _sync_trouble(value, case.cell.bus)
-        variable = eds.get(o.COB_ID_SYNC)
-        if what and variable is not None and variable.writable:
-            yield case.note(
-                node.at.line,
-                f"node {node.node_id} {what}",
-                _said(value, eds),
-                f"boot sets 1005h to {case.cell.bus.sync_cob_id:X}h",
-            )
-        elif what:
-            yield case.error(
-                node.at.line,
-                f"node {node.node_id} {what}",
-                _said(value, eds) + ", and cannot be written",
-                "set it with the drive's own tool, or sync = false in [bus]",
-            )
-
-
-def _sync_trouble(value: int, bus: BusConfig) -> str:
-    if value & cob.SYNC_PRODUCER and not bus.hears_sync:
-        return "produces SYNC, and so does the master"
-    if value & cob.ID_MASK_11 != bus.sync_cob_id:
-        there = "comes on" if bus.hears_sync else "the master sends"
-        return f"waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; {there} {bus.sync_cob_id:03X}h"
-    return ""
-
-
-def sync_producers(case: Case) -> Found:
-    """Check that not two nodes send SYNC where none of them is the master."""
-    if not case.cell.bus.hears_sync:
-        return
-    values = [(node, case.node_number(node, o.COB_ID_SYNC) or 0) for node, _, _ in case.nodes]
-    producers = [node for node, value in values if value & cob.SYNC_PRODUCER]
-    wanted = round(case.cell.bus.scan_period * 1e6)
-    for node in producers:
-        period = case.node_number(node, o.CYCLE_PERIOD)
-        if period is not None and period != wanted:
-            yield case.warning(
-                node.at.line,
-                f"node {node.node_id} sends SYNC every {period} µs, but scan_period is {wanted} µs",
-                "1006h of the producer is the period of the scan",
-                f'"1006" = {wanted} in [nodes.{node.node_id}.objects]',
-            )
-    for node in producers[1:]:
-        yield case.error(
-            node.at.line,
-            f"nodes {producers[0].node_id} and {node.node_id} both produce SYNC",
-            "1005h has bit 30 set in both",
-            f'"1005" = 0x{case.cell.bus.sync_cob_id:X} in the table of objects of one of them',
-        )
-
-
-def sync_settings(case: Case) -> Found:
-    """Check what ``[bus]`` says of SYNC and TIME: identifiers that nothing else has, a counter that the nodes know."""
-    bus = case.cell.bus
-    for key, cob_id, on in (
-        ("sync_cob_id", bus.sync_cob_id, bus.sync),
-        ("time_cob_id", bus.time_cob_id, bus.time),
-    ):
-        own = cob.SYNC if key == "sync_cob_id" else cob.TIME
-        use = next((use for ids, use in RESTRICTED if cob_id in ids and cob_id != own), None)
-        if on and use is not None:
-            yield case.error(
-                bus.at.of(key),
-                f"{key} cannot be {cob_id:03X}h",
-                f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 table 40)",
-                f"leave {key} out: by default {own:03X}h",
-            )
-    if not bus.sync:
-        for key in ("sync_producer", "sync_cob_id", "sync_counter", "sync_timeout"):
-            if bus.at.gives(key):
-                yield case.warning(
-                    bus.at.of(key),
-                    f"{key} has no effect",
-                    "the bus has no SYNC (sync = false)",
-                    f"delete {key}",
-                )
-    elif bus.sync_timeout is not None and not bus.hears_sync:
-        yield case.warning(
-            bus.at.of("sync_timeout"),
-            "sync_timeout has no effect",
-            "the master itself sends SYNC",
-            'delete it, or write sync_producer = "external"',
-        )
-    yield from _counter(case)
-
-
-def _counter(case: Case) -> Found:
-    bus = case.cell.bus
-    for node, eds, _ in case.nodes if bus.sync and bus.sync_counter else ():
-        if eds.get(o.SYNC_COUNTER_OVERFLOW) is None and eds.get(o.COB_ID_SYNC) is not None:
-            yield case.warning(
-                bus.at.of("sync_counter"),
-                f"node {node.node_id} may not take a SYNC with a counter",
-                f"{eds.source} has no 1019h; some drives then report 8240h (unexpected SYNC data length)",
-                "leave sync_counter out, unless the drive's manual allows it",
-            )
-
-
-def _said(value: int, eds: Eds) -> str:
-    return f"1005h is {value:X}h in {eds.source}"
-
-
-CHECKS: tuple[Check, ...] = (duplicates, restricted, sync_identifier, sync_producers, sync_settings)
+CHECKS: tuple[Check, ...] = (duplicates, restricted)
