@@ -20,6 +20,7 @@
     │   │   ├── LssRefused           the slave refused it and said why
     │   │   └── LssTimeout           no answer (also TimeoutError)
     │   ├── BootError                a node that could not be brought up, with step and object
+    │   ├── SyncError                the SYNC of another producer is missing, or comes at another pace
     │   └── ScanError                the cyclic scan ended
     ├── DriveError                   the drive answers, but not as asked
     │   ├── DriveFault               it reports a fault (CiA 402 state Fault)
@@ -214,6 +215,10 @@ class BootError(BusError):
         self.abort: int | None = None
         self.tries = 0
         self.elapsed = 0.0
+
+
+class SyncError(BusError):
+    """SYNC, which another device sends, is missing, or comes at another period than the scan's."""
 
 
 class ScanError(BusError):

@@ -6,6 +6,7 @@ from bus_peer import FakeBus, eventually
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.emcy import EmcyMonitor
+from axisbus.cia301.incident import Outcome
 
 
 def test_a_message_of_three_bytes_is_read(channel: Channel, fake: FakeBus) -> None:
@@ -52,3 +53,29 @@ def test_a_drive_gone_mad_fills_no_memory(channel: Channel, fake: FakeBus) -> No
     assert waiting[-1].code == 299
     assert feed.lost == 300 - 64
     assert len(monitor.history) == 64
+
+
+def test_messages_are_grouped_and_a_boot_up_ends_what_was_open(channel: Channel, fake: FakeBus) -> None:
+    monitor = EmcyMonitor(channel, 5)
+    fake.inject(0x085, "10 23 03")
+    fake.inject(0x085, "20 32 07")
+    fake.inject(0x705, "05")  # a heartbeat says nothing
+    eventually(lambda: len(monitor.history) == 2)
+    (incident,) = monitor.incidents
+    assert incident.codes == (0x2310, 0x3220)
+    assert incident.outcome is Outcome.UNRESOLVED
+    fake.inject(0x705, "00")
+    eventually(lambda: not monitor.incidents.open)
+    (incident,) = monitor.incidents
+    assert incident.rebooted
+
+
+def test_a_node_whose_1014_says_another_identifier_is_heard_there(channel: Channel, fake: FakeBus) -> None:
+    monitor = EmcyMonitor(channel, 5)
+    monitor.listen_to(0x0F5)
+    fake.inject(0x085, "10 23 03")
+    fake.inject(0x0F5, "20 32 07")
+    eventually(lambda: monitor.history)
+    assert [emcy.code for emcy in monitor.history] == [0x3220]
+    monitor.close()
+    assert channel._receivers == {}

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.discover import scan
 from axisbus.bus.node import Node
-from axisbus.bus.pdo import configure
+from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.plan import Policy, Wanted
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtCommand
@@ -29,6 +30,7 @@ EDS = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
 PERIOD = 0.005
 NODES = (3, 4)
 _channels = itertools.count()
+_stand_ins: list[Any] = []
 
 
 @pytest.fixture
@@ -38,7 +40,8 @@ def nodes() -> Iterator[list[Node]]:
     with Channel.open(*line(name)) as channel, ExitStack() as stack:
         made = [stack.enter_context(Node(channel, node_id, load(EDS))) for node_id in NODES]
         devices = [sim_build.device_from_eds(load(EDS), node_id) for node_id in NODES]
-        with sim_network.StandIns(line(name)[1], devices, interface=line(name)[0]):
+        with sim_network.StandIns(line(name)[1], devices, interface=line(name)[0]) as stand_ins:
+            _stand_ins.append(stand_ins)
             for node in made:
                 node.nmt.wait_bootup(5.0)
             yield made
@@ -135,3 +138,19 @@ def test_sdo_and_pdo_side_by_side(channel: Channel, nodes: list[Node]) -> None:
     values = [nodes[0].sdo.read("6502h") for _ in range(20)]
     master.until(0x21, 0x6F, Outputs(controlword=0x06))
     assert len(set(values)) == 1
+
+
+@pytest.mark.parametrize("kind", [252, 253])
+def test_a_drive_that_speaks_only_when_asked_is_asked(channel: Channel, nodes: list[Node], kind: int) -> None:
+    """The statusword comes by remote frames every 20 ms, and the drive is taken to operation enabled with it."""
+    node = nodes[0]
+    _stand_ins[-1].nodes[0].device.dials.rtr = True
+    node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    set_pdo(node.sdo, False, 1, transmission_type=kind, rtr=True)
+    policy = Policy(remap=False, fixed=frozenset({(False, 1)}), requests={1: 0.02})
+    master = Master(channel, [node], policy)
+    assert master.ports[0].capabilities.inputs["statusword"] is Source.EVENT_PDO
+    master.until(0x21, 0x6F, Outputs(controlword=0x06))
+    master.until(0x23, 0x6F, Outputs(controlword=0x07))
+    master.until(0x27, 0x6F, Outputs(controlword=0x0F, mode=1))
+    assert not [event for event in node.pdo_events if event.pdo == "TPDO1"]

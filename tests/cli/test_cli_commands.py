@@ -144,7 +144,9 @@ def test_monitor_shows_state_and_position(axisbus):
 def test_monitor_as_json(axisbus):
     code, out, _ = axisbus("monitor", CELL, "--count", 1, "--json")
     assert code == 0
-    assert [axis["axis"] for axis in json.loads(out)] == ["x", "y", "z"]
+    seen = json.loads(out)
+    assert [axis["axis"] for axis in seen] == ["x", "y", "z"]
+    assert [(axis["node"], axis["incidents"]) for axis in seen] == [(1, []), (2, []), (3, [])]
 
 
 def test_move_homes_and_moves(axisbus):

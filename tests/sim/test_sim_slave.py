@@ -445,3 +445,159 @@ def test_two_slaves_of_one_master_keep_apart():
     assert not second.listens_to(0x601)
     second.on_frame(0x602, bytes.fromhex("4064600000000000"), 0.05)
     assert second.take_frames()[-1] == (0x582, bytes.fromhex("4364600007000000"))
+
+
+# How PDOs travel: requests, SYNC counter, start value; SYNC and TIME as services.
+
+NO_RTR = 0x4000_0000
+
+
+def served(**dials):
+    """A node with 1006h, 1012h, 1019h and a SYNC start value in TPDO 1, not yet started."""
+    u8, u32 = DataType.UNSIGNED8, DataType.UNSIGNED32
+    extra = [
+        (0x1006, 0, u32, "rw", 0),
+        (0x1012, 0, u32, "rw", 0x100),
+        (0x1019, 0, u8, "rw", 0),
+        (0x1800, 6, u8, "rw", 0),
+    ]
+    wire = Wire()
+    wire.device = Device(make_eds(NODE_ROWS + DRIVE + extra), NODE)
+    for name, value in dials.items():
+        setattr(wire.device.dials, name, value)
+    wire.slave = Slave(wire.device)
+    return wire.run(0.1)
+
+
+def set_tpdo(wire, number, kind, **entries):
+    index, cob_id = 0x1800 + number - 1, 0x85 + 0x100 * number
+    wire.write(index, 1, 0x8000_0000 | cob_id, 4)
+    wire.write(index, 2, kind, 1)
+    if "start" in entries:
+        wire.write(index, 6, entries["start"], 1)
+    wire.write(index, 1, cob_id | entries.get("flags", 0), 4)
+
+
+def test_a_tpdo_on_request_comes_when_it_is_asked_for_and_only_then():
+    wire = served(rtr=True)
+    set_tpdo(wire, 1, 253)
+    wire.send(0, "0100")
+    wire.send(0x205, "060000000000")
+    wire.run(0.2)
+    assert wire.send(0x80, "") == []
+    assert wire.send(0x185, "", remote=True) == [(0x185, "310200000000")]
+
+
+def test_type_252_brings_what_was_sampled_at_the_last_sync():
+    wire = served(rtr=True)
+    set_tpdo(wire, 1, 252)
+    wire.send(0, "0100")
+    wire.run(0.05)
+    assert wire.send(0x185, "", remote=True) == []  # no SYNC yet, so nothing was sampled
+    assert wire.send(0x80, "") == []
+    wire.send(0x205, "060000000000")
+    wire.run(0.05)
+    assert wire.send(0x185, "", remote=True) == [(0x185, "500200000000")]
+    wire.send(0x80, "")
+    assert wire.send(0x185, "", remote=True) == [(0x185, "310200000000")]
+
+
+def test_a_tpdo_that_allows_no_remote_frames_does_not_answer_them():
+    wire = served(rtr=True)
+    set_tpdo(wire, 1, 1, flags=NO_RTR)
+    wire.send(0, "0100")
+    wire.run(0.05)
+    assert wire.send(0x185, "", remote=True) == []
+
+
+def test_a_device_without_remote_frames_refuses_the_types_that_need_them():
+    wire = served().start()
+    for kind in (252, 253, 241, 251):
+        assert wire.sdo(f"2f001802{kind:02x}000000") == "8000180230000906"
+
+
+@pytest.mark.parametrize(
+    ("kind", "start", "sent_at"),
+    [
+        (1, 0, [1, 2, 3, 4, 1, 2, 3, 4]),
+        (1, 3, [3, 4, 1, 2, 3, 4]),  # the SYNC with counter 3 is the first that counts
+        (2, 3, [4, 2, 4]),
+        (4, 1, [4, 4]),
+        (3, 4, [2]),  # 4, 1, 2; and 3, 4 of the next three
+    ],
+)
+def test_a_sync_start_value_says_where_the_counting_begins(kind, start, sent_at):
+    wire = served()
+    wire.write(0x1019, 0, 4, 1)
+    set_tpdo(wire, 1, kind, start=start)
+    wire.send(0, "0100")
+    wire.run(0.01)
+    seen = [
+        count for count in (1, 2, 3, 4) * 2 if any(can == 0x185 for can, _ in wire.send(0x80, f"{count:02x}"))
+    ]
+    assert seen == sent_at
+
+
+def test_a_start_value_without_a_counter_is_ignored():
+    wire = served()
+    set_tpdo(wire, 1, 1, start=3)
+    wire.send(0, "0100")
+    wire.run(0.01)
+    assert [can for can, _ in wire.send(0x80, "")] == [0x185]
+
+
+@pytest.mark.parametrize(("overflow", "right", "wrong"), [(0, "", "05"), (10, "05", "")])
+def test_a_sync_of_another_length_than_1019_says_is_reported_once(overflow, right, wrong):
+    wire = served()
+    wire.write(0x1019, 0, overflow, 1)
+    wire.send(0, "0100")
+    assert 0x85 not in [can for can, _ in wire.send(0x80, right)]
+    assert (0x85, "4082110000000000") in wire.send(0x80, wrong)  # 8240h, unexpected SYNC data length
+    assert 0x85 not in [can for can, _ in wire.send(0x80, wrong)]
+
+
+def test_a_node_sends_sync_when_1005_says_so():
+    wire = served()
+    wire.write(0x1006, 0, 20_000, 4)
+    wire.run(0.1)
+    assert wire.of(0x80) == []
+    wire.write(0x1005, 0, 0x4000_0080, 4)
+    wire.run(0.2)
+    assert set(wire.of(0x80)) == {""}
+    gaps = [after - before for before, after in zip(wire.times(0x80), wire.times(0x80)[1:], strict=False)]
+    assert gaps == pytest.approx([0.02] * len(gaps), abs=0.0011)
+    assert len(gaps) >= 9
+    wire.write(0x1005, 0, 0x80, 4)
+    wire.write(0x1019, 0, 3, 1)
+    wire.write(0x1005, 0, 0x4000_0080, 4)
+    wire.forget()
+    wire.run(0.1)
+    assert wire.of(0x80)[:5] == ["01", "02", "03", "01", "02"]
+
+
+def test_a_node_hears_sync_on_the_identifier_of_1005():
+    wire = served()
+    set_tpdo(wire, 1, 1)
+    wire.write(0x1005, 0, 0x90, 4)
+    wire.send(0, "0100")
+    wire.run(0.01)
+    assert wire.send(0x80, "") == []
+    assert [can for can, _ in wire.send(0x90, "")] == [0x185]
+
+
+def test_time_is_taken_where_1012_says_so():
+    """One hour after midnight of the day 15000: 3600000 ms is 0036EE80h, 15000 is 3A98h."""
+    wire = served().start()
+    wire.send(0x100, "80ee3600983a")
+    assert wire.slave.time_of_day is None
+    wire.write(0x1012, 0, 0x8000_0100, 4)
+    wire.send(0x100, "80ee")
+    assert wire.slave.time_of_day is None
+    wire.send(0x100, "80ee3600983a")
+    assert wire.slave.time_of_day == (3_600_000, 15_000)
+
+
+def test_a_tpdo_can_be_made_to_stop():
+    wire = Wire(x1800_2=1).start()
+    wire.device.dials.tpdos_stop = frozenset({1})
+    assert wire.send(0x80, "") == []

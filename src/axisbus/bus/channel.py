@@ -170,13 +170,13 @@ class Channel:
         """
         self._send_paced(_frame(can_id, data), patience)
 
-    def send_remote(self, can_id: int) -> None:
-        """Send a remote frame (node guarding needs it).
+    def send_remote(self, can_id: int, length: int = 0) -> None:
+        """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.
 
         Raises:
             AdapterError: as ``send``.
         """
-        self._send_paced(_frame(can_id, b"", remote=True), SEND_PATIENCE)
+        self._send_paced(_remote(can_id, length), SEND_PATIENCE)
 
     def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
         """Send stop frames in any state of the channel, and return how many the adapter took; never raises.
@@ -344,7 +344,11 @@ def require_other_thread(channel: Channel, what: str) -> None:
         )
 
 
-def _frame(can_id: int, data: bytes, remote: bool = False) -> can.Message:
+def _frame(can_id: int, data: bytes) -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=can_id > 0x7FF, check=False)
+
+
+def _remote(can_id: int, length: int) -> can.Message:
     return can.Message(
-        arbitration_id=can_id, data=data, is_extended_id=can_id > 0x7FF, is_remote_frame=remote, check=False
+        arbitration_id=can_id, is_extended_id=can_id > 0x7FF, is_remote_frame=True, dlc=length, check=False
     )

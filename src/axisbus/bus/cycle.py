@@ -5,6 +5,9 @@ Theory of operation
 ``wait_until`` sleeps to an absolute time, so that periods do not drift and a late cycle does not make the next one late. All frames
 go out from the scan's own calls: when the scan stops, SYNC, heartbeat and RPDOs stop with it, and the drives notice.
 
+Where another device sends SYNC, ``wait_until`` waits for that instead, and we send none, not even with the quick stop: two
+producers are one too many. The drives then take the stop frames with its next SYNC, and the quick stop by SDO at once.
+
 ``quick_stop_all`` is for when the scan has failed, perhaps stuck in the driver. It needs nothing that the scan may hold: the stop
 frames were built when the last ones were committed, they are sent by ``Channel.send_urgent`` in a thread of its own, and that
 thread is waited for only for a bounded time.
@@ -21,6 +24,8 @@ from axisbus.bus.lateness import Lateness, LatenessReport
 from axisbus.bus.nodeevents import NodeEvents
 from axisbus.bus.port import CanPort
 from axisbus.bus.rpdo import Frame
+from axisbus.bus.sync import SyncConsumer
+from axisbus.bus.timeofday import TimeProducer
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 
@@ -40,6 +45,9 @@ class CanCycle:
         ports: Sequence[CanPort],
         *,
         sync_cob_id: int | None = cob.SYNC,
+        sync_counter: int = 0,
+        sync_consumer: SyncConsumer | None = None,
+        time_producer: TimeProducer | None = None,
         master_id: int | None = None,
         heartbeat: float = 0.0,
         guarded: Mapping[int, float] | None = None,
@@ -51,7 +59,10 @@ class CanCycle:
         """Drive ``ports`` on ``channel``.
 
         Args:
-            sync_cob_id: COB-ID of SYNC, None for a bus without it.
+            sync_cob_id: COB-ID of SYNC that we send, None to send none.
+            sync_counter: value at which the counter in SYNC starts again with 1 (1019h: 2 to 240), 0 for SYNC without counter.
+            sync_consumer: another device's SYNC, which then starts each cycle; None where our own clock does.
+            time_producer: sends TIME, None to send none.
             master_id: our node ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
             guarded: period in seconds, by node ID, in which nodes without heartbeat are asked for their state (node guarding).
@@ -63,6 +74,10 @@ class CanCycle:
         self._channel = channel
         self._ports = tuple(ports)
         self._sync_cob_id = sync_cob_id
+        self._sync_counter = sync_counter
+        self._count = 0
+        self._sync_consumer = sync_consumer
+        self._time_producer = time_producer
         self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
         self._heartbeat_period = heartbeat
         self._heartbeat_due = float("-inf")
@@ -90,18 +105,26 @@ class CanCycle:
         """Return the monotonic time in seconds."""
         return self._clock()
 
-    def wait_until(self, t: float) -> None:
+    def wait_until(self, t: float) -> float | None:
         """Return when ``now() >= t``, as soon after it as the system lets us; counts the lateness. Blocks by sleeping.
 
+        Where another device sends SYNC, return when its next SYNC has come, whatever ``t`` is, with the time at which it came.
+
         Raises:
+            SyncError: that SYNC has stopped.
             BusError: the channel has failed: that is told before anything that follows from it.
         """
+        if self._sync_consumer is not None:
+            stamp = self._sync_consumer.wait()
+            self._lateness.note(self._clock() - stamp)
+            return stamp
         left = t - self._clock()
         while left > 0:
             self._sleep(left)
             left = t - self._clock()
         self._lateness.note(-left)
         self._channel.check()
+        return None
 
     def commit(self) -> None:
         """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
@@ -116,28 +139,34 @@ class CanCycle:
                 if self._stopped:  # while the frame before was stuck: this one may enable the drive again
                     return
                 send(can_id, data)
+            for can_id, length in port.take_requests(self._clock()):
+                self._channel.send_remote(can_id, length)
         if self._events:
             now = self._clock()
             for events in self._events:
                 events.look(now)
 
     def sync(self) -> None:
-        """Send SYNC, where the bus has it (CiA 301 7.2.5; without counter).
+        """Send SYNC, where we are its producer (CiA 301 7.2.5), with the counter where the bus has one: 1, 2, ... and again 1.
 
         Raises:
             BusError: as ``commit``.
         """
         if self._sync_cob_id is not None:
-            self._channel.send(self._sync_cob_id, b"")
+            if self._sync_counter:
+                self._count = self._count % self._sync_counter + 1
+            self._channel.send(self._sync_cob_id, self._sync_data(self._count))
 
     def heartbeat(self) -> None:
-        """Send our heartbeat and guarding requests when they are due (CiA 301 7.2.8.3.2).
+        """Send our heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
 
         Raises:
             BusError: as ``commit``.
         """
         if self._guarding:
             self._guard(self._clock())
+        if self._time_producer is not None:
+            self._time_producer.step(self._clock())
         if self._heartbeat_id is None:
             return
         now = self._clock()
@@ -196,4 +225,11 @@ class CanCycle:
         return [*by_pdo, *self._sync_frame(bool(by_pdo)), *by_sdo]
 
     def _sync_frame(self, needed: bool) -> Iterable[Frame]:
-        return ((self._sync_cob_id, b""),) if needed and self._sync_cob_id is not None else ()
+        """One more SYNC, so that synchronous RPDOs take effect; another producer's goes on, or is not ours to replace."""
+        if not needed or self._sync_cob_id is None:
+            return ()
+        count = self._count % self._sync_counter + 1 if self._sync_counter else 0
+        return ((self._sync_cob_id, self._sync_data(count)),)
+
+    def _sync_data(self, count: int) -> bytes:
+        return bytes((count,)) if self._sync_counter else b""

@@ -1,4 +1,4 @@
-"""Emergency messages of one node: received in any length, kept in a bounded history, and fed to each axis of the node."""
+"""Emergency messages of one node: received in any length, kept in a bounded history, grouped, and fed to each axis of the node."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections import deque
 from axisbus.bus.channel import Channel
 from axisbus.cia301 import cob
 from axisbus.cia301.emcy import Emcy, parse
+from axisbus.cia301.incident import Incidents
 
 HISTORY = 64
 FEED = 64
 _SHORTEST = 2  # bytes: the error code
+_BOOT_UP = b"\0"
 
 
 class EmcyFeed:
@@ -34,7 +36,7 @@ class EmcyFeed:
 
 
 class EmcyMonitor:
-    """Receives a node's emergency messages; holds state: the newest 64 (``history``, oldest first), and the feeds.
+    """Receives a node's emergency messages; holds state: the newest 64 (``history``, oldest first), their incidents, and the feeds.
 
     Frames shorter than 8 bytes are read as if filled with zeros; one without an error code is counted in ``malformed``.
     """
@@ -42,11 +44,14 @@ class EmcyMonitor:
     def __init__(self, channel: Channel, node_id: int, cob_id: int | None = None) -> None:
         """``cob_id`` is that of object 1014h, None for the predefined 80h + node ID."""
         self.history: deque[Emcy] = deque(maxlen=HISTORY)
+        self.incidents = Incidents()
         self.malformed = 0
         self._feeds: tuple[EmcyFeed, ...] = ()
         self._channel = channel
         self._cob_id = cob.EMCY + node_id if cob_id is None else cob_id
+        self._node_id = node_id
         channel.subscribe(self._cob_id, self._on_frame)
+        channel.subscribe(cob.HEARTBEAT + node_id, self._on_heartbeat)
 
     def feed(self) -> EmcyFeed:
         """Return a new feed, which gets every message from now on."""
@@ -54,9 +59,22 @@ class EmcyMonitor:
         self._feeds = (*self._feeds, feed)
         return feed
 
+    def listen_to(self, cob_id: int) -> None:
+        """Listen to another COB-ID, that of the node's own 1014h."""
+        if cob_id == self._cob_id:
+            return
+        self._channel.unsubscribe(self._cob_id, self._on_frame)
+        self._cob_id = cob_id
+        self._channel.subscribe(cob_id, self._on_frame)
+
     def close(self) -> None:
         """Stop listening."""
         self._channel.unsubscribe(self._cob_id, self._on_frame)
+        self._channel.unsubscribe(cob.HEARTBEAT + self._node_id, self._on_heartbeat)
+
+    def _on_heartbeat(self, data: bytes, stamp: float) -> None:
+        if data == _BOOT_UP:
+            self.incidents.booted(stamp)
 
     def _on_frame(self, data: bytes, stamp: float) -> None:
         if len(data) < _SHORTEST:
@@ -64,5 +82,6 @@ class EmcyMonitor:
             return
         emcy = parse(data, stamp)
         self.history.append(emcy)
+        self.incidents.note(emcy)
         for feed in self._feeds:
             feed.put(emcy)

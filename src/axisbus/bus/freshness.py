@@ -62,11 +62,14 @@ def max_ages(plan: Plan, scan_period: float) -> dict[str, float]:
 def _pdo_age(plan: Plan, name: str, scan_period: float) -> float:
     """The age by the PDO that comes most often among those that carry the value."""
     carriers = [pdo for pdo in plan.active if not pdo.receive and name in pdo.values]
-    return min((_age(pdo, scan_period) for pdo in carriers), default=math.inf)
+    return min((pdo_age(pdo, scan_period) for pdo in carriers), default=math.inf)
 
 
-def _age(pdo: PlannedPdo, scan_period: float) -> float:
+def pdo_age(pdo: PlannedPdo, scan_period: float) -> float:
+    """Return how long a TPDO may stay away (seconds) before it counts as missing; infinite where its silence says nothing."""
     target = pdo.target
+    if pdo.request:
+        return POLLS * pdo.request + POLL_MARGIN
     if target.synchronous and target.transmission_type > 0:
         return max(SYNC_PERIODS * scan_period * target.transmission_type, SYNC_LEAST)
     if not target.event_timer or target.transmission_type == 0:

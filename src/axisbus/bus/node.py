@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 from axisbus.bus import nmt
 from axisbus.bus.channel import Channel
+from axisbus.bus.deadline import HISTORY, PdoEvent
 from axisbus.bus.emcy import EmcyMonitor
 from axisbus.bus.nmt import Confirmation, NodeMonitor
 from axisbus.bus.sdo import TIMEOUT, TRIES, SdoClient
@@ -99,6 +101,7 @@ class Node:
         self.nmt = NodeMonitor(channel, node_id)
         self.emcy = EmcyMonitor(channel, node_id, emcy_cob_id)
         self.worker = SdoWorker(channel, self.sdo)
+        self.pdo_events: deque[PdoEvent] = deque(maxlen=HISTORY)  # TPDOs that stopped coming, and came again
 
     def identity(self) -> NodeIdentity:
         """Read who the device is; blocks, raises as ``read_identity``."""

@@ -10,7 +10,7 @@ Before every new attempt the drive has back what it had, so that a refusal half-
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import replace
 
@@ -47,10 +47,12 @@ def configure(
     policy: Policy | None = None,
     axis: int = 1,
     on_plan: Callable[[Plan], None] | None = None,
+    also: Collection[tuple[bool, int]] = (),
 ) -> Plan:
     """Plan the PDOs of one axis and bring the drive there, which should be pre-operational; blocks for some dozen transfers.
 
-    Returns the plan that holds now, with what the drive reads back. ``on_plan`` sees each plan before it is applied.
+    Returns the plan that holds now, with what the drive reads back. ``on_plan`` sees each plan before it is applied. ``also``: see
+    ``read_pdos``.
 
     Raises:
         BootError: a step failed in a way that no other plan avoids; the drive has back what it had, as far as it lets us.
@@ -59,7 +61,7 @@ def configure(
     policy = policy or Policy()
     learnt: list[str] = []
     for _ in range(_ATTEMPTS):
-        device = read_pdos(sdo)
+        device = read_pdos(sdo, also)
         plan = make_plan(
             sdo.node_id, device, axis_objects(sdo.dictionary, device, axis), wanted, policy, axis
         )
@@ -84,10 +86,13 @@ def set_pdo(
     event_timer: int | None = None,
     inhibit_time: int | None = None,
     cob_id: int | None = None,
+    sync_start: int | None = None,
+    rtr: bool | None = None,
 ) -> Pdo:
     """Set one PDO as a user wants it, read it back and return it; None leaves a parameter as it is. Blocks.
 
-    ``event_timer`` in ms, ``inhibit_time`` in 100 µs. The node should be pre-operational.
+    ``event_timer`` in ms, ``inhibit_time`` in 100 µs, ``sync_start`` a value of the SYNC counter (0: none). ``rtr``: whether the
+    drive shall answer remote frames (bit 30 of 18xxh:01). The node should be pre-operational.
 
     Raises:
         BootError: the node has no such PDO, refuses a step, or reads back something else.
@@ -111,13 +116,14 @@ def set_pdo(
         event_timer=before.event_timer if event_timer is None else event_timer,
         inhibit_time=before.inhibit_time if inhibit_time is None else inhibit_time,
         cob_id=before.cob_id if cob_id is None else cob_id,
+        sync_start=before.sync_start if sync_start is None else sync_start,
     )
     change = Change.COMMUNICATION if target.mapping == before.mapping else Change.MAPPING
     planned = PlannedPdo(receive, before, target, change, (), ())
-    if target == before:
+    if target == before and (rtr is None or _answers_rtr(sdo, planned) is rtr):
         return before
     try:
-        plan = _apply(sdo, Plan(sdo.node_id, 1, (planned,), {}, {}))
+        plan = _apply(sdo, Plan(sdo.node_id, 1, (planned,), {}, {}), rtr)
     except _Refusal as refusal:
         raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
     return plan.pdos[0].target
@@ -138,7 +144,7 @@ def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
 # -- applying ---------------------------------------------------------------------------------------------------------------------
 
 
-def _apply(sdo: SdoClient, plan: Plan) -> Plan:
+def _apply(sdo: SdoClient, plan: Plan, rtr: bool | None = None) -> Plan:
     """Bring the drive where the plan says; return the plan with what was read back; raises ``_Refusal`` after restoring."""
     changed = [pdo for pdo in plan.pdos if pdo.change is not Change.KEEP]
     touched: list[PlannedPdo] = []
@@ -149,7 +155,7 @@ def _apply(sdo: SdoClient, plan: Plan) -> Plan:
         for pdo in changed:
             _write(sdo, pdo)
         for pdo in changed:
-            _switch_on(sdo, pdo)
+            _switch_on(sdo, pdo, rtr)
     except _Refusal:
         for pdo in reversed(touched):
             _restore(sdo, pdo)
@@ -196,18 +202,34 @@ def _write_communication(sdo: SdoClient, name: str, index: int, before: Pdo, tar
         (o.PDO_INHIBIT_TIME, before.inhibit_time, target.inhibit_time),
         (o.PDO_EVENT_TIMER, before.event_timer, target.event_timer),
     )
+    if target.sync_start is not None and target.sync_start != before.sync_start:
+        what = f"{name} does not take the SYNC start value {target.sync_start}"
+        _step(sdo, what, index, o.PDO_SYNC_START, target.sync_start, 1)
     for subindex, old, new in timers:
         if new is not None and new != old:
             with suppress(_Refusal):  # what the drive then has is read back, and freshness is judged by that
                 _step(sdo, f"{name}: timer {subindex}", index, subindex, new, 2)
 
 
-def _switch_on(sdo: SdoClient, pdo: PlannedPdo) -> None:
-    """Step 5: the COB-ID without bit 31."""
+def _switch_on(sdo: SdoClient, pdo: PlannedPdo, rtr: bool | None = None) -> None:
+    """Step 5: the COB-ID without bit 31; ``rtr`` None keeps bit 30 as the drive has it."""
     if pdo.target.valid:
         at = Indices.of(pdo.receive, pdo.before.number)
         value = _raw_cob_id(sdo, at, pdo.target.cob_id)
-        _step(sdo, f"{pdo.name} cannot be switched on", at.communication, o.PDO_COB_ID, value, 4)
+        if rtr is not None:
+            value = value & ~cob.NO_RTR | (0 if rtr else cob.NO_RTR)
+        what = (
+            f"{pdo.name} cannot be asked for by remote frames" if rtr else f"{pdo.name} cannot be switched on"
+        )
+        _step(sdo, what, at.communication, o.PDO_COB_ID, value, 4)
+
+
+def _answers_rtr(sdo: SdoClient, pdo: PlannedPdo) -> bool | None:
+    """Whether a TPDO may be asked for; None for an RPDO."""
+    if pdo.receive:
+        return None
+    at = Indices.of(pdo.receive, pdo.before.number)
+    return not (read_number(sdo, at.communication, o.PDO_COB_ID) or 0) & cob.NO_RTR
 
 
 def _raw_cob_id(sdo: SdoClient, at: Indices, cob_id: int) -> int:
@@ -253,6 +275,7 @@ def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
         checks += [
             ("its COB-ID", pdo.target.cob_id, now.cob_id),
             ("its transmission type", pdo.target.transmission_type, now.transmission_type),
+            ("its SYNC start value", pdo.target.sync_start, now.sync_start),
             ("its mapping", pdo.target.mapping, now.mapping),
         ]
     for what, expected, got in checks:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from axisbus.bus.mapping import DevicePdos
@@ -33,18 +33,19 @@ class Indices:
         return cls(o.TPDO_COMMUNICATION + number - 1, o.TPDO_MAPPING + number - 1)
 
 
-def read_pdos(sdo: SdoClient) -> DevicePdos:
+def read_pdos(sdo: SdoClient, also: Collection[tuple[bool, int]] = ()) -> DevicePdos:
     """Read every PDO of the device by SDO; blocks for a dozen transfers each.
 
-    Entries that a device lacks are None or left out; a PDO without COB-ID or transmission type is not there. The parameters are
-    read by number, so that it does not matter how an EDS types them.
+    Of many PDOs those are read that an axis may need, and those of ``also`` (whether it is an RPDO, its number). Entries that a
+    device lacks are None or left out; a PDO without COB-ID or transmission type is not there. The parameters are read by number, so
+    that it does not matter how an EDS types them.
 
     Raises:
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     return DevicePdos(
-        tuple(_read_existing(sdo, receive=True)),
-        tuple(_read_existing(sdo, receive=False)),
+        tuple(_read_existing(sdo, True, also)),
+        tuple(_read_existing(sdo, False, also)),
     )
 
 
@@ -63,11 +64,13 @@ def read_pdo(sdo: SdoClient, receive: bool, number: int) -> Pdo | None:
         _read_mapping(sdo, at.mapping),
         read_number(sdo, at.communication, o.PDO_INHIBIT_TIME) if not receive else None,
         read_number(sdo, at.communication, o.PDO_EVENT_TIMER),
+        None if receive else _sync_start(sdo, at.communication),
     )
 
 
-def _read_existing(sdo: SdoClient, receive: bool) -> Iterable[Pdo]:
-    for number in _numbers(sdo.dictionary, receive):
+def _read_existing(sdo: SdoClient, receive: bool, also: Collection[tuple[bool, int]]) -> Iterable[Pdo]:
+    own = {number for way, number in also if way is receive}
+    for number in sorted(own.union(_numbers(sdo.dictionary, receive))):
         pdo = read_pdo(sdo, receive, number)
         if pdo is not None:
             yield pdo
@@ -99,6 +102,15 @@ def _read_mapping(sdo: SdoClient, index: int) -> tuple[MappedObject, ...]:
             break
         entries.append(MappedObject.from_entry(entry))
     return tuple(entries)
+
+
+def _sync_start(sdo: SdoClient, index: int) -> int | None:
+    """Few drives have it, so the file is believed where it says so."""
+    return (
+        None
+        if sdo.dictionary.has(index, o.PDO_SYNC_START) is False
+        else read_number(sdo, index, o.PDO_SYNC_START)
+    )
 
 
 def read_number(sdo: SdoClient, index: int, subindex: int) -> int | None:

@@ -16,7 +16,7 @@ the reason in ``notes``; what must be synchronous and is not is ``impossible``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import chain
 
@@ -54,6 +54,8 @@ class Policy:
     ``sync``: PDOs are tied to SYNC, else event-driven. ``remap``: mappings may be changed. ``communication``: communication
     parameters may be changed. ``event_timer`` (ms) and ``inhibit_time`` (100 µs) are for event-driven TPDOs. ``refused`` holds the
     indices that the drive would not map. ``taken`` are COB-IDs of other nodes, ``spare`` those that PDOs past the fourth may take.
+    ``fixed`` are the PDOs (whether receive, number) whose transmission type the user has set, which stays as it is. ``requests``
+    are the TPDOs, by number, that we ask for by remote frames, each with its period in seconds; no other is ever asked for.
     """
 
     sync: bool = True
@@ -64,6 +66,8 @@ class Policy:
     refused: frozenset[int] = frozenset()
     taken: frozenset[int] = frozenset()
     spare: tuple[int, ...] = ()
+    fixed: frozenset[tuple[bool, int]] = frozenset()
+    requests: Mapping[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,10 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class PlannedPdo:
-    """One PDO as it is and as it shall be; ``values`` names what each mapping entry carries (None: nothing of motion's)."""
+    """One PDO as it is and as it shall be; ``values`` names what each mapping entry carries (None: nothing of motion's).
+
+    ``request`` is the period in seconds in which we ask for a TPDO by remote frames, 0 for one that comes by itself.
+    """
 
     receive: bool
     before: Pdo
@@ -86,6 +93,7 @@ class PlannedPdo:
     change: Change
     values: tuple[str | None, ...]
     signed: tuple[bool, ...]
+    request: float = 0.0
 
     @property
     def name(self) -> str:
@@ -179,7 +187,8 @@ class _Side:
         kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
         if self.policy.remap and self.policy.communication:
-            laid = choose.lay_out(choose.slots(pdos, axis), self._mappable(), layout)
+            slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
+            laid = choose.lay_out(slots, self._mappable(), layout)
             if laid.carried - kept.carried and len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
@@ -209,7 +218,18 @@ class _Side:
         """Whether its present mapping may serve: no other axis's targets beside ours, and sent or taken without being asked for."""
         if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
             return False
-        return self.policy.communication or pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
+        return self._travels(pdo)
+
+    def _travels(self, pdo: Pdo) -> bool:
+        if self._may_retype(pdo) or self._requested(pdo):
+            return True
+        return pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
+
+    def _may_retype(self, pdo: Pdo) -> bool:
+        return self.policy.communication and (self.receive, pdo.number) not in self.policy.fixed
+
+    def _requested(self, pdo: Pdo) -> bool:
+        return not self.receive and pdo.on_request and pdo.number in self.policy.requests
 
     def _mappable(self) -> dict[str, MapEntry]:
         return {name: entry for name, entry in self.entries.items() if self._may_map(entry)}
@@ -242,9 +262,12 @@ class _Side:
             change if mapping == pdo.mapping else Change.MAPPING,
             choose.names_in(mapping, self.entries),
             tuple(self._signed(mapped) for mapped in mapping),
+            self.policy.requests[target.number] if self._requested(target) else 0.0,
         )
 
     def _communication(self, pdo: Pdo) -> Pdo:
+        if not self._may_retype(pdo):
+            return pdo
         if self.policy.sync:
             keeps = pdo.synchronous if self.receive else pdo.transmission_type == SYNC_EVERY
             return pdo if keeps else replace(pdo, transmission_type=SYNC_EVERY)
@@ -270,6 +293,7 @@ class _Side:
             return []
         carried = {mapped for planned in chosen for mapped in planned.target.mapping}
         numbers = {planned.target.number for planned in chosen}
+        numbers |= {number for receive, number in self.policy.fixed if not receive}  # the user wants it
         return [
             PlannedPdo(False, pdo, replace(pdo, valid=False), Change.DISABLE, (), ())
             for pdo in pdos

@@ -33,8 +33,11 @@ def _pdo(pdo: PlannedPdo) -> str:
 
 def _timing(pdo: PlannedPdo) -> str:
     target = pdo.target
+    if pdo.request:
+        return f"asked for every {pdo.request * 1000:g} ms (type {target.transmission_type})"
     if target.synchronous:
-        return f"with SYNC (type {target.transmission_type})"
+        start = f", from SYNC counter {target.sync_start} on" if target.sync_start else ""
+        return f"with SYNC (type {target.transmission_type}{start})"
     timer = target.event_timer
     if pdo.receive:
         return f"on arrival (type {target.transmission_type})"

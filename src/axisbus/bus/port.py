@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from axisbus.bus import freshness
+from axisbus.bus.deadline import Deadline, Deadlines
 from axisbus.bus.mapping import axis_index
 from axisbus.bus.node import Node
 from axisbus.bus.plan import Plan
@@ -12,7 +13,7 @@ from axisbus.bus.poller import Poller
 from axisbus.bus.prime import prime_inputs, prime_outputs
 from axisbus.bus.rpdo import CONTROLWORD, Frame, RpdoImage, arrange
 from axisbus.bus.sdo_output import SdoOutputs, is_motion
-from axisbus.bus.tpdo import TpdoSlot
+from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.bus.worker import Job
 from axisbus.cia301 import abort, cob
 from axisbus.cia301.nmt import NmtCommand
@@ -51,7 +52,16 @@ class CanPort:
         )
         self._bootups = node.nmt.bootups
         self._samples: dict[str, Sample] = {}
-        self._slots = [TpdoSlot(pdo) for pdo in plan.active if not pdo.receive]
+        received = [pdo for pdo in plan.active if not pdo.receive]
+        self._slots = [TpdoSlot(pdo) for pdo in received]
+        self._deadlines = Deadlines(
+            [
+                Deadline(node.node_id, pdo.name, pdo.target.cob_id, freshness.pdo_age(pdo, scan_period))
+                for pdo in received
+            ],
+            scan_period,
+        )
+        self._requests = Requests(self._slots)
         self._images = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]
         self._poller = Poller(node.worker, freshness.polls(plan), self.index)
         self._sdo_outputs = SdoOutputs(node.worker, plan.outputs, self.index)
@@ -83,14 +93,17 @@ class CanPort:
         if self.rebooted:
             return Inputs(now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state))
         samples = self._samples
+        operational = nmt.operational(now)
         for slot in self._slots:
             slot.read_into(samples)
+        if events := self._deadlines.step(now, [slot.stamp for slot in self._slots], operational):
+            self.node.pdo_events.extend(events)
         self._poller.read_into(samples)
         self._poller.poll(now)
         get = samples.get
         return Inputs(
             now,
-            nmt.operational(now),
+            operational,
             get("statusword"),
             get("mode"),
             get("position"),
@@ -136,6 +149,10 @@ class CanPort:
         if self._controlword is not None and frames:
             self._stop_frames = tuple(self._quick_stops())
         return frames
+
+    def take_requests(self, now: float) -> list[tuple[int, int]]:
+        """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length; none while the node cannot answer."""
+        return self._requests.due(now) if self._requests and self.node.nmt.operational(now) else []
 
     def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
         """Return the frames of a quick stop, by PDO and by SDO; none for an axis that never got a controlword.

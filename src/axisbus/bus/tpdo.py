@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from axisbus.bus.plan import PlannedPdo
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.port import Sample
@@ -14,15 +17,28 @@ class TpdoSlot:
     surplus of a longer one is ignored (CiA 301 7.2.2.5).
     """
 
-    __slots__ = ("_codec", "_latest", "_names", "_seen", "cob_id", "short")
+    __slots__ = ("_codec", "_latest", "_names", "_seen", "cob_id", "name", "request", "short")
 
     def __init__(self, pdo: PlannedPdo) -> None:
+        self.name = pdo.name
         self.cob_id = pdo.target.cob_id
+        self.request = pdo.request
         self.short = 0
         self._codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self._names = tuple((position, name) for position, name in enumerate(pdo.values) if name is not None)
         self._latest: tuple[bytes, float] | None = None
         self._seen: tuple[bytes, float] | None = None
+
+    @property
+    def size(self) -> int:
+        """Data bytes of a whole frame."""
+        return self._codec.size
+
+    @property
+    def stamp(self) -> float:
+        """When the newest whole frame came, in seconds; minus infinity where none has."""
+        latest = self._latest
+        return -math.inf if latest is None else latest[1]
 
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; called in the receive thread."""
@@ -43,3 +59,23 @@ class TpdoSlot:
             known = samples.get(name)
             if known is None or known.stamp <= stamp:
                 samples[name] = Sample(values[position], stamp)
+
+
+class Requests:
+    """When to ask for the TPDOs that come on request only; holds state: when each is due. Empty where none is asked for."""
+
+    def __init__(self, slots: Sequence[TpdoSlot]) -> None:
+        self._slots = tuple(slot for slot in slots if slot.request > 0.0)
+        self._due = [-math.inf] * len(self._slots)
+
+    def __bool__(self) -> bool:
+        return bool(self._slots)
+
+    def due(self, now: float) -> list[tuple[int, int]]:
+        """Return COB-ID and data length of each TPDO whose period has passed since it was asked for; ``now`` in seconds."""
+        asked = [number for number, due in enumerate(self._due) if now >= due]
+        for number in asked:
+            period = self._slots[number].request
+            due = self._due[number] + period
+            self._due[number] = due if due > now else now + period
+        return [(self._slots[number].cob_id, self._slots[number].size) for number in asked]

@@ -20,5 +20,9 @@ NODE_IDS = range(1, 128)
 INVALID = 1 << 31
 NO_RTR = 1 << 30
 EXTENDED = 1 << 29
+# Bit 30 of 1005h (the device sends SYNC); bits 31 and 30 of 1012h (it takes TIME, it sends TIME).
+SYNC_PRODUCER = 1 << 30
+TIME_CONSUMER = 1 << 31
+TIME_PRODUCER = 1 << 30
 ID_MASK_11 = 0x7FF
 ID_MASK_29 = 0x1FFF_FFFF

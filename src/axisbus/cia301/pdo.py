@@ -40,6 +40,10 @@ class MappedObject(NamedTuple):
         return f"{self.index:04X}:{self.subindex:02X}/{self.bits}"
 
 
+# Transmission types of a TPDO that is sent when a remote frame asks for it (CiA 301 table 72): sampled at SYNC, or at once.
+RTR_TYPES = (252, 253)
+
+
 def is_synchronous(transmission_type: int) -> bool:
     """Whether a PDO of this transmission type is tied to SYNC (types 0 to 240; CiA 301 table 69 and 72)."""
     return transmission_type <= 240
@@ -50,6 +54,7 @@ class Pdo:
     """The parameters of one PDO as the drive holds them.
 
     ``number`` counts from 1; ``inhibit_time`` is in 100 µs, ``event_timer`` in ms (0 = off, None = the drive has no such entry).
+    ``sync_start`` is the SYNC counter at which a TPDO begins to count SYNCs (0: at once; None as above).
     """
 
     number: int
@@ -59,6 +64,7 @@ class Pdo:
     mapping: tuple[MappedObject, ...]
     inhibit_time: int | None = None
     event_timer: int | None = None
+    sync_start: int | None = None
 
     @property
     def bits(self) -> int:
@@ -74,6 +80,11 @@ class Pdo:
     def synchronous(self) -> bool:
         """Whether it is tied to SYNC."""
         return is_synchronous(self.transmission_type)
+
+    @property
+    def on_request(self) -> bool:
+        """Whether it is sent only when a remote frame asks for it (a TPDO's type)."""
+        return self.transmission_type in RTR_TYPES
 
 
 class PdoCodec:

@@ -136,8 +136,11 @@ class Cycle(Protocol):
     def now(self) -> float:
         """Return the monotonic time in seconds."""
 
-    def wait_until(self, t: float) -> None:
-        """Return when ``now() >= t``; a simulated plant advances in here."""
+    def wait_until(self, t: float) -> float | None:
+        """Return None when ``now() >= t``; a simulated plant advances in here.
+
+        Where another device's SYNC begins each cycle, ``t`` is only expected: return when it came.
+        """
 
     def commit(self) -> None:
         """Send what the ports were given since the last commit."""

@@ -21,9 +21,11 @@ from axisbus.motion.axis import Axis
 def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
     """Boot CELL and show its axes; energises nothing."""
     with Machine.open(cell) as machine:
-        looks = 0
+        looks, told = 0, set[str]()
+        for line in [] if as_json else histories(machine):
+            say(line)
         while True:
-            _look(machine, as_json)
+            _look(machine, as_json, told)
             looks += 1
             if count is not None and looks >= count:
                 break
@@ -33,9 +35,9 @@ def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
     return OK
 
 
-def _look(machine: Machine, as_json: bool) -> None:
+def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
     if as_json:
-        say_json([describe(axis) for axis in machine])
+        say_json([{**describe(axis), **of_node(machine, axis)} for axis in machine])
         return
     for axis in machine:
         seen = describe(axis)
@@ -45,6 +47,59 @@ def _look(machine: Machine, as_json: bool) -> None:
         )
         if seen["error"]:
             say("         " + str(seen["error"]).replace("\n", "\n         "))
+    for line in news(machine, told):
+        say(f"         {line}")
+
+
+def histories(machine: Machine) -> list[str]:
+    """Return the errors that the nodes themselves have listed before (1003h); blocks for a few transfers each."""
+    lines = []
+    for node_id in sorted(machine.cell.nodes):
+        node = machine.node(node_id)
+        if node.error_history():
+            lines += [f"node {node_id}, earlier errors (1003h), the newest first:"]
+            lines += [f"  {text}" for text in node.error_history_words()]
+    return lines
+
+
+def news(machine: Machine, told: set[str]) -> list[str]:
+    """Return what has happened on the nodes and is not in ``told`` yet: incidents as they now stand, TPDOs that stopped coming."""
+    lines = []
+    for node_id in sorted(machine.cell.nodes):
+        node = machine.node(node_id)
+        for incident in node.incidents:
+            key = (
+                f"{node_id}/{incident.number}/{len(incident.emcys)}/{len(incident.resets)}/{incident.outcome}"
+            )
+            if key not in told:
+                told.add(key)
+                first, *rest = node.incident_words(incident)
+                lines += [f"node {node_id}, {first}", *rest]
+        for event in node.pdo_events:
+            key = f"{event.stamp} {event}"
+            if key not in told:
+                told.add(key)
+                lines.append(str(event))
+    return lines
+
+
+def of_node(machine: Machine, axis: Axis) -> dict[str, object]:
+    """Return the incidents of an axis's node, and what its PDOs have done, as plain values."""
+    node = machine.node(machine.cell.axes[axis.name].node)
+    return {
+        "node": node.node_id,
+        "incidents": [
+            {
+                "number": incident.number,
+                "outcome": incident.outcome.value,
+                "codes": [f"0x{code:04X}" for code in incident.codes],
+                "lasted": incident.lasted,
+                "text": node.incident_words(incident),
+            }
+            for incident in node.incidents
+        ],
+        "pdo_events": [str(event) for event in node.pdo_events],
+    }
 
 
 def describe(axis: Axis) -> dict[str, object]:

@@ -64,6 +64,9 @@ class Comms(Nmt, Protocol):
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
 
+    def follow_emcy(self) -> None:
+        """Listen to emergency messages where the node's 1014h has them."""
+
     def cyclic_rpdos(self) -> list[int]:
         """Return the numbers (from 1) of the RPDOs that the scan will send in every cycle."""
 
@@ -162,6 +165,7 @@ class NodeBoot:
     def _look(self, known: Outcome) -> bool:
         """See who it is and what the drives are doing, before anything is written; return whether it may be disturbed."""
         self._identify(known.identity)
+        self._comms.follow_emcy()
         for axis in self._axes:
             word = read_int(self._objects, own_index(o.STATUSWORD, axis.drive_axis))
             self._power[axis.name] = State.UNKNOWN if word is None else decode(word)

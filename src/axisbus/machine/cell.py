@@ -8,6 +8,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from axisbus.cia301.cob import SYNC, TIME
+
 INCREMENTS = "increments"  # the unit of an axis without engineering units
 
 
@@ -48,7 +50,10 @@ class ObjectSetting:
 
 @dataclass(frozen=True, slots=True)
 class PdoConfig:
-    """One configured PDO; ``number`` from 1, times in seconds, None where the drive's own value stays."""
+    """One configured PDO; ``number`` from 1, times in seconds, None where the drive's own value stays.
+
+    ``rtr`` is the period in seconds in which the master asks for a TPDO by remote frames, None to ask never.
+    """
 
     receive: bool
     number: int
@@ -57,6 +62,8 @@ class PdoConfig:
     event_timer: float | None = None
     inhibit_time: float | None = None
     cob_id: int | None = None
+    sync_start: int | None = None
+    rtr: float | None = None
     at: Place = Place()
 
     @property
@@ -67,9 +74,11 @@ class PdoConfig:
 
 @dataclass(frozen=True, slots=True)
 class BusConfig:
-    """``[bus]``; ``bitrate`` in bit/s, ``scan_period`` and ``heartbeat`` in seconds (``heartbeat`` None: off).
+    """``[bus]``; ``bitrate`` in bit/s, times in seconds (``heartbeat`` and ``time``, the period of TIME, None: off).
 
-    ``on_lost_node`` says what else stops when a node is lost: its ``group``, the ``cell``, or nothing (``report``).
+    ``sync_producer`` is "master" or "external": then another device's SYNC starts each scan, and is missing after ``sync_timeout``
+    (None: 1.5 scan periods). ``sync_counter`` is 1019h, 0 for SYNC without counter. ``on_lost_node`` says what else stops when a
+    node is lost: its ``group``, the ``cell``, or nothing (``report``).
     """
 
     interface: str = ""
@@ -78,10 +87,21 @@ class BusConfig:
     master_id: int = 127
     scan_period: float = 0.01
     sync: bool = True
+    sync_producer: str = "master"
+    sync_cob_id: int = SYNC
+    sync_counter: int = 0
+    sync_timeout: float | None = None
+    time: float | None = None
+    time_cob_id: int = TIME
     heartbeat: float | None = 0.1
     on_lost_node: str = "group"
     options: Mapping[str, Any] = field(default_factory=dict)
     at: Place = Place()
+
+    @property
+    def hears_sync(self) -> bool:
+        """Whether another device's SYNC starts each scan."""
+        return self.sync and self.sync_producer == "external"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,16 +10,18 @@ from contextlib import contextmanager
 from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
+from axisbus.bus.pdo_read import read_number
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
 from axisbus.bus.rpdo import CONTROLWORD
 from axisbus.cia301 import cob
+from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import DEADLINE
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
-from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
 from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos
 from axisbus.machine.configure import HEARTBEATS
 
 _FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
@@ -102,8 +104,11 @@ class CanComms:
             communication=disturb,
             taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
             spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
+            fixed=fixed_pdos(self._config.pdos),
+            requests=requested_pdos(self._config.pdos),
         )
-        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis)
+        also = [(table.receive, table.number) for table in self._config.pdos]
+        plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
         port = CanPort(
             self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
         )
@@ -115,12 +120,7 @@ class CanComms:
         """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
         tables, self._tables = self._tables, ()
         for table in tables:
-            entries = [self._node.sdo.dictionary.resolve(key) for key in table.map or ()]
-            mapping = tuple(
-                MappedObject(entry.index, entry.subindex, entry.data_type.bits or 0)
-                for entry in entries
-                if entry.data_type is not None
-            )
+            mapping = tuple(map_entry(key, self._node.sdo.dictionary)[0] for key in table.map or ())
             set_pdo(
                 self._node.sdo,
                 table.receive,
@@ -130,7 +130,15 @@ class CanComms:
                 event_timer=None if table.event_timer is None else round(table.event_timer * 1000),
                 inhibit_time=None if table.inhibit_time is None else round(table.inhibit_time * 10_000),
                 cob_id=table.cob_id,
+                sync_start=table.sync_start,
+                rtr=None if table.rtr is None else True,
             )
+
+    def follow_emcy(self) -> None:
+        """Listen to the node's emergency messages where its 1014h says that they are, else where the standard has them."""
+        value = read_number(self._node.sdo, o.COB_ID_EMCY, 0)
+        if value is not None and not value & cob.INVALID and value & cob.ID_MASK_11 not in (0, cob.EMCY):
+            self._node.emcy.listen_to(value & cob.ID_MASK_11)
 
     def watch(self, timeout: float | None) -> None:
         """Expect its heartbeat."""

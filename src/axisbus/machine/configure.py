@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import Plan, Setting
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import BootError, SdoAbort
+from axisbus.errors import SdoAbort
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.cell import BusConfig, CellConfig
 from axisbus.machine.identity import expected
+from axisbus.machine.services import set_services
 from axisbus.machine.stopping import NO_WATCHDOG, Watchdog, WatchdogReport
 from axisbus.machine.writes import Write, axis_writes, node_writes
 
@@ -64,25 +64,8 @@ class Watch:
         self.guarding: float | None = None
 
     def set_sync(self) -> None:
-        """Make sure that the node hears our SYNC: 1005h (CiA 301 7.5.2.5).
-
-        Raises:
-            BootError: it listens to another COB-ID and cannot be told otherwise.
-        """
-        now = read_int(self._objects, o.COB_ID_SYNC)
-        if not self._bus.sync or now is None or now & ~cob.INVALID == cob.SYNC:
-            return
-        try:
-            self._objects.write_unchecked(o.COB_ID_SYNC, 0, cob.SYNC)
-        except SdoAbort as error:
-            raise BootError(
-                f"node {self._objects.node_id}: it does not listen to our SYNC",
-                node=self._objects.node_id,
-                step="configuration",
-                index=o.COB_ID_SYNC,
-                observed=f"1005h is 0x{now:X}, SYNC has COB-ID 0x80; {error.observed}",
-                remedy="set 1005h to 0x80 with the drive's own tool, or sync = false in [bus]",
-            ) from error
+        """Make sure that the node hears the bus's SYNC and TIME: 1005h, 1019h, 1012h; raises as ``services.set_services``."""
+        set_services(self._objects, self._bus)
 
     def arm(self, reaction: str | None) -> WatchdogReport:
         """Let the node notice our death: by 1016h, else by 100Ch and 100Dh (then ``guarding`` holds the period in s).

@@ -74,6 +74,9 @@ class DirectComms:
         """Return how the values of an axis travel."""
         return self._ports[axis.name].capabilities
 
+    def follow_emcy(self) -> None:
+        """Nothing to do: the port has them."""
+
     def cyclic_rpdos(self) -> list[int]:
         """None: without a bus there are no PDOs."""
         return []

@@ -7,8 +7,10 @@ import gc
 import itertools
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -43,6 +45,7 @@ _SWITCH_INTERVAL = (
 )
 _CLOSE_MARGIN = 2.0
 _JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+_HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
 _FIRST_VALUES = (
     1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
 )
@@ -95,6 +98,7 @@ class Machine:
             ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
             AdapterError: the bus cannot be opened.
             BootError: a node did not come up (several: an ExceptionGroup of them).
+            SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
         from axisbus.machine.wire import build_on_bus
 
@@ -114,6 +118,7 @@ class Machine:
     def _start(cls, cell: CellConfig, runtime: Runtime, realtime: bool) -> Machine:
         try:
             require_all(runtime.booted)
+            runtime.ready()
             machine = cls(cell, runtime, realtime)
         except BaseException:
             _leave(runtime)
@@ -206,6 +211,10 @@ class Machine:
         """What error control has told of all nodes since the scan began, in the order of time."""
         found = [event for node in self._runtime.nodes.values() for event in node.events]
         return sorted(found, key=lambda event: event.stamp)
+
+    def bus_time(self) -> datetime | None:
+        """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None where none was heard."""
+        return self._runtime.bus_time(time.monotonic())
 
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
@@ -300,7 +309,8 @@ class Machine:
         gc.freeze()  # a full collection over the dictionaries takes several periods
         self.scan.waiter = self._waiter
         self._thread = threading.Thread(target=self.scan.run, name="axisbus scan", daemon=True)
-        self._supervisor = Supervisor(self.scan, self._thread, max(0.4, 20 * self.scan.period))
+        patience = max(_HUNG, 20 * self.scan.period, _HUNG + (self.cell.bus.sync_timeout or 0.0))
+        self._supervisor = Supervisor(self.scan, self._thread, patience)
         self._thread.start()
         self._waiter.scan_thread = self._thread.ident
         self._supervisor.start()

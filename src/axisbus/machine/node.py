@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from axisbus.bus.deadline import PdoEvent
 from axisbus.bus.emcy import EmcyMonitor
 from axisbus.bus.nodeevents import NodeEvent, NodeEvents
+from axisbus.cia301 import errorfield
+from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.drives.emergency import history_words, incident_words
+from axisbus.drives.registry import find
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
-from axisbus.machine.access import Objects
+from axisbus.machine.access import Objects, read_int
 
 Key = int | str | tuple[int | str, int]
 
@@ -79,8 +87,10 @@ class NodeAccess:
         self.eds = eds
         self.sdo = SdoAccess(objects, Dictionary(eds, node_id))
         self.plans = plans
+        self._objects = objects
         self._bus_node = bus_node
         self._events = events
+        self._make = find(*(_number(eds, node_id, subindex) for subindex in (o.VENDOR_ID, o.PRODUCT_CODE)))
 
     def __repr__(self) -> str:
         return f"<NodeAccess {self.node_id}>"
@@ -126,6 +136,40 @@ class NodeAccess:
             self._events.on_event = call
 
     @property
+    def incidents(self) -> tuple[Incident, ...]:
+        """The last 32 incidents, oldest first: faults, what came within 0.1 s, and the resets that followed.
+
+        Raises:
+            StateError: the node is simulated without a bus.
+        """
+        monitor: EmcyMonitor = self._require_bus().emcy
+        return tuple(monitor.incidents)
+
+    def incident_words(self, incident: Incident) -> list[str]:
+        """Return an incident as lines of text, by CiA 301, CiA 402 and the make's own table."""
+        return incident_words(incident, self._make, time.monotonic())
+
+    @property
+    def pdo_events(self) -> tuple[PdoEvent, ...]:
+        """The last 64 times that a TPDO stopped coming or came again, oldest first; raises StateError without a bus."""
+        return tuple(self._require_bus().pdo_events)
+
+    def error_history(self) -> tuple[ErrorEntry, ...] | None:
+        """Read the node's own list of its errors (1003h), the newest first; None where it has none. Blocks for a few transfers.
+
+        Raises:
+            SdoTimeout, BusError: the node does not answer.
+        """
+        return errorfield.read(lambda index, subindex: read_int(self._objects, index, subindex))
+
+    def error_history_words(self) -> list[str]:
+        """Return the same as lines of text; blocks and raises as ``error_history``."""
+        entries = self.error_history()
+        if entries is None:
+            return ["the node keeps no list of its errors (no 1003h)"]
+        return [history_words(entry, self._make) for entry in entries] or ["no errors are listed in 1003h"]
+
+    @property
     def canopen(self) -> Any:
         """The node as ``canopen.RemoteNode``, for programs that know that library; SDO goes through our client.
 
@@ -148,3 +192,10 @@ class NodeAccess:
                 remedy='open the machine with Machine.open and interface = "sim" instead of Machine.simulated',
             )
         return self._bus_node
+
+
+def _number(eds: Eds, node_id: int, subindex: int) -> int | None:
+    """The part of the identity that the EDS gives; boot has compared it with the node's own."""
+    variable = eds.get(o.IDENTITY, subindex)
+    value = None if variable is None else variable.initial(node_id)
+    return value if isinstance(value, int) else None

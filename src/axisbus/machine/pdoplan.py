@@ -48,4 +48,6 @@ def _policy(cell: CellConfig, node: NodeConfig) -> Policy:
         remap=node.remappable and not node.pdos,
         taken=frozenset(base + other for other in others for base in (*cob.RPDO, *cob.TPDO)),
         spare=spare_cob_ids(frozenset(cell.nodes), node.node_id),
+        fixed=pdomodel.fixed_pdos(node.pdos),
+        requests=pdomodel.requested_pdos(node.pdos),
     )

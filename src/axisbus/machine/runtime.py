@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 
 from axisbus.cia402.port import Cycle, Port
 from axisbus.eds import load
@@ -18,12 +19,23 @@ from axisbus.machine.standin import StandIn
 from axisbus.motion.parameters import AxisParameters
 
 
+def _nothing() -> None:
+    """Nothing to wait for."""
+
+
+def _no_time(_now: float) -> datetime | None:
+    """TIME is not heard."""
+    return None
+
+
 @dataclass(slots=True)
 class Runtime:
     """A cell on its bus, booted but not yet scanned.
 
-    At the end, each called once: ``rescue`` stops the axes with these names where the scan has failed, ``let_go`` leaves the nodes,
-    ``release`` closes the rest. ``late`` are optional nodes that may still come.
+    ``ready`` waits for what the scan needs before its first cycle (SYNC of another producer). ``bus_time`` returns what TIME of
+    another producer says at a monotonic time, None where none was heard. At the end, each called once: ``rescue`` stops the axes
+    with these names where the scan has failed, ``let_go`` leaves the nodes, ``release`` closes the rest. ``late`` are optional
+    nodes that may still come.
     """
 
     cycle: Cycle
@@ -35,6 +47,8 @@ class Runtime:
     release: list[Callable[[], None]] = field(default_factory=list)
     stand_ins: dict[int, StandIn] = field(default_factory=dict)
     late: dict[int, Late] = field(default_factory=dict)
+    ready: Callable[[], object] = _nothing
+    bus_time: Callable[[float], datetime | None] = _no_time
 
     @property
     def parameters(self) -> dict[str, AxisParameters]:

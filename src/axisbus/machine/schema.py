@@ -36,6 +36,12 @@ BUS: Keys = {
     "master_id": Key(v.integer(1, 127)),
     "scan_period": Key(v.duration("100us", "1s"), 'scan_period = "4ms"; the scan always has a period'),
     "sync": _flag,
+    "sync_producer": Key(v.words("master", "external")),
+    "sync_cob_id": Key(v.integer(1, ID_MASK_11)),
+    "sync_counter": Key(v.or_word("off", 0, v.integer(2, 240))),  # 1019h (CiA 301 7.5.2.20)
+    "sync_timeout": Key(v.duration("1ms", "10s")),
+    "time": Key(v.or_word("off", None, v.duration("10ms", "60min"))),
+    "time_cob_id": Key(v.integer(1, ID_MASK_11)),
     # A drive waits for three heartbeats, and 1016h counts 65535 ms at most.
     "heartbeat": Key(v.or_word("off", None, v.duration("1ms", "20s"))),
     "on_lost_node": Key(v.words("group", "cell", "report")),
@@ -59,6 +65,8 @@ PDO: Keys = {
     "event_timer": Key(v.or_word("off", 0.0, v.duration("1ms", "65.535s"))),
     "inhibit_time": Key(v.or_word("off", 0.0, v.duration("100us", "6.5535s"))),
     "cob_id": Key(v.integer(1, ID_MASK_11)),
+    "sync_start": Key(v.integer(0, 240)),
+    "rtr": Key(v.duration("1ms", "600s")),
 }  # fmt: skip
 
 AXIS: Keys = {

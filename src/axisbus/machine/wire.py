@@ -12,13 +12,14 @@ from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.node import Node
 from axisbus.bus.nodeevents import NodeEvents
-from axisbus.cia301 import cob
+from axisbus.bus.sync import SyncConsumer
+from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.machine.boot import Booted, NodeBoot
-from axisbus.machine.cell import CellConfig
+from axisbus.machine.cell import BusConfig, CellConfig
 from axisbus.machine.comms import CanComms
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.node_stop import NodeStop
@@ -52,10 +53,14 @@ def build_on_bus(
         ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
         there = {name: port for name, port in ports.items() if port is not None}
         events = {node_id: NodeEvents(nodes[node_id].nmt) for node_id, one in booted.items() if one.report.ok}
+        consumer = _sync_consumer(cell.bus, channel)
         cycle = CanCycle(
             channel,
             list(there.values()),
-            sync_cob_id=cob.SYNC if cell.bus.sync else None,
+            sync_cob_id=cell.bus.sync_cob_id if cell.bus.sync and consumer is None else None,
+            sync_counter=cell.bus.sync_counter,
+            sync_consumer=consumer,
+            time_producer=_time_producer(cell.bus, channel),
             master_id=cell.bus.master_id,
             heartbeat=cell.bus.heartbeat or 0.0,
             guarded={node_id: one.guarding for node_id, one in comms.items() if one.guarding is not None},
@@ -84,8 +89,25 @@ def build_on_bus(
             [cycle.close, stack.pop_all().close],
             stand_ins,
             late,
+            ready=_nothing if consumer is None else consumer.await_steady,
+            bus_time=TimeConsumer(channel, cell.bus.time_cob_id).at,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
+
+
+def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:
+    """Listen to another device's SYNC where the cell says so."""
+    if not bus.hears_sync:
+        return None
+    return SyncConsumer(channel, bus.sync_cob_id, bus.scan_period, bus.sync_timeout)
+
+
+def _nothing() -> None:
+    """The scan needs nothing but our own clock."""
+
+
+def _time_producer(bus: BusConfig, channel: Channel) -> TimeProducer | None:
+    return None if bus.time is None else TimeProducer(channel, bus.time, bus.time_cob_id)
 
 
 def open_channel(

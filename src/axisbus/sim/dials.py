@@ -103,6 +103,8 @@ class NodeDials:
     emcy_short: emergency messages have 2 bytes instead of 8
     fixed_mapping: abort code with which a write to a PDO mapping is refused (0: it may be changed)
     event_timer_ignored: 18xxh:05 is accepted and not obeyed
+    rtr: TPDOs may be asked for by remote frames, and take the transmission types 252 and 253
+    tpdos_stop: numbers (from 1) of TPDOs that are no longer sent
     reboot_time: seconds of silence on a reset before boot-up
     reboot_on_store: storing parameters (1010h) restarts the node
     lss: those of its LSS slave
@@ -122,6 +124,8 @@ class NodeDials:
     emcy_short: bool = False
     fixed_mapping: int = 0
     event_timer_ignored: bool = False
+    rtr: bool = False
+    tpdos_stop: frozenset[int] = frozenset()
     reboot_time: float = 0.05
     reboot_on_store: bool = False
     lss: LssDials = field(default_factory=LssDials)

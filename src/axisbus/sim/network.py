@@ -173,6 +173,16 @@ class StandIns:
         for node in self.nodes:
             for can_id, data in node.slave.take_frames():
                 self.network.send_message(can_id, data)
+                if node.slave.sync.produces and can_id == node.slave.sync.cob_id:
+                    self._hand_over_sync(node, can_id, data)
+
+    def _hand_over_sync(self, producer: StandInNode, can_id: int, data: bytes) -> None:
+        """A stand-in's SYNC reaches its neighbours on this channel, which the adapter does not give back to us."""
+        for node in self.nodes:
+            if node is not producer and node.slave.sync.cob_id == can_id:
+                node.slave.on_frame(can_id, data, self._now())
+                for answer, values in node.slave.take_frames():
+                    self.network.send_message(answer, values)
 
     def _fail(self, error: Exception) -> None:
         self._error = self._error or error

@@ -19,6 +19,7 @@ CANNOT_MAP = 0x0604_0041
 TOO_MANY_BITS = 0x0604_0042
 
 _INVALID = 0x8000_0000
+_NO_RTR = 0x4000_0000
 _FRAME_BITS = 0x2000_0000
 _ID = 0x7FF
 _DEFAULT_RPDO = (0x200, 0x300, 0x400, 0x500)
@@ -69,11 +70,18 @@ class Pdo:
         self.transmission_type = 255
         self.inhibit_time = 0.0  # s
         self.event_timer = 0.0  # s
+        self.sync_start = 0  # value of the SYNC counter, 0: begin with any
+        self.rtr = False
         self.fields: list[Field] = []
         self.size = 0
         self._predefine()
         self._watch()
         self.reload()
+
+    @property
+    def on_request(self) -> bool:
+        """Whether it is sent only when a remote frame asks for it (types 252 and 253)."""
+        return self.transmission_type in (252, 253)
 
     @property
     def synchronous(self) -> bool:
@@ -109,6 +117,8 @@ class Pdo:
         self.transmission_type = get(self._comm, 2, 255)
         self.inhibit_time = get(self._comm, 3) / 10_000.0
         self.event_timer = 0.0 if self._dials.event_timer_ignored else get(self._comm, 5) / 1000.0
+        self.sync_start = get(self._comm, 6)
+        self.rtr = self.transmit and self._dials.rtr and not cob & _NO_RTR
         self.fields = self._fields(get(self._map, 0))
         self._changed()
 
@@ -145,8 +155,9 @@ class Pdo:
         dictionary, comm, mapping = self._dictionary, self._comm, self._map
         dictionary.check_write(comm << 8 | 1, self._check_cob_id)
         dictionary.check_write(comm << 8 | 2, self._check_type)
-        dictionary.check_write(comm << 8 | 3, self._check_inhibit_time)
-        for subindex in (1, 2, 3, 5):
+        for subindex in (3, 6):
+            dictionary.check_write(comm << 8 | subindex, self._check_off)
+        for subindex in (1, 2, 3, 5, 6):
             dictionary.on_write(comm << 8 | subindex, self.reload)
         for subindex in range(65):
             if dictionary.has(mapping, subindex):
@@ -164,10 +175,14 @@ class Pdo:
             raise Refused(INVALID_VALUE)  # bits 0 to 29 may not change while the PDO exists
 
     def _check_type(self, value: int) -> None:
-        if 241 <= value <= 253:  # reserved, and RTR only, which this device does not have
+        on_request = self.transmit and self._dials.rtr and value in (252, 253)
+        if (
+            241 <= value <= 253 and not on_request
+        ):  # reserved, or on request only, which this device does not have
             raise Refused(INVALID_VALUE)
 
-    def _check_inhibit_time(self, _value: int) -> None:
+    def _check_off(self, _value: int) -> None:
+        """Inhibit time and SYNC start value change only while the PDO is off."""
         if self.valid:
             raise Refused(INVALID_VALUE)
 
@@ -213,14 +228,15 @@ class Pdo:
 
 
 class PdoTable:
-    """All PDOs that the dictionary has communication parameters for; ``version`` grows with every change of one, or of 1005h."""
+    """All PDOs that have communication parameters; ``version`` grows with every change of one, or of 1005h, 1006h and 1012h."""
 
     def __init__(self, dictionary: Dictionary, dials: NodeDials) -> None:
         self.version = 0
         receive, transmit = _numbers(dictionary, 0x1400), _numbers(dictionary, 0x1800)
         self.receive = [Pdo(dictionary, n, False, dials, self._count) for n in receive]
         self.transmit = [Pdo(dictionary, n, True, dials, self._count) for n in transmit]
-        dictionary.on_write(0x1005 << 8, lambda _: self._count())
+        for index in (0x1005, 0x1006, 0x1012):
+            dictionary.on_write(index << 8, lambda _: self._count())
 
     def _count(self) -> None:
         self.version += 1

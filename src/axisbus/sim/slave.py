@@ -5,7 +5,8 @@ Theory of operation
 ``on_frame`` takes what came, ``step`` lets time pass; frames to be sent collect in a list that ``take_frames`` empties. NMT decides
 what is heard: nothing while initialising, no SDO, SYNC, PDO or EMCY in *stopped*, no PDO in *pre-operational*. At SYNC the
 synchronous TPDOs are sampled first and the waiting RPDOs take effect then, so that an answer to a command travels with the next
-SYNC, as on a real bus. SDO requests queue up and are carried out when their delay has passed.
+SYNC, as on a real bus. A node whose 1005h says so sends SYNC itself, and takes its own. SDO requests queue up and are carried out
+when their delay has passed.
 """
 
 from __future__ import annotations
@@ -17,23 +18,27 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.sim.device import RPDO_LATE, Device
 from axisbus.sim.pdo import Pdo, apply
 from axisbus.sim.sdo import SdoServer
+from axisbus.sim.synchronising import SyncService
 
 Frame = tuple[int, bytes]
 _HEARTBEAT = 0x700
 _LSS_REQUEST, _LSS_ANSWER = 0x7E5, 0x7E4
 _SHORT_PDO = 0x8210
 _NO_CHANNEL = 1 << 31
+_CONSUMER = 0x8000_0000  # in 1012h
 
 
 class TransmitState:
-    """What was sent of one TPDO, and when."""
+    """What was sent of one TPDO, and when; ``begun``: it counts SYNCs, because its start value has come or it has none."""
 
-    __slots__ = ("count", "last", "stamp")
+    __slots__ = ("begun", "count", "last", "sampled", "stamp")
 
     def __init__(self) -> None:
         self.last: bytes | None = None
+        self.sampled: bytes | None = None  # at SYNC, for type 252
         self.stamp = -1e9
         self.count = 0
+        self.begun = False
 
 
 class Slave:
@@ -53,6 +58,12 @@ class Slave:
         self._routes: dict[int, Callable[[bytes, float], None]] = {}
         self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
         self._events: list[Pdo] = []
+        self._requested: list[Pdo] = []
+        self._answering: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
+        self.sync = SyncService(device)
+        self.time_of_day: tuple[int, int] | None = (
+            None  # milliseconds since midnight, days since 1984, as heard by TIME
+        )
         self._version = -1
         self._now: float | None = None
         self._next_heartbeat = 0.0
@@ -65,7 +76,8 @@ class Slave:
 
     def listens_to(self, can_id: int) -> bool:
         """Whether a frame with this identifier means anything to the node."""
-        return can_id in self._routes or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
+        known = can_id in self._routes or can_id in self._answering
+        return known or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
 
     def take_frames(self) -> list[Frame]:
         """Return the frames to be sent, as (identifier, data), and forget them."""
@@ -85,7 +97,7 @@ class Slave:
         if device.nmt is NmtState.INITIALISING:
             return
         if remote:
-            self._on_remote(can_id)
+            self._on_remote(can_id, now)
             return
         if _HEARTBEAT < can_id <= _HEARTBEAT + 127:
             device.heartbeat_of(can_id - _HEARTBEAT)
@@ -111,6 +123,7 @@ class Slave:
         self.serve(now)
         self._beat(now)
         self._watch_deadlines(now)
+        self._produce_sync(now)
         self._after(now)
 
     def _after(self, now: float) -> None:
@@ -140,8 +153,10 @@ class Slave:
     def _index_routes(self) -> None:
         device = self.device
         self._version = device.pdos.version
-        sync = device.dictionary.get_int(0x1005, 0, 0x80) & 0x7FF
-        routes: dict[int, Callable[[bytes, float], None]] = {sync: self._on_sync, 0: self._on_nmt}
+        self.sync.reload()
+        routes: dict[int, Callable[[bytes, float], None]] = {self.sync.cob_id: self._on_sync, 0: self._on_nmt}
+        if (time := device.dictionary.get_int(0x1012)) & _CONSUMER:
+            routes.setdefault(time & 0x7FF, self._on_time)
         for number in self._servers:
             if (ids := self._sdo_ids(number)) is not None:
                 routes[ids[0]] = self._sdo_handler(number)
@@ -151,7 +166,9 @@ class Slave:
         self._routes = routes
         sent = [pdo for pdo in device.pdos.transmit if pdo.valid and pdo.fields]
         self._cyclic = [pdo for pdo in sent if pdo.synchronous]
-        self._events = [pdo for pdo in sent if not pdo.synchronous]
+        self._events = [pdo for pdo in sent if not pdo.synchronous and not pdo.on_request]
+        self._requested = [pdo for pdo in sent if pdo.on_request]
+        self._answering = {pdo.cob_id: pdo for pdo in sent if pdo.rtr}
 
     # NMT, heartbeat, guarding.
 
@@ -179,8 +196,14 @@ class Slave:
             if not device.dials.heartbeat_stops:
                 self._frames.append((_HEARTBEAT + device.node_id, bytes([device.nmt])))
 
-    def _on_remote(self, can_id: int) -> None:
+    def _on_remote(self, can_id: int, now: float) -> None:
         device = self.device
+        pdo = self._answering.get(can_id) if device.operational else None
+        if pdo is not None:
+            state = self._sent.setdefault(pdo.number, TransmitState())
+            data = state.sampled if pdo.transmission_type == 252 else pdo.pack()
+            if data is not None:
+                self._send(pdo, state, data, now)
         if can_id == _HEARTBEAT + device.node_id and device.dictionary.get_int(0x1017) == 0:
             self._frames.append((can_id, device.life_guard.answer(device.nmt, device.time)))
 
@@ -259,17 +282,31 @@ class Slave:
         else:
             apply([(pdo, data)])
 
-    def _on_sync(self, _data: bytes, now: float) -> None:
+    def _produce_sync(self, now: float) -> None:
+        data = self.sync.due(now)
+        if data is not None:
+            self._frames.append((self.sync.cob_id, data))
+            self._on_sync(data, now)
+
+    def _on_time(self, data: bytes, _now: float) -> None:
+        if len(data) >= 6:
+            word = int.from_bytes(data[:6], "little")
+            self.time_of_day = word & 0xFFF_FFFF, word >> 32
+
+    def _on_sync(self, data: bytes, now: float) -> None:
         if not self.device.operational:
             return
+        counter = self.sync.counter(data)
         for pdo in self._cyclic:
-            self._sample(pdo, now)
+            self._sample(pdo, now, counter)
+        for pdo in self._requested:
+            self._sent.setdefault(pdo.number, TransmitState()).sampled = pdo.pack()
         if self._pending:
             pending, self._pending = self._pending, {}
             apply(list(pending.values()))
         self.device.sync()
 
-    def _sample(self, pdo: Pdo, now: float) -> None:
+    def _sample(self, pdo: Pdo, now: float, counter: int) -> None:
         """Send a synchronous TPDO: type 0 when it has changed, type n with every n-th SYNC."""
         state = self._sent.setdefault(pdo.number, TransmitState())
         if pdo.transmission_type == 0:
@@ -277,6 +314,9 @@ class Slave:
             if data != state.last:
                 self._send(pdo, state, data, now)
             return
+        if counter and pdo.sync_start and not state.begun and counter != pdo.sync_start:
+            return  # the SYNC with this counter is the first that it counts (18xxh:06)
+        state.begun = True
         state.count += 1
         if state.count >= pdo.transmission_type:
             state.count = 0
@@ -295,7 +335,8 @@ class Slave:
 
     def _send(self, pdo: Pdo, state: TransmitState, data: bytes, now: float) -> None:
         state.last, state.stamp = data, now
-        self._frames.append((pdo.cob_id, data))
+        if pdo.number + 1 not in self.device.dials.tpdos_stop:
+            self._frames.append((pdo.cob_id, data))
 
     def _watch_deadlines(self, now: float) -> None:
         """14xxh:05: an RPDO that came once must come again in time."""

@@ -13,7 +13,7 @@ from axisbus.machine.checks import pdomodel
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.checks.pdomodel import NodePdo
 
-# Restricted CAN-IDs (CiA 301 table 40), and the ones that SYNC and TIME use here.
+# Restricted CAN-IDs (CiA 301 table 40), and the ones that SYNC and TIME use by default.
 RESTRICTED: tuple[tuple[range, str], ...] = (
     (range(0x001), "NMT"),
     (range(0x001, 0x080), "reserved"),
@@ -81,8 +81,24 @@ def _predefined(each: NodePdo, node: NodeConfig) -> int:
 
 
 def _uses(case: Case) -> Iterator[Use]:
-    if case.cell.bus.sync:
-        yield Use(cob.SYNC, "SYNC of the master", case.cell.bus.at.line)
+    bus = case.cell.bus
+    if bus.sync:
+        odd = bus.sync_cob_id != cob.SYNC
+        whose = "another device" if bus.hears_sync else "the master"
+        yield Use(
+            bus.sync_cob_id,
+            f"SYNC of {whose}",
+            bus.at.of("sync_cob_id"),
+            "another sync_cob_id" if odd else "",
+        )
+    if bus.time is not None:
+        odd = bus.time_cob_id != cob.TIME
+        yield Use(
+            bus.time_cob_id,
+            "TIME of the master",
+            bus.at.of("time_cob_id"),
+            "another time_cob_id" if odd else "",
+        )
     for node, eds, _ in case.nodes:
         if eds.node_id not in (None, node.node_id):
             continue  # a DCF of another node is one error already
@@ -122,39 +138,4 @@ def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
         yield Use(cob_id, what, line, remedy, "" if each.own_id else _MOVED)
 
 
-def sync_identifier(case: Case) -> Found:
-    """Check that each node takes our SYNC, and sends none of its own (1005h)."""
-    for node, eds, _ in case.nodes:
-        value = case.node_number(node, o.COB_ID_SYNC)
-        if value is None or not case.cell.bus.sync:
-            continue
-        what = _sync_trouble(value)
-        variable = eds.get(o.COB_ID_SYNC)
-        if what and variable is not None and variable.writable:
-            yield case.note(
-                node.at.line, f"node {node.node_id} {what}", _said(value, eds), "boot sets 1005h to 80h"
-            )
-        elif what:
-            yield case.error(
-                node.at.line,
-                f"node {node.node_id} {what}",
-                _said(value, eds) + ", and cannot be written",
-                "set it with the drive's own tool, or sync = false in [bus]",
-            )
-
-
-def _sync_trouble(value: int) -> str:
-    if value & _PRODUCES_SYNC:
-        return "produces SYNC, and so does the master"
-    if value & cob.ID_MASK_11 != cob.SYNC:
-        return f"waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; the master sends 080h"
-    return ""
-
-
-def _said(value: int, eds: Eds) -> str:
-    return f"1005h is {value:X}h in {eds.source}"
-
-
-_PRODUCES_SYNC = 1 << 30  # in 1005h (CiA 301 7.5.2.5)
-
-CHECKS: tuple[Check, ...] = (duplicates, restricted, sync_identifier)
+CHECKS: tuple[Check, ...] = (duplicates, restricted)

@@ -9,6 +9,7 @@ from axisbus.cia301.pdo import Pdo
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import LimitError
 from axisbus.machine.cell import BusConfig
+from axisbus.machine.checks import pdomodel
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.pdoplan import travelling
 from axisbus.motion.follow import interpolation_period
@@ -18,6 +19,7 @@ WARNING_LOAD = 0.6
 _LATE = 0.001  # seconds; a shorter period depends on the computer
 _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _HEARTBEAT_BYTES = 1
+_TIME_BYTES = 6
 
 _M = ModeOfOperation
 
@@ -90,12 +92,19 @@ def _rounded_up(seconds: float) -> str:
 def _traffic(case: Case) -> Iterator[Traffic]:
     bus = case.cell.bus
     if bus.sync:
-        yield Traffic("SYNC", 1, worst_bits(0))
+        yield Traffic("SYNC", 1, worst_bits(1 if bus.sync_counter else 0))
+    if bus.time is not None:
+        yield Traffic("TIME", bus.scan_period / bus.time, worst_bits(_TIME_BYTES))
     frames: dict[tuple[str, int], float] = {}
     for node, eds, dictionary in case.nodes:
         for receive, pdo in travelling(case.cell, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
-            frames[key] = frames.get(key, 0.0) + per_cycle(pdo, receive, bus)
+            asked_every = None if receive else pdomodel.requested_pdos(node.pdos).get(pdo.number)
+            count = per_cycle(pdo, receive, bus) if asked_every is None else bus.scan_period / asked_every
+            frames[key] = frames.get(key, 0.0) + count
+            if asked_every is not None:
+                remote = ("remote frame", worst_bits(0))
+                frames[remote] = frames.get(remote, 0.0) + count
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:

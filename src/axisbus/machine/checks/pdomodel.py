@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from axisbus.bus.mapping import DevicePdos
@@ -61,6 +61,16 @@ def node_pdos(node: NodeConfig, eds: Eds) -> tuple[NodePdo, ...]:
     )
 
 
+def fixed_pdos(configs: Iterable[PdoConfig]) -> frozenset[tuple[bool, int]]:
+    """Return the PDOs (whether receive, number) whose transmission type the cell file gives: the plan leaves it alone."""
+    return frozenset((config.receive, config.number) for config in configs if config.transmission is not None)
+
+
+def requested_pdos(configs: Iterable[PdoConfig]) -> dict[int, float]:
+    """Return the TPDOs, by number, that the cell file has asked for by remote frames, with the period in seconds."""
+    return {config.number: config.rtr for config in configs if config.rtr is not None and not config.receive}
+
+
 def device_pdos(node: NodeConfig, eds: Eds) -> DevicePdos:
     """Return the same as the value from which a PDO plan is made."""
     found = node_pdos(node, eds)
@@ -105,6 +115,7 @@ def _node_pdo(
         tuple(_mapping(dictionary, node, mapping_index(receive, number))),
         None if receive else read(o.PDO_INHIBIT_TIME),
         read(o.PDO_EVENT_TIMER),
+        None if receive else read(o.PDO_SYNC_START),
     )
     own = _formula(eds, communication_index(receive, number))
     if config is None:
@@ -122,6 +133,8 @@ def _configured(pdo: Pdo, config: PdoConfig, dictionary: Dictionary) -> Pdo:
         pdo = replace(pdo, event_timer=round(config.event_timer * 1000))
     if config.inhibit_time is not None:
         pdo = replace(pdo, inhibit_time=round(config.inhibit_time * 10_000))
+    if config.sync_start is not None:
+        pdo = replace(pdo, sync_start=config.sync_start)
     if config.map is not None:
         pdo = replace(pdo, mapping=tuple(_known(config.map, dictionary)))
     return replace(pdo, valid=config.map != ())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301 import objects as o
-from axisbus.cia301.pdo import MAX_BITS, MappedObject, is_synchronous
+from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
@@ -16,7 +16,6 @@ from axisbus.machine.problem import Problem
 
 _RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
 _TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
-_RTR = (252, 253)  # sent when asked for by a remote frame (CiA 301 table 72)
 _RESERVED = range(241, 252)
 
 # Key of a PDO table -> sub-index of its communication parameter.
@@ -25,6 +24,7 @@ _ENTRIES = {
     "transmission": o.PDO_TRANSMISSION_TYPE,
     "inhibit_time": o.PDO_INHIBIT_TIME,
     "event_timer": o.PDO_EVENT_TIMER,
+    "sync_start": o.PDO_SYNC_START,
 }
 
 
@@ -207,12 +207,21 @@ def transmission(case: Case) -> Found:
         line, where = config.at.of("transmission"), f"node {node.node_id}: {config.name}"
         if kind in _RESERVED:
             yield case.error(line, f"{where}: transmission type {kind} is reserved", remedy=_KINDS)
-        elif kind in _RTR:
+        elif kind in RTR_TYPES and (config.receive or (config.rtr is None and config.at.sound("rtr"))):
             yield case.error(
                 line,
                 f"{where}: transmission type {kind} needs remote frames",
-                "the master sends none: such a PDO would never come",
-                _KINDS,
+                "an RPDO is sent by the master, which asks nobody"
+                if config.receive
+                else "the master sends none unless told to: such a PDO would never come",
+                _KINDS if config.receive else f'rtr = "100ms" to ask for it that often, or {_KINDS}',
+            )
+        elif kind == 252 and not case.cell.bus.sync:
+            yield case.error(
+                line,
+                f"{where}: transmission type 252 is sampled at SYNC, and the bus has none",
+                f"sync = false at line {case.cell.bus.at.of('sync')}",
+                "transmission = 253, or sync = true in [bus]",
             )
         elif is_synchronous(kind) and not case.cell.bus.sync:
             yield case.error(
@@ -260,6 +269,34 @@ def _transmission_type(node: NodeConfig, eds: Eds, config: PdoConfig) -> int | N
     return value if isinstance(value, int) else None
 
 
+def starts_and_requests(case: Case) -> Found:
+    """Check SYNC start values, which need a counter that reaches them, and the TPDOs that are to be asked for."""
+    for node, _, _, config in _tables(case):
+        where, bus = f"node {node.node_id}: {config.name}", case.cell.bus
+        if config.sync_start and config.receive:
+            yield case.error(
+                config.at.of("sync_start"),
+                f"{where}: an RPDO has no SYNC start value",
+                remedy="delete sync_start",
+            )
+        elif config.sync_start and config.sync_start > bus.sync_counter:
+            reach = f"the counter goes to {bus.sync_counter}" if bus.sync_counter else "SYNC has no counter"
+            yield (case.error if bus.sync_counter else case.warning)(
+                config.at.of("sync_start"),
+                f"{where}: sync_start = {config.sync_start} "
+                + ("is never reached" if bus.sync_counter else "has no effect"),
+                reach,
+                "delete it, or set sync_counter in [bus] to at least as much",
+            )
+        if config.rtr is not None and (config.receive or config.transmission not in RTR_TYPES):
+            yield case.error(
+                config.at.of("rtr"),
+                f"{where}: rtr asks for a PDO that comes by itself",
+                "only TPDOs of transmission type 252 and 253 wait for a remote frame",
+                "delete rtr, or write transmission = 253",
+            )
+
+
 def inhibit_of_rpdo(case: Case) -> Found:
     """Warn of an inhibit time on an RPDO, which CiA 301 does not use (7.5.2.35)."""
     for node, _, _, config in _tables(case):
@@ -272,4 +309,13 @@ def inhibit_of_rpdo(case: Case) -> Found:
             )
 
 
-CHECKS: tuple[Check, ...] = (exists, entries, mapping, size, transmission, timers, inhibit_of_rpdo)
+CHECKS: tuple[Check, ...] = (
+    exists,
+    entries,
+    mapping,
+    size,
+    transmission,
+    timers,
+    starts_and_requests,
+    inhibit_of_rpdo,
+)

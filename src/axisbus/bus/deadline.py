@@ -1,0 +1,115 @@
+"""Reception deadlines: a TPDO that stops coming becomes an event with its age, and so does its return."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+HISTORY = 64
+
+
+class Reception(Enum):
+    """What became of a TPDO."""
+
+    MISSING = "has stopped coming"
+    RETURNED = "comes again"
+
+
+@dataclass(frozen=True, slots=True)
+class PdoEvent:
+    """A TPDO that stopped coming, or came again after that.
+
+    ``age`` is how long it had not come (seconds), ``deadline`` how long it may stay away, ``stamp`` the time of the event.
+    ``never``: it has not come at all since the node became operational.
+    """
+
+    node_id: int
+    pdo: str
+    cob_id: int
+    what: Reception
+    age: float
+    deadline: float
+    stamp: float
+    never: bool = False
+
+    def __str__(self) -> str:
+        text = f"node {self.node_id}: {self.pdo} ({self.cob_id:03X}h) "
+        if self.what is Reception.RETURNED:
+            return f"{text}comes again after {_ms(self.age)} ms"
+        if self.never:
+            text += f"has not come since the node became operational {_ms(self.age)} ms ago"
+        else:
+            text += f"has stopped coming: the last one is {_ms(self.age)} ms old"
+        return f"{text}, expected within {_ms(self.deadline)} ms"
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1000:.0f}"
+
+
+class Deadline:
+    """The deadline of one TPDO; holds state: since when it is waited for, whether it is missing, and what is excused.
+
+    What is never due has a deadline of infinity: a TPDO that is sent on change only, whose silence says nothing.
+    """
+
+    __slots__ = ("_age", "_cob_id", "_excused", "_missing", "_name", "_node_id", "_since", "_stamp")
+
+    def __init__(self, node_id: int, name: str, cob_id: int, age: float) -> None:
+        """``age``: seconds that may pass between two frames."""
+        self._node_id, self._name, self._cob_id, self._age = node_id, name, cob_id, age
+        self._since: float | None = None  # when the last frame came, or when waiting began
+        self._stamp = -math.inf
+        self._excused = 0.0
+        self._missing = False
+
+    def step(self, now: float, stamp: float, expected: bool, held_up: float) -> PdoEvent | None:
+        """Return what has happened since the last call; all times in seconds.
+
+        ``stamp`` is when the newest frame came (minus infinity: never). ``expected``: the node is operational. ``held_up``: how
+        long we ourselves were late just now, when no SYNC of ours went out; that is not the drive's silence.
+        """
+        if not expected:
+            self._since, self._stamp, self._missing = None, -math.inf, False
+            return None
+        if self._since is None:
+            self._since, self._excused = now, 0.0
+        if stamp > self._since:
+            return self._came(now, stamp)
+        self._excused += held_up
+        if self._missing or now - self._since - self._excused <= self._age:
+            return None
+        self._missing = True
+        return self._event(Reception.MISSING, now - self._since, now)
+
+    def _came(self, now: float, stamp: float) -> PdoEvent | None:
+        before, self._since = self._since, stamp
+        was_missing, self._missing = self._missing, False
+        event = self._event(Reception.RETURNED, stamp - (before or stamp), now) if was_missing else None
+        self._stamp, self._excused = stamp, 0.0
+        return event
+
+    def _event(self, what: Reception, age: float, now: float) -> PdoEvent:
+        never = self._stamp == -math.inf
+        return PdoEvent(self._node_id, self._name, self._cob_id, what, age, self._age, now, never)
+
+
+class Deadlines:
+    """The deadlines of one axis's TPDOs; holds state: the time of the last look."""
+
+    def __init__(self, deadlines: Sequence[Deadline], period: float) -> None:
+        """``period``: seconds between two looks when all is well."""
+        self._deadlines = tuple(deadlines)
+        self._period = period
+        self._before: float | None = None
+
+    def step(self, now: float, stamps: Sequence[float], expected: bool) -> list[PdoEvent]:
+        """Return what has happened since the last call; ``stamps`` are in the order of the deadlines."""
+        gap = 0.0 if self._before is None else now - self._before
+        self._before = now
+        held_up = max(0.0, gap - 2 * self._period)
+        pairs = zip(self._deadlines, stamps, strict=True)
+        found = [deadline.step(now, stamp, expected, held_up) for deadline, stamp in pairs]
+        return [event for event in found if event is not None]

@@ -1,0 +1,143 @@
+"""Listening to the SYNC of another producer, which then starts each cycle of the scan."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from axisbus.bus.channel import Channel
+from axisbus.cia301 import sync
+from axisbus.cia301.sync import SyncWatch
+from axisbus.errors import BusError, SyncError
+
+_SLICE = 0.05  # seconds between two looks whether the channel still works
+FIRST_PATIENCE = 3.0  # seconds that the producer may take to begin
+
+
+class SyncConsumer:
+    """Hears SYNC; holds state: how many have come, and when the newest did.
+
+    ``wait`` and ``await_steady`` are for one thread, the scan's. When it fails, stopping does not need SYNC: the quick stop also
+    goes out by SDO, and the rest of the stop ladder by SDO and NMT.
+    """
+
+    def __init__(
+        self,
+        channel: Channel,
+        cob_id: int,
+        period: float,
+        patience: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Listen; ``period`` and ``patience`` in seconds, see ``SyncWatch``. ``clock`` is that of the channel's stamps."""
+        self.cob_id = cob_id
+        self._watch = SyncWatch(period, patience)
+        self._channel = channel
+        self._clock = clock
+        self._changed = threading.Condition()
+        self._stamps: list[float] = []  # of the SYNCs that nobody has taken yet
+        channel.subscribe(cob_id, self._on_frame)
+
+    @property
+    def skipped(self) -> int:
+        """How many SYNCs began no cycle, because the one before was not finished or they came too close together."""
+        return self._watch.skipped
+
+    def await_steady(self, timeout: float = FIRST_PATIENCE) -> float:
+        """Wait until SYNC comes, and return its measured period in seconds; blocks up to ``timeout`` seconds.
+
+        Raises:
+            SyncError: it does not come, or at another period than ours.
+            BusError: the channel failed.
+        """
+        deadline = self._clock() + timeout
+        with self._changed:
+            self._stamps.clear()
+            while True:
+                newest = self._stamps[-1 - sync.MEASURED :]
+                measured = sync.measured_period(newest) if len(newest) > sync.MEASURED else None
+                if measured is not None and sync.fits(measured, self._watch.period):
+                    self._stamps.clear()
+                    return measured
+                if self._clock() > deadline:
+                    raise (
+                        self._absent(len(newest), timeout)
+                        if measured is None
+                        else self._other_period(measured)
+                    )
+                self._channel.check()
+                self._changed.wait(_SLICE)
+
+    def wait(self) -> float:
+        """Wait for the SYNC that begins the next cycle and return when it came, in seconds; blocks until it is missing.
+
+        Raises:
+            SyncError: it is missing, or comes too fast.
+            BusError: the channel failed.
+        """
+        excused = False
+        while True:
+            stamps = self._take(self._watch.deadline)
+            if stamps:
+                if self._watch.take(stamps[-1], len(stamps)):
+                    break
+                continue
+            now, deadline = self._clock(), self._watch.deadline
+            if deadline is None or now < deadline:
+                continue
+            if excused or now - deadline < self._watch.period / 2:
+                raise self._missing(now)
+            excused = True  # we come too late ourselves: what came meanwhile may still wait to be read
+            self._take(now + self._watch.period / 2, keep=True)
+        too_fast = self._watch.too_fast
+        if too_fast is not None:
+            raise self._other_period(too_fast)
+        return stamps[-1]
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._channel.unsubscribe(self.cob_id, self._on_frame)
+
+    def _take(self, deadline: float | None, keep: bool = False) -> list[float]:
+        """Return the SYNCs that have come, as soon as there is one; empty when ``deadline`` has passed, or after a slice."""
+        self._channel.check()
+        with self._changed:
+            if not self._stamps:
+                left = _SLICE if deadline is None else deadline - self._clock()
+                self._changed.wait(min(max(left, 0.0), _SLICE))
+            stamps = list(self._stamps)
+            if not keep:
+                self._stamps.clear()
+        return stamps
+
+    def _on_frame(self, _data: bytes, stamp: float) -> None:
+        with self._changed:
+            self._stamps.append(stamp)
+            del self._stamps[: -4 * sync.WINDOW]
+            self._changed.notify()
+
+    def _absent(self, count: int, timeout: float) -> BusError:
+        seen = f"{count} SYNC{'s' * (count != 1)}" if count else "none"
+        return SyncError(
+            f"no steady SYNC on {self.cob_id:03X}h, which another device is to send",
+            observed=f"{seen} within {timeout:g} s",
+            remedy='start its producer (1005h bit 30, 1006h), correct sync_cob_id, or write sync_producer = "master"',
+        )
+
+    def _other_period(self, measured: float) -> BusError:
+        period = self._watch.period
+        return SyncError(
+            f"SYNC comes every {measured * 1000:.3g} ms, but scan_period is {period * 1000:g} ms",
+            observed="the axes would move at another speed than they are told to",
+            remedy=f'write scan_period = "{measured * 1000:.3g}ms", or set 1006h of the producer to {period * 1e6:.0f}',
+        )
+
+    def _missing(self, now: float) -> BusError:
+        since = (self._watch.deadline or now) - self._watch.patience
+        return SyncError(
+            "SYNC of the other producer is missing",
+            observed=f"none on {self.cob_id:03X}h for {(now - since) * 1000:.1f} ms, expected within "
+            f"{self._watch.patience * 1000:g} ms",
+            remedy="look at the device that sends SYNC (lost, stopped, reset?); sync_timeout in [bus] allows it more time",
+        )

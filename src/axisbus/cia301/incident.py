@@ -1,0 +1,131 @@
+"""Emergency messages grouped into incidents: a fault, what came with it, and the resets that followed.
+
+Theory of operation
+-------------------
+One cause often makes a drive send several messages. The first that is no reset begins an *incident*; others within ``TOGETHER``
+seconds of it belong to it; a later one begins another. A reset (error code 00xxh, CiA 301 7.2.7.1) belongs to every incident that
+is still open. It resolves them when its error register is 0; with bits left in the register one of several errors is gone, which
+one it does not say, and the incidents stay open. A boot-up resolves them too: the EMCY state machine of CiA 301 begins free of
+errors (7.2.7.2), and a cause that is still there sends its message again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from axisbus.cia301.emcy import Emcy
+
+TOGETHER = 0.1  # seconds after the first message
+HISTORY = 32
+MESSAGES = 32  # of one incident; what comes beyond is counted
+
+
+class Outcome(Enum):
+    """How an incident stands."""
+
+    UNRESOLVED = "unresolved"
+    RECOVERED = "recovered"
+
+
+@dataclass(frozen=True, slots=True)
+class Incident:
+    """One incident of a node; times in seconds of the messages' clock.
+
+    ``emcys`` are the fault and what came with it, ``resets`` the error resets that followed. ``ended`` is None while it is
+    unresolved; ``rebooted`` tells that a boot-up of the node ended it. ``more`` counts messages beyond the first 32.
+    """
+
+    number: int
+    emcys: tuple[Emcy, ...]
+    resets: tuple[Emcy, ...] = ()
+    ended: float | None = None
+    rebooted: bool = False
+    more: int = 0
+
+    @property
+    def began(self) -> float:
+        """When its first message came."""
+        return self.emcys[0].stamp
+
+    @property
+    def fault(self) -> Emcy:
+        """The message that began it."""
+        return self.emcys[0]
+
+    @property
+    def codes(self) -> tuple[int, ...]:
+        """Its error codes, each once, in the order in which they came."""
+        return tuple(dict.fromkeys(emcy.code for emcy in self.emcys))
+
+    @property
+    def outcome(self) -> Outcome:
+        """Whether the node has recovered."""
+        return Outcome.UNRESOLVED if self.ended is None else Outcome.RECOVERED
+
+    @property
+    def lasted(self) -> float | None:
+        """Seconds from the fault to the recovery, None while unresolved."""
+        return None if self.ended is None else self.ended - self.began
+
+    def joined_by(self, emcy: Emcy) -> Incident:
+        """Return it with one more message."""
+        if len(self.emcys) + len(self.resets) >= MESSAGES:
+            resolved = emcy.stamp if emcy.is_reset and not emcy.register else None
+            return replace(self, more=self.more + 1, ended=resolved)
+        if not emcy.is_reset:
+            return replace(self, emcys=(*self.emcys, emcy))
+        return replace(self, resets=(*self.resets, emcy), ended=None if emcy.register else emcy.stamp)
+
+
+class Incidents:
+    """The incidents of one node; holds state: the newest ``HISTORY`` (``len`` and iteration: oldest first).
+
+    ``note`` and ``booted`` are for one thread; iterating is safe in any.
+    """
+
+    def __init__(self) -> None:
+        self._incidents: tuple[Incident, ...] = ()
+        self._count = 0
+
+    def __iter__(self) -> Iterator[Incident]:
+        return iter(self._incidents)
+
+    def __len__(self) -> int:
+        return len(self._incidents)
+
+    @property
+    def open(self) -> tuple[Incident, ...]:
+        """Those that are unresolved."""
+        return tuple(incident for incident in self._incidents if incident.ended is None)
+
+    def note(self, emcy: Emcy) -> None:
+        """Take the next message, in the order of reception."""
+        if emcy.is_reset:
+            self._incidents = tuple(
+                incident.joined_by(emcy) if incident.ended is None else incident
+                for incident in self._incidents
+            )
+            return
+        last = self._incidents[-1] if self._incidents else None
+        if last is not None and last.ended is None and emcy.stamp - last.began <= TOGETHER:
+            self._incidents = (*self._incidents[:-1], last.joined_by(emcy))
+            return
+        self._count += 1
+        self._incidents = (*self._incidents, Incident(self._count, (emcy,)))[-HISTORY:]
+
+    def booted(self, stamp: float) -> None:
+        """Take a boot-up message of the node that came at ``stamp`` (seconds)."""
+        self._incidents = tuple(
+            replace(incident, ended=stamp, rebooted=True) if incident.ended is None else incident
+            for incident in self._incidents
+        )
+
+
+def group(emcys: Iterable[Emcy]) -> tuple[Incident, ...]:
+    """Return the incidents of recorded messages, in the order of reception."""
+    incidents = Incidents()
+    for emcy in emcys:
+        incidents.note(emcy)
+    return tuple(incidents)

@@ -1,0 +1,50 @@
+"""Emergency messages, incidents and error histories in words: by CiA 301 and CiA 402, and by the make's own table."""
+
+from __future__ import annotations
+
+from axisbus.cia301 import emcy as cia301
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.incident import Incident, Outcome
+from axisbus.drives.make import GENERIC, Make
+
+_ERROR_REGISTER = (0x1001, 0)
+
+
+def emcy_words(emcy: Emcy, make: Make = GENERIC) -> str:
+    """Return one message in a line: code and text, error register, the maker's five bytes, and what the make says of the code."""
+    if emcy.is_reset:
+        left = cia301.register_words(emcy.register)
+        return f"0x{emcy.code:04X}, error reset" + (f" (still there: {', '.join(left)})" if left else "")
+    texts = [cia301.describe(emcy.code)]
+    if words := cia301.register_words(emcy.register):
+        texts.append(f"error register: {', '.join(words)}")
+    if any(emcy.data):
+        texts.append(f"maker's bytes {emcy.data.hex(' ')}")
+    return "; ".join([*texts, *make.explain(emcy.code, {_ERROR_REGISTER: emcy.register})])
+
+
+def incident_words(incident: Incident, make: Make = GENERIC, now: float | None = None) -> list[str]:
+    """Return an incident as lines: how it stands, then each message with its distance from the fault.
+
+    ``now`` in seconds of the messages' clock tells how long ago it began.
+    """
+    ago = "" if now is None else f", {now - incident.began:.1f} s ago"
+    lines = [f"incident {incident.number}: {_standing(incident)}{ago}"]
+    messages = (*incident.emcys, *incident.resets)
+    lines += [f"  +{emcy.stamp - incident.began:.3f} s  {emcy_words(emcy, make)}" for emcy in messages]
+    if incident.more:
+        lines.append(f"  and {incident.more} more messages")
+    return lines
+
+
+def _standing(incident: Incident) -> str:
+    if incident.outcome is Outcome.UNRESOLVED:
+        return "unresolved"
+    how = "by a restart of the node" if incident.rebooted else "by an error reset"
+    return f"recovered after {incident.lasted:.3f} s {how}"
+
+
+def history_words(entry: ErrorEntry, make: Make = GENERIC) -> str:
+    """Return one entry of 1003h in a line, with what the make says of its code."""
+    return "; ".join([str(entry), *make.explain(entry.code, {})])

@@ -1,0 +1,59 @@
+"""What a node does about SYNC itself: which COB-ID it has, the counter in it, and sending it where 1005h says so."""
+
+from __future__ import annotations
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.sim.device import Device
+
+_PRODUCER = 0x4000_0000  # in 1005h
+_WRONG_LENGTH = 0x8240
+
+
+class SyncService:
+    """SYNC of one node; holds its parameters, when it is to be sent next, and the counter."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._period = 0.0  # s; 0: it sends none
+        self._next = 0.0
+        self._count = 0
+        self._odd = False
+        self.cob_id = 0x80
+        self.reload()
+
+    def reload(self) -> None:
+        """Take 1005h and 1006h."""
+        get = self._device.dictionary.get_int
+        value = get(0x1005, 0, 0x80)
+        self.cob_id = value & 0x7FF
+        self._period = get(0x1006) / 1e6 if value & _PRODUCER else 0.0
+
+    @property
+    def produces(self) -> bool:
+        """Whether it is the bus's producer of SYNC now."""
+        states = (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
+        return self._period > 0.0 and self._device.nmt in states
+
+    def due(self, now: float) -> bytes | None:
+        """Return the data of a SYNC to be sent at ``now``, None where none is due."""
+        if not self.produces:
+            self._next, self._count = now, 0
+            return None
+        if now < self._next - 1e-9:
+            return None
+        self._next = max(self._next + self._period, now)
+        overflow = self._device.dictionary.get_int(0x1019)
+        if not overflow:
+            return b""
+        self._count = self._count % overflow + 1
+        return bytes((self._count,))
+
+    def counter(self, data: bytes) -> int:
+        """Return the counter of a SYNC, 0 where the node takes none; another length than 1019h says is reported once."""
+        dictionary = self._device.dictionary
+        overflow = dictionary.get_int(0x1019)
+        odd = dictionary.has(0x1019) and len(data) != (1 if overflow else 0)
+        if odd and not self._odd:
+            self._device.errors.report(-1, _WRONG_LENGTH)
+        self._odd = odd
+        return data[0] if overflow and len(data) == 1 else 0
