@@ -212,6 +212,7 @@ class Machine:
         found = [event for node in self._runtime.nodes.values() for event in node.events]
         return sorted(found, key=lambda event: event.stamp)
 
+    @property
     def bus_time(self) -> datetime | None:
         """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None where none was heard."""
         return self._runtime.bus_time(time.monotonic())
