@@ -8,6 +8,7 @@ import click
 
 from axisbus.cli.common import OK, say, say_next
 from axisbus.cli.eds_files import file_argument, node_of, node_option, open_eds, output_option, write
+from axisbus.eds.checking import check
 from axisbus.eds.reference import html, markdown, reference
 from axisbus.errors import ArgumentError
 
@@ -29,7 +30,7 @@ def command(file: str, output: Path | None, node: int | None) -> int:
     writer = _WRITERS.get(output.suffix.lower())
     if writer is None:
         raise ArgumentError(f"{output}: no such format", remedy="give a name that ends in .html or .md")
-    page = reference(eds, node_of(eds, node))
+    page = reference(eds, node_of(eds, node), check(eds))
     write(output, writer(page))
     entries = sum(len(entry.subs) for entry in eds)
     say(f"{output}: written, {len(eds.objects)} objects, {entries} entries, {page.verdict}")
