@@ -21,7 +21,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 
 STOPPED = (QUICK_STOP, *OFF)
-BESIDE = pytest.mark.nets("the stop beside", "the stop ladder")
+BESIDE = pytest.mark.nets("the stop beside", "the stop ladder", "the drive's watchdog")
 PERIOD = 0.02
 TIMES = (
     'quick_stop_time = "500ms"\ndisable_time = "500ms"'  # that of a node that is lost is waited for in vain
