@@ -365,6 +365,11 @@ def kinds(machine: Machine) -> list[str]:
     return [event.kind.name for event in machine.node(1).events]
 
 
+def states(machine: Machine) -> list[str]:
+    """Without what a busy computer adds: a heartbeat that came too late."""
+    return [kind for kind in kinds(machine) if kind not in ("LOST", "BACK")]
+
+
 def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         line.devices["x"].dials.dead = True
@@ -381,14 +386,13 @@ def test_a_node_that_is_lost_and_comes_back_is_told_with_the_reaction_time(tmp_p
 def test_a_restart_and_another_nmt_state_are_told(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
         machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        until(lambda: kinds(machine) == ["STATE"])
+        until(lambda: states(machine) == ["STATE"])
         machine.node(1).command(NmtCommand.START)
-        until(lambda: kinds(machine) == ["STATE", "OPERATIONAL"])
+        until(lambda: states(machine) == ["STATE", "OPERATIONAL"])
         with line.stand_ins.lock:
             line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
         until(lambda: "BOOT_UP" in kinds(machine))
-        event = machine.node(1).events[2]
-        assert event.kind.name == "BOOT_UP"
+        event = next(event for event in machine.node(1).events if event.kind.name == "BOOT_UP")
         assert 0.0 <= event.reaction < 2.0
 
 

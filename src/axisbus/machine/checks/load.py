@@ -12,7 +12,7 @@ from axisbus.machine.cell import BusConfig
 from axisbus.machine.checks import pdomodel
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.pdoplan import travelling
-from axisbus.motion.follow import interpolation_period
+from axisbus.motion.interpolation import interpolation_period
 
 ERROR_LOAD = 0.9
 WARNING_LOAD = 0.6
