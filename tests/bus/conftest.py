@@ -6,9 +6,10 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from bus_peer import FakeBus, eventually
+from bus_peer import FakeBus, Slave, eventually
 
 from axisbus.bus.channel import Channel
+from axisbus.bus.node import Node
 
 
 @pytest.fixture
@@ -20,6 +21,19 @@ def fake() -> FakeBus:
 def channel(fake: FakeBus) -> Iterator[Channel]:
     with Channel(fake, "fake:0") as channel:
         yield channel
+
+
+@pytest.fixture
+def slave(fake: FakeBus) -> Slave:
+    slave = Slave(5)
+    fake.peers.append(slave)
+    return slave
+
+
+@pytest.fixture
+def node(channel: Channel, slave: Slave) -> Iterator[Node]:
+    with Node(channel, 5) as node:
+        yield node
 
 
 @pytest.fixture(autouse=True)

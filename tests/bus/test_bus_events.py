@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
 import pytest
 from bus_peer import FakeBus, Slave, eventually
@@ -13,19 +12,6 @@ from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
 from axisbus.bus.nodeevents import NodeEvent, NodeEvents
 from axisbus.cia301.nmt import NmtState
-
-
-@pytest.fixture
-def slave(fake: FakeBus) -> Slave:
-    slave = Slave(5)
-    fake.peers.append(slave)
-    return slave
-
-
-@pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, 5) as node:
-        yield node
 
 
 def hear(fake: FakeBus, node: Node, data: str) -> float:

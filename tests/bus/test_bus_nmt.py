@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
 
 import pytest
 from bus_peer import FakeBus, Frame, Slave, eventually
@@ -14,19 +13,6 @@ from axisbus.bus.nmt import Confirmation, NodeMonitor
 from axisbus.bus.node import Node
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AdapterError, ArgumentError, NodeTimeout, StateError
-
-
-@pytest.fixture
-def slave(fake: FakeBus) -> Slave:
-    slave = Slave(5)
-    fake.peers.append(slave)
-    return slave
-
-
-@pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, 5) as node:
-        yield node
 
 
 def beat(fake: FakeBus, slave: Slave, node: Node) -> None:

@@ -32,19 +32,6 @@ _THREADS = 8
 _SEND_PATIENCE = 0.05
 _EXPEDITED_4 = b"\x43"
 
-# Device profiles by the low word of 1000h.
-PROFILES = {
-    0: "no standard profile",
-    401: "I/O module",
-    402: "drive",
-    404: "measuring device",
-    405: "programmable controller",
-    406: "encoder",
-    408: "hydraulic drive",
-    410: "inclinometer",
-    418: "battery",
-    419: "charger",
-}
 # Kind of a drive by bits 16 to 23 of 1000h (CiA 402-1).
 DRIVES = {0x01: "frequency converter", 0x02: "servo drive", 0x04: "stepper drive", 0x08: "multi-axis drive"}
 
@@ -68,8 +55,8 @@ def device_type_words(device_type: int) -> str:
     """Return the device type 1000h in words, such as ``servo drive (CiA 402)``; an unknown one by its numbers."""
     profile = device_type & 0xFFFF
     if profile == 0:
-        return PROFILES[0]
-    kind = PROFILES.get(profile, "device")
+        return o.DEVICE_PROFILES[0]
+    kind = o.DEVICE_PROFILES.get(profile, "device")
     if profile == 402:
         kind = DRIVES.get(device_type >> 16 & 0xFF, kind)
     return f"{kind} (CiA {profile})"

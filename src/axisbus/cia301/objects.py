@@ -39,6 +39,20 @@ VENDOR_ID, PRODUCT_CODE, REVISION_NUMBER, SERIAL_NUMBER = 1, 2, 3, 4
 # Sub-indices of 14xxh and 18xxh.
 PDO_COB_ID, PDO_TRANSMISSION_TYPE, PDO_INHIBIT_TIME, PDO_EVENT_TIMER, PDO_SYNC_START = 1, 2, 3, 5, 6
 
+# Device profiles by the low word of 1000h (CiA 301 7.5.2.1).
+DEVICE_PROFILES = {
+    0: "no standard profile",
+    401: "I/O module",
+    402: "drive",
+    404: "measuring device",
+    405: "programmable controller",
+    406: "encoder",
+    408: "hydraulic drive",
+    410: "inclinometer",
+    418: "battery",
+    419: "charger",
+}
+
 
 @cache
 def table() -> list[dict[str, str]]:

@@ -33,6 +33,35 @@ def encode(writes: Iterable[Write]) -> bytes:
     return b"".join(parts)
 
 
+class Taken(NamedTuple):
+    """A stream taken apart: the number that it gives, the writes that are whole, and the octets left over."""
+
+    said: int
+    writes: tuple[Write, ...]
+    rest: int
+
+
+def take_apart(data: bytes) -> Taken:
+    """Return the writes of a stream as far as they are whole, however many it says; never raises."""
+    if len(data) < _COUNT.size:
+        return Taken(0, (), len(data))
+    (count,) = _COUNT.unpack_from(data)
+    writes, at = [], _COUNT.size
+    while (write := _whole(data, at)) is not None:
+        writes.append(write)
+        at += _HEAD.size + len(write.data)
+    return Taken(count, tuple(writes), len(data) - at)
+
+
+def _whole(data: bytes, at: int) -> Write | None:
+    """Return the entry at an octet, None where it is cut off."""
+    start = at + _HEAD.size
+    if start > len(data):
+        return None
+    index, subindex, size = _HEAD.unpack_from(data, at)
+    return Write(index, subindex, data[start : start + size]) if start + size <= len(data) else None
+
+
 def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
     """Return the writes of a stream, in their order; ``source`` is the name that messages show.
 
@@ -56,15 +85,14 @@ def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
 
 
 def _entry(data: bytes, at: int, source: str, number: int) -> Write:
-    if at + _HEAD.size > len(data):
+    write = _whole(data, at)
+    if write is not None:
+        return write
+    left = len(data) - at - _HEAD.size
+    if left < 0:
         raise _broken(source, f"entry {number} at octet {at} is cut off in its head")
     index, subindex, size = _HEAD.unpack_from(data, at)
-    start = at + _HEAD.size
-    if start + size > len(data):
-        raise _broken(
-            source, f"entry {number} ({index:04X}h:{subindex:02X}) has {len(data) - start} of {size} octets"
-        )
-    return Write(index, subindex, data[start : start + size])
+    raise _broken(source, f"entry {number} ({index:04X}h:{subindex:02X}) has {left} of {size} octets")
 
 
 def _broken(source: str, observed: str) -> EdsError:

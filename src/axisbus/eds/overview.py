@@ -14,18 +14,6 @@ from axisbus.eds.model import Eds, Identity, Object
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInfo] (DS 306 4.5)
 
-_PROFILES = {
-    0: "no standard profile",
-    401: "I/O module",
-    402: "drive",
-    404: "measuring device",
-    405: "programmable controller",
-    406: "encoder",
-    408: "hydraulic drive",
-    410: "inclinometer",
-    418: "battery",
-    419: "charger",
-}
 # Bits 16 to 18 of 1000h of a drive (CiA 402-1); a drive may set several.
 _DRIVES = {0: "frequency converter", 1: "servo drive", 2: "stepper drive"}
 _MULTIPLE = 0xFFFF  # high word of 1000h: several logical devices (CiA 301 7.5.2.1)
@@ -110,8 +98,8 @@ def device_kind(device_type: int | None) -> str:
         return ""
     profile = device_type & 0xFFFF
     if profile == 0:
-        return _PROFILES[0]
-    kind = _PROFILES.get(profile, "device")
+        return cia301.DEVICE_PROFILES[0]
+    kind = cia301.DEVICE_PROFILES.get(profile, "device")
     high = device_type >> 16
     if profile == cia402.PROFILE_NUMBER and high == _MULTIPLE:
         kind = "drive with several axes"

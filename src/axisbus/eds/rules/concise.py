@@ -2,50 +2,13 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple
 
+from axisbus.eds.concise import take_apart
 from axisbus.eds.rules.objects import is_mapping
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet
 
 CONCISE_DCF, VERIFY = 0x1F22, 0x1020
-_COUNT = struct.Struct("<I")
-_HEAD = struct.Struct("<HBI")  # index, sub-index, size
-
-
-@dataclass(frozen=True, slots=True)
-class Write:
-    """One write of a concise DCF."""
-
-    index: int
-    subindex: int
-    data: bytes
-
-
-class Taken(NamedTuple):
-    """A concise DCF taken apart: the number that it gives, the writes that are whole, and the octets left over."""
-
-    said: int
-    writes: tuple[Write, ...]
-    rest: int
-
-
-def take_apart(data: bytes) -> Taken:
-    """Return the writes of a concise DCF as far as they are whole."""
-    if len(data) < _COUNT.size:
-        return Taken(0, (), len(data))
-    (count,) = _COUNT.unpack_from(data)
-    writes, at = [], _COUNT.size
-    while at + _HEAD.size <= len(data):
-        index, subindex, size = _HEAD.unpack_from(data, at)
-        end = at + _HEAD.size + size
-        if end > len(data):
-            break
-        writes.append(Write(index, subindex, data[at + _HEAD.size : end]))
-        at = end
-    return Taken(count, tuple(writes), len(data) - at)
 
 
 def wrong_count(sheet: Sheet) -> Iterator[Hit]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from axisbus.cia301.lss import BIT_TIMINGS
+
 _NUMBERS = {0x40: "vendor-ID", 0x41: "product code", 0x42: "revision number", 0x43: "serial number"}
 _RANGES = {
     0x46: "vendor-ID",
@@ -15,16 +17,7 @@ _RANGES = {
 }
 _INQUIRED = {0x5A: "vendor-ID", 0x5B: "product code", 0x5C: "revision number", 0x5D: "serial number"}
 _FAST_SCAN = ("vendor-ID", "product code", "revision number", "serial number")
-_KBIT = {
-    0: 1000,
-    1: 800,
-    2: 500,
-    3: 250,
-    4: 125,
-    6: 50,
-    7: 20,
-    8: 10,
-}  # CiA 301 table 1, CiA 305 table selector 0
+_KBIT = {entry: rate // 1000 for rate, entry in BIT_TIMINGS.items()}
 _ERRORS = {0: "done", 1: "refused: out of range", 0xFF: "refused, with the maker's error"}
 _STORE_ERRORS = {
     0: "done",
