@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: demo test test-socketcan check bench flaky format clean
+.PHONY: demo test test-socketcan check bench flaky explore format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -26,6 +26,9 @@ bench: $(READY)           ## ratios against a baseline in the same run
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py
+
+explore: $(READY)         ## the tests of properties with fresh examples, others in each run
+	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 3 --dist loadfile -m hypothesis
 
 format: $(READY)
 	$(BIN)/ruff check --fix src tests examples

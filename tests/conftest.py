@@ -1,10 +1,28 @@
-"""What all tests share: the folder itself on the path (for ``can_line``), and what only the end of a shared-out run can tell."""
+"""What all tests share: the folder itself on the path (for ``can_line``), which examples are tried, how much memory a test may
+take, and what only the end of a shared-out run can tell."""
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
+settings.register_profile("same", derandomize=True)
+settings.register_profile("fresh", print_blob=True)
+settings.load_profile(os.environ.get("AXISBUS_EXAMPLES", "same"))
+
+_MEMORY = (
+    8 << 30
+)  # bytes of address space; a test that wants more fails by itself, and does not take the machine with it
+
+if sys.platform == "linux":
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 _used: set[str] = set()
 _kept: set[str] = set()

@@ -39,9 +39,7 @@ def main() -> int:
         last = ran.stdout.strip().splitlines()[-1] if ran.stdout.strip() else ran.stderr[-200:]
         print(f"round {number} of {rounds}: {last} ({time.monotonic() - start:.0f} s)", flush=True)
         if ran.returncode:
-            print(
-                ran.stdout[max(ran.stdout.find("= FAILURES ="), ran.stdout.find("= ERRORS =")) :], flush=True
-            )
+            print(ran.stdout, ran.stderr, flush=True)
     print(f"{bad} of {rounds} rounds had a failure")
     for name, count in failed.most_common():
         print(f"{count:>4} x {name}")

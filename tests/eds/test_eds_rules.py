@@ -110,6 +110,13 @@ def test_the_missing_sub_index_is_named() -> None:
     assert only("O007", "-2003sub2").message.endswith("has 3 sub-indices; sub-index 2 seems to be missing")
 
 
+@pytest.mark.parametrize("count", ["0xFFFFFFFFFF", "9" * 19])
+def test_a_sub_index_zero_beyond_all_bounds_is_checked_in_a_moment(count: str) -> None:
+    """It is counted up to 254 (FEh), not to what the file says."""
+    edits = ("2003sub0:DataType=0x001B", f"2003sub0:DefaultValue={count}", "-2003sub2")
+    assert "sub-index" not in only("O007", *edits).message.partition(";")[2]
+
+
 def test_the_object_that_a_list_meant_is_named() -> None:
     (hit,) = found(("ManufacturerObjects:6=0x2050",))
     assert (hit.rule, hit.message.rpartition("; ")[2]) == ("L005", "2005 may be meant")

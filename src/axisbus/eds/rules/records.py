@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
+from axisbus.eds.compact import MAX_ENTRIES
 from axisbus.eds.model import Number, Object, ObjectType, Severity
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
@@ -40,7 +41,7 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
 
 def _gap(sheet: Sheet, entry: Object) -> str:
     """Name the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other."""
-    highest = _default_of_sub_zero(entry) or 0
+    highest = min(_default_of_sub_zero(entry) or 0, MAX_ENTRIES)  # what the file says may be any number
     absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
     known = len(absent) == 1 and _one_is_missing(sheet, entry) and not is_communication(entry.index)
     return f"; sub-index {absent[0]:X} seems to be missing" if known else ""
