@@ -16,7 +16,9 @@ from story_rig import SCALE, STAGE_NAMES, cell_text
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
+from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
+from axisbus.motion.axis import Axis
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.network import StandIns
@@ -109,12 +111,24 @@ class Line:
 
 def turning(machine: Machine, line: Line, velocity: float = 90.0) -> None:
     """Enable all axes and let them turn."""
-    for handle in [axis.enable() for axis in machine]:
-        handle.wait(10)
+    for axis in machine:
+        enable(axis)
     for handle in [axis.move_velocity(velocity) for axis in machine]:
         handle.wait(10)
     for axis in machine:
         line.must_move(axis.name)
+
+
+def enable(axis: Axis) -> None:
+    """Enable, no story yet; a computer that was too busy for a heartbeat after the boot is given another moment."""
+    for _ in range(10):
+        try:
+            axis.enable().wait(10)
+        except StateError:
+            time.sleep(0.3)
+        else:
+            return
+    axis.enable().wait(10)
 
 
 def until(happened: Callable[[], bool], limit: float = STOP) -> None:

@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 
 import pytest
-from story_bus import Line, until
+from story_bus import Line, enable, until
 from story_rig import ENABLED, GENERIC, OFF
 
 from axisbus import eds
@@ -126,7 +126,7 @@ def test_letter_l_a_master_that_comes_again_finds_its_nodes_operational_and_rese
         booted = {name: device.boot_ups for name, device in line.devices.items()}
         with line.open() as machine:
             assert [report.outcome.letter.name for report in machine.reports] == ["L", "L"]
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             machine["x"].move_relative(2.0).wait(10)
         assert booted == {name: device.boot_ups for name, device in line.devices.items()}
 
@@ -195,7 +195,7 @@ def test_an_optional_node_that_is_absent_blocks_nobody_and_its_axis_says_why(tmp
                 StateError, match="axis y cannot be used: node 2 is optional and is not there"
             ):
                 machine["y"]
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             machine["x"].move_relative(2.0).wait(10)
         assert line.stage() in OFF
 
@@ -209,10 +209,10 @@ def test_an_optional_node_that_appears_later_is_picked_up(tmp_path, impatient):
             assert "y" not in machine
             with pytest.raises(StateError, match="node 2 is optional"):
                 machine.group("xy")
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             late.dials.dead = False
             until(lambda: "y" in machine, 20)
-            machine["y"].enable().wait(10)
+            enable(machine["y"])
             machine.group("xy").move_direct((2.0, -2.0), velocity=20.0).wait(20)
             assert line.where("y") == pytest.approx(-2.0, abs=1.5)
             assert [report.ok for report in machine.reports] == [True, True]
@@ -287,7 +287,7 @@ def test_a_drive_that_can_only_watch_its_rpdos_does_so_and_is_let_go(tmp_path):
             assert watchdog.kind is Watchdog.ARMED
             number = int(re.search(r"(14\d\d)h:05 expects our RPDO within 600 ms", watchdog.text)[1], 16)
             assert device.read(number, 5) == 600
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             machine["x"].move_relative(30.0).wait(20)
         assert device.read(number, 5) == 0
         time.sleep(1.0)
@@ -299,7 +299,7 @@ def test_a_drive_that_can_only_watch_its_rpdos_notices_that_they_end(tmp_path):
     with Line(tmp_path, eds="drive.eds") as line:
         machine = line.open()
         try:
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             assert line.stage() == ENABLED
             machine.scan.quit()  # the scan ends, the drive gets no RPDO any more
             until(lambda: line.stage() != ENABLED)
@@ -403,7 +403,7 @@ def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_told(tmp_pat
         line.file.write_text(text[: text.index("[axes.y]")], "utf-8")  # node 2 is there without an axis
         with_bus_line(line, f'on_lost_node = "{word}"')
         with line.open() as machine:
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             machine["x"].move_velocity(60.0).wait(10)
             line.devices["y"].dials.dead = True
             until(lambda: [event.kind.name for event in machine.node(2).events] == ["LOST"])
@@ -423,7 +423,7 @@ def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
     made[2].dials.dead = True
     with Machine.simulated(line.file, made) as machine:
         assert [axis.name for axis in machine] == ["x"]
-        machine["x"].enable().wait(5)
+        enable(machine["x"])
         machine["x"].move_relative(5.0).wait(5)
         with pytest.raises(StateError, match="node 2 is optional and is not there"):
             machine["y"]

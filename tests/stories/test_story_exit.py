@@ -7,7 +7,7 @@ import threading
 import time
 
 import pytest
-from story_bus import Line, turning, until
+from story_bus import Line, enable, turning, until
 from story_nets import PlantMoves
 from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 
@@ -266,7 +266,7 @@ def test_a_drive_that_is_not_let_go_does_not_bear_our_silence(tmp_path):
     """What the story above would look like without the parting: it proves that the drive's watchdog was armed."""
     with Line(tmp_path) as line:
         machine = line.open()
-        machine["x"].enable().wait(10)
+        enable(machine["x"])
         machine._runtime.let_go = lambda _: None
         machine.close()
         until(lambda: bool(line.devices["x"].errors.entries))
