@@ -103,7 +103,9 @@ class Machine:
         from axisbus.machine.wire import build_on_bus
 
         cell = _checked(path)
-        return cls._start(cell, build_on_bus(cell, load_dictionaries(cell)), realtime=True)
+        dictionaries = load_dictionaries(cell)
+        gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
+        return cls._start(cell, build_on_bus(cell, dictionaries), realtime=True)
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
@@ -306,7 +308,6 @@ class Machine:
             return
         assert isinstance(self._waiter, ThreadWaiter)
         sys.setswitchinterval(_SWITCH_INTERVAL)
-        gc.collect()
         gc.freeze()  # a full collection over the dictionaries takes several periods
         self.scan.waiter = self._waiter
         self._thread = threading.Thread(target=self.scan.run, name="axisbus scan", daemon=True)
