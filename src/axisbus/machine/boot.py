@@ -123,6 +123,7 @@ class NodeBoot:
         return {
             Phase.LOOK: lambda known: self._step("state", partial(self._look, known)),
             Phase.PREPARE: lambda _: self._step("configuration", self._prepare),
+            Phase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),
             Phase.COMPLETE: self._complete,
         }
 
@@ -178,6 +179,9 @@ class NodeBoot:
     def _prepare(self) -> None:
         self._restarts = self._comms.restarts()
         self._watch.set_sync()
+
+    def _apply_dcf(self) -> None:
+        """Before the cell file's own objects; not at all where 1020h has the expected date and time (CiA 302-2)."""
         self._by_dcf = dcf.apply(self._objects, self._cell, self._eds, self._make)
 
     def _require_no_restart(self) -> None:
