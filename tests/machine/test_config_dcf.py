@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from axisbus import Machine, eds
+from axisbus.drives import registry
+from axisbus.drives.make import Make
 from axisbus.eds import assign, dcf, reader, writer
 from axisbus.errors import BootError
 from axisbus.machine.check import check
@@ -163,6 +165,16 @@ def test_on_a_bus_pdos_of_the_dcf_are_set_and_a_pdo_table_wins(cell, tmp_path):
             assert made.read(0x1A03, 1) == 0x6077_0010  # the DCF's
             assert made.read(0x1803, 2) == 254
             assert made.read(0x6083) == 4321
+
+
+def test_calibration_in_a_dcf_is_not_written_at_boot(cell, monkeypatch):
+    made = device_from_eds(GENERIC, 3)
+    make = Make("Maker", vendor_id=made.read(0x1018, 1), calibration_objects=((0x607D, None),))
+    monkeypatch.setattr(registry, "MAKES", (make,))
+    factory = made.read(0x607D, 1)
+    _booted(cell(), made)
+    assert made.read(0x607D, 1) == factory != -9000
+    assert made.read(0x6083) == 4321
 
 
 def _with_1020(path, tmp_path):
