@@ -31,7 +31,7 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, proposal
+from axisbus.machine import dcf, proposal, syncwindow
 from axisbus.machine import identity as ids
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
@@ -201,8 +201,19 @@ class NodeBoot:
         self._step("watchdog", partial(self._arm, known.control))
         for axis in self._axes:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
+        self._step("configuration", self._look_at_window)
         self._step("watchdog", self._arm_deadlines)
         self._step("restart", self._require_no_restart)
+
+    def _look_at_window(self) -> None:
+        if not any(axis.in_one_sync for axis in self._report.axes):
+            return
+        bus, window = self._cell.bus, read_int(self._objects, o301.SYNC_WINDOW)
+        if syncwindow.misses(window, bus):
+            remedy = syncwindow.remedy(self._objects.node_id)
+            self._report.warnings.append(
+                f"it may discard our synchronous RPDOs: {syncwindow.closes(window, bus)}; {remedy}"
+            )
 
     def _arm(self, control: ErrorControl) -> None:
         self._report.watchdog = self._watch.arm(self._reaction())
