@@ -497,6 +497,17 @@ def test_a_node_that_is_lost_and_comes_back_is_told_in_virtual_time(tmp_path):
             machine.node(1).command(NmtCommand.START)
 
 
+def test_a_node_that_leaves_operational_just_after_the_start_is_no_suspended_program(tmp_path):
+    line = Line(tmp_path)
+    with Machine.simulated(line.file) as machine:
+        machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        machine.sleep(0.3)
+        error = machine["x"].error
+        assert isinstance(error, NodeError)
+        assert error.observed.startswith("it still reports itself")
+        assert "did not run" not in error.observed
+
+
 @pytest.mark.parametrize(("word", "stops"), [("group", True), ("report", False)])
 def test_a_node_without_axes_that_is_lost_in_virtual_time(tmp_path, word, stops):
     line = Line(tmp_path, "xy")
