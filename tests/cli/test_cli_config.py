@@ -10,6 +10,8 @@ import cli_bus_kit as kit
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.drives import registry
+from axisbus.drives.make import Make
 from axisbus.eds import load, loads
 from axisbus.machine.backup import guard, store
 from axisbus.sim.build import device_from_eds
@@ -227,6 +229,31 @@ def test_an_excluded_object_stays(axisbus, bus, saved):
     options, stand_ins = bus
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--exclude", "607D:1").code == 0
     assert _held(stand_ins) == {**CHANGES, (0x607D, 1): saved[0x607D, 1]}
+
+
+@pytest.fixture
+def made_by_a_calibrated_make(monkeypatch, bus):
+    """The generic drive as one of a make whose 607Dh:01 belongs to one specimen."""
+    _, stand_ins = bus
+    vendor = stand_ins.devices[0].read(0x1018, 1)
+    make = Make("Maker", vendor_id=vendor, calibration_objects=((0x607D, 1),))
+    monkeypatch.setattr(registry, "MAKES", (make,))
+
+
+def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(
+    axisbus, bus, saved, made_by_a_calibrated_make
+):
+    options, stand_ins = bus
+    code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options)
+    assert code == 0
+    assert _held(stand_ins) == {**CHANGES, (0x607D, 1): saved[0x607D, 1]}
+    assert "skipped   607Dh:01 Min position limit" in out
+    assert "it calibrates the drive: --include 607D:1 writes it" in out
+    code, out, _ = axisbus("config", "diff", "x.dcf", "5", *options)
+    assert code == 1  # a diff tells what differs, whoever may write it
+    assert "607Dh:01" in out
+    assert axisbus("config", "restore", "x.dcf", "5", *options, "--include", "607D:1").code == 0
+    assert _held(stand_ins) == CHANGES
 
 
 def test_pdos_come_back_with_their_mapping(axisbus, bus):

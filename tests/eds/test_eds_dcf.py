@@ -9,6 +9,7 @@ from eds_texts import HEAD, canopen_facts, import_text, our_facts, record, varia
 from test_eds_corpus import FILES
 
 from axisbus.eds import assign, builtin, concise, configuration, dcf, reader, writer
+from axisbus.eds import text as eds_text
 from axisbus.eds.dcf import Settings
 from axisbus.eds.model import Number
 from axisbus.eds.reader import Reading
@@ -78,6 +79,41 @@ def test_compact_sub_indices_get_their_values_in_a_list() -> None:
     again = dcf.make(made, Settings(5), [(assign.at(made.eds, 0x2000, 1), "17")])
     assert text(again) == text(made).replace("1=0x10", "1=17")
     assert text(dcf.to_eds(again)) == text(eds)
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["new lists", "lists that are there"])
+def test_ten_times_as_many_values_in_lists_take_ten_times_as_many_steps(
+    monkeypatch: pytest.MonkeyPatch, first: bool
+) -> None:
+    """Counted are the lines that are taken apart; one pass over the file for each value would make it a hundred times."""
+    counts = [_steps(monkeypatch, values, first) for values in (25, 250)]
+    assert counts[1] < 15 * counts[0]
+
+
+def _steps(monkeypatch: pytest.MonkeyPatch, values: int, first: bool) -> int:
+    indices = range(0x2000, 0x2008)
+    body = "".join(
+        LIST.replace("2000", f"{index:04X}").replace("CompactSubObj=3", f"CompactSubObj={values}")
+        + ("" if first else f"[{index:04X}Value]\nNrOfEntries=1\n1=7\n\n")
+        for index in indices
+    )
+    reading = file(body + SPEED)
+    texts = {(index, sub): str(index + sub) for index in indices for sub in range(1, values + 1)}
+    steps = 0
+    apart = eds_text.entry_of
+
+    def counted(raw: str) -> tuple[str, str]:
+        nonlocal steps
+        steps += 1
+        return apart(raw)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(eds_text, "entry_of", counted)
+        made = dcf.record(reading, Settings(5), texts)
+    found = {key: made.eds.objects[key[0]].subs[key[1]].parameter_value for key in texts}
+    assert found == {key: Number(int(value)) for key, value in texts.items()}
+    assert text(made).count(f"\nNrOfEntries={values}\n") == len(indices)
+    return steps
 
 
 def test_an_implied_pdo_has_no_place_for_a_value() -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from axisbus import Machine, eds
+from axisbus.drives import registry
+from axisbus.drives.make import Make
 from axisbus.eds import assign, dcf, reader, writer
 from axisbus.errors import BootError
 from axisbus.machine.check import check
@@ -163,3 +165,64 @@ def test_on_a_bus_pdos_of_the_dcf_are_set_and_a_pdo_table_wins(cell, tmp_path):
             assert made.read(0x1A03, 1) == 0x6077_0010  # the DCF's
             assert made.read(0x1803, 2) == 254
             assert made.read(0x6083) == 4321
+
+
+def test_calibration_in_a_dcf_is_not_written_at_boot(cell, monkeypatch):
+    made = device_from_eds(GENERIC, 3)
+    make = Make("Maker", vendor_id=made.read(0x1018, 1), calibration_objects=((0x607D, None),))
+    monkeypatch.setattr(registry, "MAKES", (make,))
+    factory = made.read(0x607D, 1)
+    _booted(cell(), made)
+    assert made.read(0x607D, 1) == factory != -9000
+    assert made.read(0x6083) == 4321
+
+
+def _with_1020(path, tmp_path):
+    """Let DCF and drive of ``cell`` keep date and time of the configuration; returns the EDS of the drive."""
+    file = tmp_path / "node3.dcf"
+    text = "\n[1020]\nParameterName=Verify configuration\nObjectType=0x8\nSubNumber=3\n"
+    text += "\n[1020sub0]\nParameterName=Highest sub-index supported\nObjectType=0x7\nDataType=0x0005\n"
+    text += "AccessType=const\nDefaultValue=2\n"
+    for subindex, name in ((1, "Configuration date"), (2, "Configuration time")):
+        text += f"\n[1020sub{subindex}]\nParameterName={name}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\nDefaultValue=0\n"
+    file.write_text(file.read_text() + text)
+    dates = "configuration_date = 2026-03-31\nconfiguration_time = 14:30:00\n"
+    path.write_text(path.read_text().replace('"node3.dcf"\n', '"node3.dcf"\n' + dates))
+    (tmp_path / "drive.eds").write_text(PATH.read_text() + text)
+    return eds.load(tmp_path / "drive.eds")
+
+
+def test_a_drive_that_has_the_configuration_of_this_date_is_not_asked_for_the_values_of_its_dcf(
+    cell, tmp_path, monkeypatch
+):
+    """2026-03-31 is day 15430 after 1984-01-01, 14:30 is 52200000 ms after midnight (by hand)."""
+    path = cell()
+    made = device_from_eds(_with_1020(path, tmp_path), 3)
+    transfers = []
+    for name in ("upload", "download", "read", "write"):
+        done = getattr(made, name)
+
+        def counted(index, sub=0, *rest, done=done):
+            transfers.append((index, sub))
+            return done(index, sub, *rest)
+
+        monkeypatch.setattr(made, name, counted)
+    of_the_dcf = {(0x6083, 0), (0x6098, 0), (0x607D, 1)}  # nothing else at boot reads these
+
+    _booted(path, made)
+    first = len(transfers)
+    assert of_the_dcf <= set(transfers)
+    assert (made.read(0x1020, 1), made.read(0x1020, 2)) == (15_430, 52_200_000)
+    assert made.read(0x6083) == 4321
+
+    transfers.clear()
+    with Machine.simulated(path, {3: made}) as machine:
+        assert "not configured again" in machine.reports[0].configured
+    assert of_the_dcf.isdisjoint(transfers)
+    assert len(transfers) <= first - 2 * len(VALUES)  # each is read before and after otherwise
+
+    transfers.clear()
+    path.write_text(path.read_text().replace("2026-03-31", "2026-04-01"))
+    _booted(path, made)
+    assert of_the_dcf <= set(transfers)
+    assert made.read(0x1020, 1) == 15_431

@@ -180,7 +180,7 @@ def test_direct_access_reads_and_writes_by_number_and_name(tmp_path):
         with pytest.raises(SdoAbort, match="6502"):
             node.sdo[0x6502] = 1
         with pytest.raises(StateError, match="simulated without a bus"):
-            _ = node.nmt
+            _ = node.pdo_events
         with pytest.raises(StateError, match="the cell has no node 4"):
             machine.node(4)
 

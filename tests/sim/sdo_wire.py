@@ -38,9 +38,16 @@ class SdoWire:
         self.fate: Callable[[int, bytes], float | None] = lambda _number, _frame: 0.0
         self.frames: list[tuple[str, bytes]] = []
         self.now = 0.0
+        self.session: Session
+        self.heard = 0.0  # when the session was last told of the time
         self._to_server: deque[tuple[float, bytes]] = deque()
         self._to_client: deque[tuple[float, bytes]] = deque()
         self._late: tuple[int, int] | None = None
+
+    @property
+    def pipes(self) -> tuple[deque[tuple[float, bytes]], deque[tuple[float, bytes]]]:
+        """What is under way, with the time at which it is due: to the server, to the client."""
+        return self._to_server, self._to_client
 
     @property
     def content(self) -> bytes:
@@ -57,24 +64,34 @@ class SdoWire:
         return self.run(Request(*FILE, data, TIMEOUT, tries, way))
 
     def run(self, request: Request) -> Session:
-        session = Session(request, late=self._late)
-        self._send(session.start())
-        heard = self.now
+        session = self.begin(request)
         while not session.done:
-            deadline = heard + session.remaining
-            if self._server_is_next(deadline):
-                self._serve()
-            elif self._to_client and self._to_client[0][0] <= deadline:
-                due, frame = self._to_client.popleft()
-                self.now = max(self.now, due)
-                self._send(session.receive(frame, self.now - heard))
-                heard = self.now
-            else:
-                self.now = deadline
-                self._send(session.elapse(self.now - heard))
-                heard = self.now
-        self._late = session.late
+            self.step()
         return session
+
+    def begin(self, request: Request) -> Session:
+        """Send the first frames of a request; ``step`` goes on until the session is done."""
+        self.session = Session(request, late=self._late)
+        self._send(self.session.start())
+        self.heard = self.now
+        return self.session
+
+    def step(self) -> None:
+        """Let the next thing happen: a frame arrives at either side, or the client's patience ends."""
+        session = self.session
+        deadline = self.heard + session.remaining
+        if self._server_is_next(deadline):
+            self._serve()
+        elif self._to_client and self._to_client[0][0] <= deadline:
+            due, frame = self._to_client.popleft()
+            self.now = max(self.now, due)
+            self._send(session.receive(frame, self.now - self.heard))
+            self.heard = self.now
+        else:
+            self.now = deadline
+            self._send(session.elapse(self.now - self.heard))
+            self.heard = self.now
+        self._late = session.late
 
     def settle(self) -> None:
         """Let the server have all that is under way to it."""

@@ -332,16 +332,6 @@ def test_each_frame_lost_once(size, writing):
         _transfer(wire, size, writing)
 
 
-@pytest.mark.timeout(300)
-@pytest.mark.parametrize("writing", [False, True])
-def test_each_frame_of_the_last_block_of_64_kib_lost_once_and_some_before(writing):
-    count = frames_of(65536, writing)
-    for lost in (*range(1, 132, 8), *range(131, count - 98, 997), *range(count - 97, count + 1)):
-        wire = SdoWire()
-        wire.fate = lambda number, _, lost=lost: None if number == lost else 0.0
-        _transfer(wire, 65536, writing)
-
-
 @pytest.mark.parametrize("writing", [False, True])
 def test_a_segment_lost_within_a_block_costs_no_second_transfer(writing):
     """Every sub-block loses its sixtieth segment."""

@@ -18,7 +18,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cli.common import run
 from axisbus.cli.main import cli
 from axisbus.eds.builtin import resolve
-from axisbus.errors import BootError, DriveError, NodeError, StateError
+from axisbus.errors import BootError, DriveError, NodeError, NodeTimeout, StateError
 from axisbus.machine import pickup, wire
 from axisbus.machine.machine import Machine, boot
 from axisbus.machine.stopping import Watchdog
@@ -427,18 +427,134 @@ def test_a_node_without_axes_that_is_lost_stops_the_cell_or_is_only_told(tmp_pat
             line.devices["y"].dials.dead = False
 
 
-def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
-
-    line = Line(tmp_path, "xy")
-    with_lines(line, 2, "optional = true")
-    made = {node: device_from_eds(eds.load(resolve(GENERIC, tmp_path)), node) for node in (1, 2)}
+def virtual_line(folder, *lines):
+    """Two axes in virtual time, the second one's node optional and absent: the cell file, and the devices."""
+    line = Line(folder, "xy", more='[groups.xy]\naxes = ["x", "y"]\n')
+    with_lines(line, 2, "optional = true", *lines)
+    made = {node: device_from_eds(eds.load(resolve(GENERIC, folder)), node) for node in (1, 2)}
     made[2].dials.dead = True
-    with Machine.simulated(line.file, made) as machine:
+    return line.file, made
+
+
+def test_an_optional_node_may_be_absent_in_virtual_time_too(tmp_path):
+    path, made = virtual_line(tmp_path)
+    with Machine.simulated(path, made) as machine:
         assert [axis.name for axis in machine] == ["x"]
         enable(machine["x"])
         machine["x"].move_relative(5.0).wait(5)
         with pytest.raises(StateError, match="node 2 is optional and is not there"):
             machine["y"]
+
+
+def test_an_optional_node_that_appears_later_is_picked_up_in_virtual_time(tmp_path):
+    """It is asked once a second, also while somebody waits for something else."""
+    path, made = virtual_line(tmp_path)
+    with Machine.simulated(path, made) as machine:
+        machine["x"].enable().wait(5)
+        machine.sleep(3.0)
+        assert "y" not in machine
+        made[2].dials.dead = False
+        moving = machine["x"].move_relative(60.0, velocity=20.0)
+        machine.sleep(0.9)
+        moving.wait(10)
+        assert "y" in machine
+        assert machine.reports[1].ok
+        assert made[2].operational
+        machine["y"].enable().wait(5)
+        machine.group("xy").move_direct((62.0, -2.0), velocity=20.0).wait(10)
+        assert made[2].drive.axis.motor.position == pytest.approx(-200, abs=5)
+        assert made[2].read(0x1016, 1) == 127 << 16 | 600
+    assert made[2].read(0x1016, 1) == 0  # let go like the other
+    assert made[2].drive.power.stage in OFF
+
+
+def test_an_optional_node_that_appears_as_another_device_is_told_in_virtual_time(tmp_path):
+    path, made = virtual_line(tmp_path, "serial = 99")
+    with Machine.simulated(path, made) as machine:
+        made[2].dials.dead = False
+        machine.sleep(2.5)
+        assert "y" not in machine
+        assert machine.reports[1].outcome.letter.name == "O"
+        with pytest.raises(StateError, match="optional and did not come up"):
+            machine["y"]
+        assert not made[2].operational
+
+
+# -- what error control tells, in virtual time ---------------------------------------------------------------------------
+
+
+def test_a_node_that_is_lost_and_comes_back_is_told_in_virtual_time(tmp_path):
+    line = Line(tmp_path)
+    with Machine.simulated(line.file) as machine:
+        device = machine.stand_in(1).device
+        machine.sleep(1.0)
+        assert machine.events == []
+        device.dials.dead = True
+        machine.sleep(1.0)
+        device.dials.dead = False
+        machine.sleep(0.2)
+        assert device.nmt is NmtState.PRE_OPERATIONAL  # it has missed our heartbeats, too
+        machine.node(1).command(NmtCommand.START)
+        machine.sleep(0.2)
+        machine.node(1).command(NmtCommand.RESET_NODE)
+        machine.sleep(2.0)
+        assert kinds(machine) == ["LOST", "STATE", "BACK", "OPERATIONAL", "BOOT_UP"]
+        assert machine.node(1).nmt is NmtState.PRE_OPERATIONAL
+        lost = machine.events[0]
+        assert 1.4 < lost.stamp < 1.65  # three heartbeats of 200 ms after the last one, at 0.8 to 1.0 s
+        assert lost.silent == pytest.approx(0.6, abs=0.03)
+        assert lost.reaction < 0.03
+        device.dials.dead = True
+        with pytest.raises(NodeTimeout, match="node 1 did not confirm start"):
+            machine.node(1).command(NmtCommand.START)
+
+
+def test_a_node_that_leaves_operational_just_after_the_start_is_no_suspended_program(tmp_path):
+    line = Line(tmp_path)
+    with Machine.simulated(line.file) as machine:
+        machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        machine.sleep(0.3)
+        error = machine["x"].error
+        assert isinstance(error, NodeError)
+        assert error.observed.startswith("it still reports itself")
+        assert "did not run" not in error.observed
+
+
+@pytest.mark.parametrize(("word", "stops"), [("group", True), ("report", False)])
+def test_a_node_without_axes_that_is_lost_in_virtual_time(tmp_path, word, stops):
+    line = Line(tmp_path, "xy")
+    text = line.file.read_text("utf-8")
+    line.file.write_text(text[: text.index("[axes.y]")], "utf-8")
+    with_bus_line(line, f'on_lost_node = "{word}"')
+    with Machine.simulated(line.file) as machine:
+        machine["x"].enable().wait(5)
+        machine["x"].move_velocity(60.0).wait(5)
+        machine.stand_in(2).device.dials.dead = True
+        machine.sleep(5.0)
+        assert [event.kind.name for event in machine.node(2).events] == ["LOST"]
+        speed = abs(machine.stand_in(1).drive().axis.motor.velocity)
+        assert (speed == 0.0) == stops
+
+
+def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
+    line = Line(tmp_path)
+    with Machine.simulated(line.file) as machine:
+        node = machine.node(1)
+        machine["x"].enable().wait(5)
+        assert (node.incidents, list(node.emcy)) == ((), [])
+        machine.stand_in(1).fault(0x2310, maker_bits=0x1234)
+        machine.sleep(0.05)
+        machine.stand_in(1).device.errors.report(0, 0x4310)
+        machine.sleep(0.5)
+        (incident,) = node.incidents
+        assert (incident.codes, incident.outcome.name) == ((0x2310, 0x4310), "UNRESOLVED")
+        machine["x"].reset().wait(5)
+        machine.sleep(0.1)
+        (incident,) = node.incidents
+        assert incident.outcome.name == "RECOVERED"
+        assert 0.5 <= incident.lasted <= 1.0
+        assert [emcy.code for emcy in node.emcy] == [0x2310, 0x4310, 0x0000]
+        assert node.incident_words(incident)[0].startswith("incident 1: recovered after ")
 
 
 # -- node guarding -------------------------------------------------------------------------------------------------------

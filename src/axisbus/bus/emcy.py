@@ -7,9 +7,8 @@ from collections import deque
 from axisbus.bus.channel import Channel
 from axisbus.cia301 import cob
 from axisbus.cia301.emcy import Emcy, parse
-from axisbus.cia301.incident import Incidents
+from axisbus.cia301.incident import EmcyLog
 
-HISTORY = 64
 FEED = 64
 _SHORTEST = 2  # bytes: the error code
 _BOOT_UP = b"\0"
@@ -35,16 +34,15 @@ class EmcyFeed:
         return tuple(self._waiting.popleft() for _ in range(count))
 
 
-class EmcyMonitor:
-    """Receives a node's emergency messages; holds state: the newest 64 (``history``, oldest first), their incidents, and the feeds.
+class EmcyMonitor(EmcyLog):
+    """Receives a node's emergency messages; holds state: what the log holds, and the feeds.
 
     Frames shorter than 8 bytes are read as if filled with zeros; one without an error code is counted in ``malformed``.
     """
 
     def __init__(self, channel: Channel, node_id: int, cob_id: int | None = None) -> None:
         """``cob_id`` is that of object 1014h, None for the predefined 80h + node ID."""
-        self.history: deque[Emcy] = deque(maxlen=HISTORY)
-        self.incidents = Incidents()
+        super().__init__()
         self.malformed = 0
         self._feeds: tuple[EmcyFeed, ...] = ()
         self._channel = channel
@@ -81,7 +79,6 @@ class EmcyMonitor:
             self.malformed += 1
             return
         emcy = parse(data, stamp)
-        self.history.append(emcy)
-        self.incidents.note(emcy)
+        self.note(emcy)
         for feed in self._feeds:
             feed.put(emcy)

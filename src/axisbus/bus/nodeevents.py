@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
-from axisbus.bus.nmt import NodeMonitor
 from axisbus.cia301.nmt import NmtState
 
 _KEPT = 256
@@ -52,10 +52,41 @@ class NodeEvent:
         )
 
 
+class Monitored(Protocol):
+    """What is known of a node by its heartbeats: a ``NodeMonitor``, or what stands for it without a bus. Times in seconds."""
+
+    @property
+    def node_id(self) -> int:
+        """The node's ID."""
+
+    @property
+    def state(self) -> NmtState:
+        """The NMT state that it reported last."""
+
+    @property
+    def stamp(self) -> float | None:
+        """When it reported last."""
+
+    @property
+    def bootups(self) -> int:
+        """How many boot-up messages have come."""
+
+    @property
+    def bootup_stamp(self) -> float | None:
+        """When the last of them came."""
+
+    @property
+    def deadline(self) -> float:
+        """When the next report is overdue."""
+
+    def overdue(self, now: float) -> bool:
+        """Whether it is."""
+
+
 class NodeEvents:
     """Watches what the monitor of a node has heard; holds state: what was seen last, and the last 256 events."""
 
-    def __init__(self, monitor: NodeMonitor) -> None:
+    def __init__(self, monitor: Monitored) -> None:
         """Begin with the node as it is now."""
         self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
         self.on_event: Callable[[NodeEvent], None] | None = (

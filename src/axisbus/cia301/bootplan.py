@@ -250,7 +250,8 @@ class Phase(Enum):
     """Where the application has a part of its own in a boot-up."""
 
     LOOK = "identified: may it be disturbed?"
-    PREPARE = "about to be configured"
+    PREPARE = "about to be configured, or found configured"
+    CONFIGURE = "1020h is not the expected one: about to be downloaded"
     COMPLETE = "configured, about to be started"
 
 

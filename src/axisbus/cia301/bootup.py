@@ -253,6 +253,7 @@ class _Run:
         if self.plan.version is not None and (yield from self._is_configured()):
             self._skipped("configuration: date and time in 1020h are the expected ones")
             return
+        yield from self._must(Local(Phase.CONFIGURE, self.outcome))
         for setting in self.plan.settings:
             yield from self._set(setting)
             self._note(written=self.outcome.written + 1)

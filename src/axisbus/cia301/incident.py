@@ -11,6 +11,7 @@ errors (7.2.7.2), and a cause that is still there sends its message again.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -19,6 +20,7 @@ from axisbus.cia301.emcy import Emcy
 
 TOGETHER = 0.1  # seconds after the first message
 HISTORY = 32
+LOGGED = 64  # messages, of whatever incident
 MESSAGES = 32  # of one incident; what comes beyond is counted
 
 
@@ -121,6 +123,19 @@ class Incidents:
             replace(incident, ended=stamp, rebooted=True) if incident.ended is None else incident
             for incident in self._incidents
         )
+
+
+class EmcyLog:
+    """What a node has sent; holds state: its newest 64 emergency messages (``history``, oldest first), and their incidents."""
+
+    def __init__(self) -> None:
+        self.history: deque[Emcy] = deque(maxlen=LOGGED)
+        self.incidents = Incidents()
+
+    def note(self, emcy: Emcy) -> None:
+        """Take the next message, in the order of reception."""
+        self.history.append(emcy)
+        self.incidents.note(emcy)
 
 
 def group(emcys: Iterable[Emcy]) -> tuple[Incident, ...]:

@@ -139,7 +139,7 @@ def write_whole(path: Path, data: bytes) -> None:
         UserError: it cannot be written; then nothing has changed.
     """
     target = Path(os.path.realpath(path))
-    beside = target.with_name(f"{target.name}.{os.getpid()}.new")
+    beside = target.with_name(f"{target.name}.{os.urandom(4).hex()}.new")  # a killed run may have left one
     try:
         try:
             with beside.open("xb") as file:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 from axisbus.eds import assign, edit, reader, values
 from axisbus.eds.edit import Change
@@ -77,9 +78,12 @@ def _filled(reading: Reading, settings: Settings, chosen: Mapping[tuple[int, int
     ]
     document = edit.apply(reading.document, [*changes, *_file_info(reading.document, settings)])
     document = _commissioned(document, settings)
+    listed: dict[int, dict[str, str]] = {}  # index -> sub-index as a key -> text
     for (index, subindex), text in chosen.items():
         if (index, subindex) not in in_sections:
-            document = _listed(reading, document, index, subindex, text)
+            listed.setdefault(index, {})[str(subindex)] = text
+    if listed:
+        document = edit.apply(document, _lists(reading, document, listed))
     return reader.read_document(document, reading.eds.source)
 
 
@@ -130,26 +134,32 @@ def has_place(reading: Reading, index: int, subindex: int) -> bool:
     return compact or _section(reading, index, subindex) is not None
 
 
-def _listed(reading: Reading, document: Document, index: int, subindex: int, text: str) -> Document:
-    """Return the document with a value in ``[xxxxValue]``, the place of compact sub-indices (DS 306 5)."""
-    name = f"{index:04x}value"
-    section = document.sections.get(name)
-    head = document.sections.get(f"{index:04x}")
-    if head is None or "compactsubobj" not in head.entries:
-        raise EdsError(
-            f"the file has no place for a value of {index:04X}h:{subindex:02X}",
-            file=reading.eds.source,
-            observed="the object is implied, by CompactPDO or by its object",
-            remedy=f"describe it in a section of its own, [{index:04X}sub{subindex:X}]",
-        )
-    if section is None:
-        after = _next(document, head)
-        entries = {"NrOfEntries": "1", str(subindex): text}
-        return edit.apply(document, [edit.add_section(document, f"{index:04X}Value", entries, after)])
-    document = edit.apply(document, [edit.set_value(document, section, str(subindex), text)])
-    section = document.sections[name]
-    count = str(sum(key[:1].isdigit() for key in section.entries))
-    return edit.apply(document, [edit.set_value(document, section, "NrOfEntries", count)])
+def _lists(reading: Reading, document: Document, listed: Mapping[int, Mapping[str, str]]) -> Iterator[Change]:
+    """Yield the changes that put values into ``[xxxxValue]``, the place of compact sub-indices (DS 306 5).
+
+    The sections are gone through once, however many values there are.
+    """
+    after = {section.line: following for section, following in pairwise(document.sections.values())}
+    for index, texts in listed.items():
+        head = document.sections.get(f"{index:04x}")
+        if head is None or "compactsubobj" not in head.entries:
+            raise _no_place(reading, index, int(next(iter(texts))))
+        section = document.sections.get(f"{index:04x}value")
+        if section is None:
+            entries = {"NrOfEntries": str(len(texts)), **texts}
+            yield edit.add_section(document, f"{index:04X}Value", entries, after.get(head.line))
+        else:
+            count = len({key for key in section.entries if key[:1].isdigit()} | texts.keys())
+            yield from edit.set_values(document, section, {**texts, "NrOfEntries": str(count)})
+
+
+def _no_place(reading: Reading, index: int, subindex: int) -> EdsError:
+    return EdsError(
+        f"the file has no place for a value of {index:04X}h:{subindex:02X}",
+        file=reading.eds.source,
+        observed="the object is implied, by CompactPDO or by its object",
+        remedy=f"describe it in a section of its own, [{index:04X}sub{subindex:X}]",
+    )
 
 
 def _next(document: Document, section: Section) -> Section | None:

@@ -121,6 +121,26 @@ def insert_key(document: Document, section: Section, key: str, value: str, *, fi
     return Change(last + 1, 0, (_style(document, section).entry(key, value),))
 
 
+def set_values(document: Document, section: Section, values: Mapping[str, str]) -> list[Change]:
+    """Return the changes that give several keys of a section their values, as ``set_value`` does, in one look at the section.
+
+    Raises:
+        ArgumentError: a key or value cannot stand in an EDS.
+    """
+    places = section.places
+    changes = [
+        set_value(document, section, key, value) for key, value in values.items() if key.lower() in places
+    ]
+    added = {key: value for key, value in values.items() if key.lower() not in places}
+    for key, value in added.items():
+        check_key(key, value)
+    if added:
+        style = _style(document, section)
+        lines = tuple(style.entry(key, value) for key, value in added.items())
+        changes.append(Change(_last_entry(document, section) + 1, 0, lines))
+    return changes
+
+
 def rename_key(document: Document, line: int, key: str) -> Change:
     """Return the change that gives the entry in ``line`` (from 1) another key; its value and spacing stay.
 

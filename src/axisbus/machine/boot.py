@@ -31,7 +31,7 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, proposal
+from axisbus.machine import dcf, proposal, syncwindow
 from axisbus.machine import identity as ids
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
@@ -123,6 +123,7 @@ class NodeBoot:
         return {
             Phase.LOOK: lambda known: self._step("state", partial(self._look, known)),
             Phase.PREPARE: lambda _: self._step("configuration", self._prepare),
+            Phase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),
             Phase.COMPLETE: self._complete,
         }
 
@@ -178,6 +179,9 @@ class NodeBoot:
     def _prepare(self) -> None:
         self._restarts = self._comms.restarts()
         self._watch.set_sync()
+
+    def _apply_dcf(self) -> None:
+        """Before the cell file's own objects; not at all where 1020h has the expected date and time (CiA 302-2)."""
         self._by_dcf = dcf.apply(self._objects, self._cell, self._eds, self._make)
 
     def _require_no_restart(self) -> None:
@@ -197,8 +201,19 @@ class NodeBoot:
         self._step("watchdog", partial(self._arm, known.control))
         for axis in self._axes:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
+        self._step("configuration", self._look_at_window)
         self._step("watchdog", self._arm_deadlines)
         self._step("restart", self._require_no_restart)
+
+    def _look_at_window(self) -> None:
+        if not any(axis.in_one_sync for axis in self._report.axes):
+            return
+        bus, window = self._cell.bus, read_int(self._objects, o301.SYNC_WINDOW)
+        if syncwindow.misses(window, bus):
+            remedy = syncwindow.remedy(self._objects.node_id)
+            self._report.warnings.append(
+                f"it may discard our synchronous RPDOs: {syncwindow.closes(window, bus)}; {remedy}"
+            )
 
     def _arm(self, control: ErrorControl) -> None:
         self._report.watchdog = self._watch.arm(self._reaction())

@@ -13,8 +13,10 @@ from axisbus.errors import NodeTimeout, SdoError
 from axisbus.machine.access import DeviceObjects
 from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import AxisConfig, CellConfig
+from axisbus.machine.directnode import DirectNode
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.parting import Parting, Stopped
+from axisbus.machine.pickup import Late
 from axisbus.machine.runtime import Runtime
 from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
@@ -22,6 +24,9 @@ from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 
 _EVENT_TIMER = 0.02
+_HEARTBEAT = (
+    0.1  # seconds between those of a node, where [bus] says nothing: without any nothing could be known of it
+)
 
 
 class DirectComms:
@@ -50,8 +55,10 @@ class DirectComms:
         return self._device.boot_ups
 
     def command(self, command: NmtCommand, deadline: float) -> NmtState:  # noqa: ARG002 - no time passes here
-        """Do what a node without a bus can do: restart. Its objects may be written in any state, and it runs already."""
-        if command is NmtCommand.RESET_NODE:
+        """Do what a node without a bus can do: restart, and start. Its objects may be written in any state."""
+        if command is NmtCommand.START:
+            self._device.nmt_command(command)
+        elif command is NmtCommand.RESET_NODE:
             self._device.nmt_command(command)
             self._device.power_on()
             self._device.nmt_command(NmtCommand.START)
@@ -95,21 +102,28 @@ class DirectComms:
 def build_direct(
     cell: CellConfig, dictionaries: Mapping[int, Eds], devices: Mapping[int, Device] | None = None
 ) -> Runtime:
-    """Make the stand-ins of a cell (or take ``devices``), boot them, and return the runtime in virtual time."""
+    """Make the stand-ins of a cell (or take ``devices``), boot them, and return the runtime in virtual time.
+
+    An optional one whose dial ``dead`` is on is absent, until it is turned off.
+    """
     devices = devices or {
         node_id: device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()
     }
     ports = {name: _port(cell, axis, devices[axis.node]) for name, axis in cell.axes.items()}
     cycle = DirectCycle(
-        list(ports.values()), master_id=cell.bus.master_id, heartbeat=cell.bus.heartbeat or 0.0
+        list(ports.values()),
+        master_id=cell.bus.master_id,
+        heartbeat=cell.bus.heartbeat or 0.0,
+        devices=[device for node_id, device in devices.items() if not any(cell.axes_of(node_id))],
     )
     booted: dict[int, Booted] = {}
     nodes: dict[int, NodeAccess] = {}
-    for node_id, eds in dictionaries.items():
-        objects = DeviceObjects(devices[node_id])
-        comms = DirectComms(devices[node_id], ports)
-        booted[node_id] = NodeBoot(cell, node_id, eds, objects, comms).run()
-        nodes[node_id] = NodeAccess(node_id, eds, objects)
+    boots = {
+        node_id: partial(_boot, cell, eds, devices[node_id], ports, cycle, nodes)
+        for node_id, eds in dictionaries.items()
+    }
+    for node_id, boot in boots.items():
+        booted[node_id], _ = boot()
     stand_ins = {node_id: StandIn(device, nullcontext()) for node_id, device in devices.items()}
     return Runtime(
         cycle,
@@ -120,12 +134,45 @@ def build_direct(
         partial(_let_all_go, devices, booted),
         [cycle.close],
         stand_ins,
+        {
+            node_id: Late(node_id, partial(_answers, devices[node_id]), boots[node_id])
+            for node_id, one in booted.items()
+            if one.report.absent
+        },
     )
 
 
+def _boot(
+    cell: CellConfig,
+    eds: Eds,
+    device: Device,
+    ports: Mapping[str, DirectPort],
+    cycle: DirectCycle,
+    nodes: dict[int, NodeAccess],
+) -> tuple[Booted, Mapping[str, Port]]:
+    """Boot a stand-in, at first or when it has appeared, and enter what direct access to it needs."""
+    node_id, objects = device.node_id, DeviceObjects(device)
+    booted = NodeBoot(cell, node_id, eds, objects, DirectComms(device, ports)).run()
+    own = {axis.name: ports[axis.name] for axis in cell.axes_of(node_id)}
+    node = DirectNode(device, cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
+    nodes[node_id] = NodeAccess(
+        node_id, eds, objects, node, events=node.events if booted.report.ok else None, clock=cycle.now
+    )
+    if booted.report.ok:
+        cycle.listeners.append(lambda now, emcys: node.listen(now, emcys[node_id]))
+        for port in own.values():
+            port.know_state(cycle.now())
+    return booted, dict[str, Port](own)
+
+
+def _answers(device: Device) -> bool:
+    return device.answers_sdo
+
+
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
+    heartbeat = cell.bus.heartbeat or _HEARTBEAT
     if cell.bus.sync:
-        return DirectPort(device, axis.drive_axis - 1)
+        return DirectPort(device, axis.drive_axis - 1, node_heartbeat=heartbeat)
     has = device.dictionary.has
     offset = 0x800 * (axis.drive_axis - 1)
     return DirectPort(
@@ -134,6 +181,7 @@ def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
         inputs={name: Source.EVENT_PDO for name, index in INPUT_OBJECTS.items() if has(index + offset)},
         outputs={name: Source.EVENT_PDO for name, index in OUTPUT_OBJECTS.items() if has(index + offset)},
         event_timer=_EVENT_TIMER,
+        node_heartbeat=heartbeat,
     )
 
 

@@ -75,13 +75,13 @@ class Machine:
             self._members(set(cores)),
             LostNode(cell.bus.on_lost_node),
         )
-        self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan)
+        self._pickup = Pickup(runtime.late, self._join)
+        self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan, self._pickup.look)
         self._axes = {name: Axis(core.parameters, self.scan, self._waiter) for name, core in cores.items()}
         self._groups: dict[str, Group] = {}
         self._make_groups()
         for node_id in runtime.nodes:
             self._watch_node(node_id)
-        self._pickup = Pickup(runtime.late, self._join)
         self._signals = ExitSignals(self.scan, Machine.__exit__, Machine.close, Machine._close)
         self._thread: threading.Thread | None = None
         self._supervisor: Supervisor | None = None

@@ -8,14 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 from axisbus.bus.deadline import PdoEvent
-from axisbus.bus.emcy import EmcyMonitor
 from axisbus.bus.nodeevents import NodeEvent, NodeEvents
 from axisbus.cia301 import errorfield
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
-from axisbus.cia301.incident import Incident
+from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.drives.emergency import history_words, incident_words
 from axisbus.drives.registry import find
@@ -23,6 +22,7 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
 from axisbus.machine.access import Objects, read_int
+from axisbus.machine.directnode import DirectNode
 
 Key = int | str | tuple[int | str, int]
 
@@ -79,16 +79,19 @@ class NodeAccess:
         node_id: int,
         eds: Eds,
         objects: Objects,
-        bus_node: Any = None,
+        node: Any,
         plans: tuple[Any, ...] = (),
         events: NodeEvents | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """``node`` is a ``bus.node.Node``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages."""
         self.node_id = node_id
         self.eds = eds
         self.sdo = SdoAccess(objects, Dictionary(eds, node_id))
         self.plans = plans
         self._objects = objects
-        self._bus_node = bus_node
+        self._node = node
+        self._clock = clock
         self._events = events
         self._make = find(*(_number(eds, node_id, subindex) for subindex in (o.VENDOR_ID, o.PRODUCT_CODE)))
 
@@ -97,12 +100,8 @@ class NodeAccess:
 
     @property
     def nmt(self) -> NmtState:
-        """The NMT state that the node reported last.
-
-        Raises:
-            StateError: the node is simulated without a bus.
-        """
-        state: NmtState = self._require_bus().nmt.state
+        """The NMT state that the node reported last."""
+        state: NmtState = self._node.nmt.state
         return state
 
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
@@ -112,21 +111,20 @@ class NodeAccess:
 
         Raises:
             NodeTimeout: nothing confirms it.
-            StateError: the node is simulated without a bus.
         """
-        self._require_bus().command(command, timeout)
+        self._node.command(command, timeout)
 
     @property
     def emcy(self) -> deque[Emcy]:
-        """The last 64 emergency messages, oldest first; raises StateError without a bus."""
-        monitor: EmcyMonitor = self._require_bus().emcy
-        return monitor.history
+        """The last 64 emergency messages, oldest first."""
+        log: EmcyLog = self._node.emcy
+        return log.history
 
     @property
     def events(self) -> list[NodeEvent]:
         """What error control has told of the node since the scan began, oldest first, each with its reaction time.
 
-        At most the last 256; empty for a node that did not come up, and for one that is simulated without a bus.
+        At most the last 256; empty for a node that did not come up.
         """
         return [] if self._events is None else list(self._events.history)
 
@@ -137,21 +135,21 @@ class NodeAccess:
 
     @property
     def incidents(self) -> tuple[Incident, ...]:
-        """The last 32 incidents, oldest first: faults, what came within 0.1 s, and the resets that followed.
-
-        Raises:
-            StateError: the node is simulated without a bus.
-        """
-        monitor: EmcyMonitor = self._require_bus().emcy
-        return tuple(monitor.incidents)
+        """The last 32 incidents, oldest first: faults, what came within 0.1 s, and the resets that followed."""
+        log: EmcyLog = self._node.emcy
+        return tuple(log.incidents)
 
     def incident_words(self, incident: Incident) -> list[str]:
         """Return an incident as lines of text, by CiA 301, CiA 402 and the make's own table."""
-        return incident_words(incident, self._make, time.monotonic())
+        return incident_words(incident, self._make, self._clock())
 
     @property
     def pdo_events(self) -> tuple[PdoEvent, ...]:
-        """The last 64 times that a TPDO stopped coming or came again, oldest first; raises StateError without a bus."""
+        """The last 64 times that a TPDO stopped coming or came again, oldest first.
+
+        Raises:
+            StateError: the node is simulated without a bus, where no PDO can stop coming; values have their ages all the same.
+        """
         return tuple(self._require_bus().pdo_events)
 
     def error_history(self) -> tuple[ErrorEntry, ...] | None:
@@ -186,12 +184,12 @@ class NodeAccess:
         return [line for plan in self.plans for line in describe(plan).splitlines()]
 
     def _require_bus(self) -> Any:
-        if self._bus_node is None:
+        if isinstance(self._node, DirectNode):
             raise StateError(
                 f"node {self.node_id} is simulated without a bus",
                 remedy='open the machine with Machine.open and interface = "sim" instead of Machine.simulated',
             )
-        return self._bus_node
+        return self._node
 
 
 def _number(eds: Eds, node_id: int, subindex: int) -> int | None:

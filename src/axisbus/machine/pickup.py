@@ -27,21 +27,36 @@ class Late:
 
 
 class Pickup:
-    """Waits for late nodes in a thread of its own; holds state: those that are still awaited."""
+    """Waits for late nodes, in a thread of its own or in virtual time; holds state: those that are still awaited."""
 
     def __init__(
         self, nodes: Mapping[int, Late], join: Callable[[int, Booted, Mapping[str, Port]], None]
     ) -> None:
-        """``join`` takes a node that was booted, well or not; it is called in the thread."""
+        """``join`` takes a node that was booted, well or not; it is called in the thread that asks."""
         self._nodes = dict(nodes)
         self._join = join
         self._stop = threading.Event()
+        self._next: float | None = None  # when to ask, in virtual time
+        self._looking = False
         self._thread = threading.Thread(target=self._run, name="axisbus optional nodes", daemon=True)
 
     def start(self) -> None:
         """Begin to ask, where there is anybody to wait for."""
         if self._nodes:
             self._thread.start()
+
+    def look(self, now: float) -> None:
+        """Do the same in virtual time, in the caller's thread: ask where a second has passed by ``now``; blocks for a boot-up."""
+        if not self._nodes or self._stop.is_set() or self._looking:
+            return
+        if self._next is None or now < self._next:
+            self._next = now + ASK_EVERY if self._next is None else self._next
+            return
+        self._next, self._looking = now + ASK_EVERY, True
+        try:
+            self._ask_all()
+        finally:
+            self._looking = False
 
     def stop(self) -> None:
         """Ask no more; blocks until a boot-up under way has ended, at most some seconds."""
@@ -51,10 +66,13 @@ class Pickup:
 
     def _run(self) -> None:
         while self._nodes and not self._stop.wait(ASK_EVERY):
-            for node in list(self._nodes.values()):
-                if self._stop.is_set():
-                    return
-                self._try(node)
+            self._ask_all()
+
+    def _ask_all(self) -> None:
+        for node in list(self._nodes.values()):
+            if self._stop.is_set():
+                return
+            self._try(node)
 
     def _try(self, node: Late) -> None:
         """Boot a node that answers; one that falls silent again is awaited further."""

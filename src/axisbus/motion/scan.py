@@ -294,8 +294,10 @@ class Scan:
 class PumpWaiter:
     """Waiting in virtual time: the scan is pumped by whoever waits."""
 
-    def __init__(self, scan: Scan) -> None:
+    def __init__(self, scan: Scan, then: Callable[[float], None] | None = None) -> None:
+        """``then`` is called with the virtual time after each cycle; it may wait itself."""
         self._scan = scan
+        self._then = then
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Pump the scan until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
@@ -318,3 +320,6 @@ class PumpWaiter:
             scan.end()
             if not isinstance(error, AxisbusError):
                 raise
+            return
+        if self._then is not None:
+            self._then(scan.cycle.now())

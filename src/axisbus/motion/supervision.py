@@ -50,7 +50,9 @@ class Supervision:
         """Return that the node is lost, once, until ``lost`` is set back."""
         if image.gap > self._longest_gap:
             self._excused_until = image.now + 2 * self._longest_gap
-            self._last_gap = image.gap
+            self._last_gap = (
+                image.gap if math.isfinite(image.gap) else 0.0
+            )  # before the first cycle nothing was
         if image.operational:
             self._met_operational = True
         elif self._met_operational and not self.lost and not self._excused(image):
@@ -137,7 +139,7 @@ class Supervision:
                 remedy=_remedy_for_silence(node),
             )
         seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
-        if image.now < self._excused_until:
+        if image.now < self._excused_until and self._last_gap:
             seen += f"; this program did not run for {self._last_gap:.3g} s just before"
         return NodeError(
             f"{name}: node {node} is lost: its NMT state is {state}, not operational",

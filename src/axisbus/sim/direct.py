@@ -10,8 +10,9 @@ SDO when their transfer has been served. Every value that was ``NONE`` is never 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
@@ -21,6 +22,8 @@ from axisbus.sim.direct_port import DirectPort
 __all__ = ["CycleDials", "DirectCycle", "DirectPort"]
 
 _LONGEST_STEP = 0.01  # s
+
+Listener = Callable[[float, Mapping[int, tuple[Emcy, ...]]], None]
 
 
 class DirectCycle:
@@ -35,14 +38,17 @@ class DirectCycle:
         heartbeat: float = 0.1,
         operational: bool = True,
         dials: CycleDials | None = None,
+        devices: Sequence[Device] = (),
     ) -> None:
-        """Drive ``ports``; ``heartbeat`` is the period of ours in s (0: none).
+        """Drive ``ports`` and ``devices`` (nodes without an axis); ``heartbeat`` is the period of ours in s (0: none).
 
-        ``operational`` boots all nodes at once and starts them; else they boot as time passes, and ``nmt`` starts them.
+        ``operational`` boots all nodes at once and starts them, but for dead ones, which hear nothing; else they boot as time
+        passes, and ``nmt`` starts them. Each of ``listeners`` is called with the time and every node's new emergency messages.
         """
         self.ports = list(ports)
         self.dials = dials or CycleDials()
-        self.devices: list[Device] = []
+        self.devices: list[Device] = list(devices)
+        self.listeners: list[Listener] = []
         for port in self.ports:
             port.dials = self.dials
             if port.device not in self.devices:
@@ -58,9 +64,11 @@ class DirectCycle:
     def _boot(self) -> None:
         for device in self.devices:
             device.power_on()
-            device.nmt_command(NmtCommand.START)
+            if not device.dials.dead:
+                device.nmt_command(NmtCommand.START)
         for port in self.ports:
-            port.know_state(self._now)
+            if not port.device.dials.dead:
+                port.know_state(self._now)
             port.advance(self._now, ())
 
     def now(self) -> float:
@@ -185,3 +193,5 @@ class DirectCycle:
         for port in self.ports:
             dead = port.device.dials.dead
             port.advance(now, () if dead else messages[port.device.node_id])
+        for listener in self.listeners:
+            listener(now, messages)

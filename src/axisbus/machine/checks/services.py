@@ -5,6 +5,7 @@ from __future__ import annotations
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
+from axisbus.machine import syncwindow
 from axisbus.machine.cell import BusConfig
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.checks.cobids import RESTRICTED
@@ -116,8 +117,22 @@ def counter(case: Case) -> Found:
             )
 
 
+def window(case: Case) -> Found:
+    """Warn of nodes whose synchronous window (1007h) closes before our RPDOs come."""
+    bus = case.cell.bus
+    for node, eds, _ in case.nodes:
+        length = case.node_number(node, o.SYNC_WINDOW)
+        if syncwindow.misses(length, bus) and any(case.cell.axes_of(node.node_id)):
+            yield case.warning(
+                node.at.line,
+                f"node {node.node_id} may discard the master's synchronous RPDOs",
+                f"{syncwindow.closes(length, bus)} ({eds.source})",
+                syncwindow.remedy(node.node_id),
+            )
+
+
 def _said(value: int, eds: Eds) -> str:
     return f"1005h is {value:X}h in {eds.source}"
 
 
-CHECKS: tuple[Check, ...] = (listeners, producers, identifiers, without_effect, counter)
+CHECKS: tuple[Check, ...] = (listeners, producers, identifiers, without_effect, counter, window)

@@ -1,0 +1,89 @@
+"""A stand-in without a bus as direct access sees a node: NMT state, emergency messages, incidents, and what error control tells."""
+
+from __future__ import annotations
+
+from axisbus.bus.nodeevents import NodeEvents
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.incident import EmcyLog
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.errors import NodeTimeout
+from axisbus.machine.configure import HEARTBEATS
+from axisbus.sim.device import Device
+
+
+class DirectMonitor:
+    """What the heartbeats of a stand-in have told; holds state: the last of them. Times in seconds of virtual time."""
+
+    def __init__(self, device: Device, now: float, heartbeat: float) -> None:
+        """Begin with the node as it is: a dead one has never been heard. ``heartbeat`` is its period."""
+        self.state = NmtState.UNKNOWN if device.dials.dead else device.nmt
+        self.stamp: float | None = None if device.dials.dead else now
+        self.bootups = device.boot_ups
+        self.bootup_stamp: float | None = None
+        self._device = device
+        self._heartbeat = heartbeat
+        self._next = now
+
+    @property
+    def node_id(self) -> int:
+        """The node's ID."""
+        return self._device.node_id
+
+    @property
+    def deadline(self) -> float:
+        """When the next heartbeat is overdue."""
+        return (self.stamp or 0.0) + HEARTBEATS * self._heartbeat + 1e-9
+
+    def overdue(self, now: float) -> bool:
+        """Whether it is at the time ``now``."""
+        return now > self.deadline
+
+    def listen(self, now: float) -> bool:
+        """Hear what the node says until ``now``; return whether that was a boot-up message."""
+        device = self._device
+        if device.dials.dead:
+            return False
+        if device.boot_ups != self.bootups:
+            self.bootups, self.bootup_stamp, self.stamp = device.boot_ups, now, now
+            self.state, self._next = NmtState.PRE_OPERATIONAL, now + self._heartbeat
+            return True
+        silent = device.dials.heartbeat_stops or device.nmt is NmtState.INITIALISING
+        if now >= self._next - 1e-9 and not silent:
+            self.state, self.stamp, self._next = device.nmt, now, now + self._heartbeat
+        return False
+
+
+class DirectNode:
+    """One node without a bus; holds its monitor, its log of messages, and what error control has told of it."""
+
+    def __init__(self, device: Device, now: float, heartbeat: float) -> None:
+        """``now`` is the virtual time, ``heartbeat`` the period of the node's heartbeats, both in seconds."""
+        self.nmt = DirectMonitor(device, now, heartbeat)
+        self.emcy = EmcyLog()
+        self.events = NodeEvents(self.nmt)
+        self._device = device
+
+    def listen(self, now: float, emcys: tuple[Emcy, ...]) -> None:
+        """Hear what has come until ``now``."""
+        if self.nmt.listen(now):
+            self.emcy.incidents.booted(now)
+        if not self._device.dials.dead:
+            for emcy in emcys:
+                self.emcy.note(emcy)
+        self.events.look(now)
+
+    def command(self, command: NmtCommand, timeout: float) -> None:  # noqa: ARG002 - no time passes here
+        """Give the node an NMT command, which it obeys at once; a restart takes it virtual time.
+
+        Raises:
+            NodeTimeout: it is not there.
+        """
+        if self._device.dials.dead:
+            raise NodeTimeout(
+                f"node {self._device.node_id} did not confirm {command.name.lower().replace('_', ' ')}",
+                node=self._device.node_id,
+                remedy="check its supply, cable, node ID and bit rate",
+            )
+        self._device.nmt_command(command)
+        if self._device.nmt is not NmtState.INITIALISING:  # that ends with a boot-up message
+            self.nmt.state = self._device.nmt

@@ -1,0 +1,58 @@
+"""Block transfers of 64 KiB, read and written, with each single frame of either side lost once."""
+
+from __future__ import annotations
+
+import functools
+import random
+
+import pytest
+from sdo_sweep import Sweep
+from sdo_wire import SdoWire
+
+from axisbus.cia301.sdo import Way
+
+BIG = random.Random(301).randbytes(65536)
+PARTS = 6
+# 9363 segments of 7 octets in 74 blocks, each confirmed; the initiation and its answer; the end and its answer; reading has one
+# frame more, the client's start (CiA 301 7.2.4.3.8 to 7.2.4.3.15; counted by hand).
+FRAMES = {False: 9363 + 74 + 5, True: 9363 + 74 + 4}
+
+sweep_of_64_kib = functools.cache(functools.partial(Sweep, BIG))
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("part", range(PARTS, 0, -1))
+@pytest.mark.parametrize("writing", [False, True], ids=["reading", "writing"])
+def test_each_frame_of_64_kib_lost_once(writing, part):
+    """From the end backwards, so that the rest of a transfer is already known."""
+    sweep = sweep_of_64_kib(writing)
+    assert sweep.frames == FRAMES[writing]
+    numbers = range(sweep.frames * part // PARTS, sweep.frames * (part - 1) // PARTS, -1)
+    assert sweep.lose(numbers) > 100 * len(numbers)
+
+
+@pytest.mark.parametrize("tries", [1, 2])
+@pytest.mark.parametrize("writing", [False, True], ids=["reading", "writing"])
+def test_the_sweep_finds_what_whole_transfers_find(writing, tries):
+    """The oracle of the sweep itself: with one attempt only some losses end a transfer, and it must name just those."""
+    data = BIG[:3000]
+    sweep = Sweep(data, writing, tries)
+    found = {number for number in range(sweep.frames, 0, -1) if _ends_badly(sweep, number)}
+    expected = {number for number in range(1, sweep.frames + 1) if _fails(data, writing, tries, number)}
+    assert found == expected
+    assert bool(found) == (tries == 1)
+
+
+def _ends_badly(sweep: Sweep, number: int) -> bool:
+    try:
+        sweep.lose([number])
+    except AssertionError:
+        return True
+    return False
+
+
+def _fails(data: bytes, writing: bool, tries: int, lost: int) -> bool:
+    wire = SdoWire(b"old" if writing else data)
+    wire.fate = lambda number, _: None if number == lost else 0.0
+    session = wire.download(data, Way.BLOCK, tries) if writing else wire.upload(Way.BLOCK, tries)
+    return session.failure is not None
