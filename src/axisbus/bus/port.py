@@ -27,6 +27,7 @@ from axisbus.cia402.port import (
     SdoReply,
     SdoRequest,
 )
+from axisbus.errors import BusError
 
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
 
@@ -71,6 +72,7 @@ class CanPort:
         self._frames: list[Frame] = []
         self._stop_frames: tuple[Frame, ...] = ()
         self._nmt_stopped = False
+        self._offs = node.channel.offs
         for slot in self._slots:
             node.channel.subscribe(slot.cob_id, slot.on_frame)
 
@@ -91,9 +93,11 @@ class CanPort:
         nmt = self.node.nmt
         emcy, replies = self._emcy.take(), self._take_replies()
         if self.rebooted:
-            return Inputs(now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state))
-        samples = self._samples
-        operational = nmt.operational(now)
+            return Inputs(
+                now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state), self._bus_off()
+            )
+        samples, bus = self._samples, self._bus_off()
+        operational = bus is None and nmt.operational(now)
         for slot in self._slots:
             slot.read_into(samples)
         if events := self._deadlines.step(now, [slot.stamp for slot in self._slots], operational):
@@ -113,6 +117,7 @@ class CanPort:
             emcy,
             replies,
             int(nmt.state),
+            bus,
         )
 
     def write(self, outputs: Outputs) -> None:
@@ -149,6 +154,11 @@ class CanPort:
         if self._controlword is not None and frames:
             self._stop_frames = tuple(self._quick_stops())
         return frames
+
+    def drop_frames(self) -> None:
+        """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""
+        self._frames = []
+        self._nmt_stopped = False  # it was not sent, and must be if it is still wanted then
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length; none while the node cannot answer."""
@@ -188,6 +198,12 @@ class CanPort:
         return sum(slot.short for slot in self._slots)
 
     # -- details ------------------------------------------------------------------------------------------------------------------
+
+    def _bus_off(self) -> BusError | None:
+        """Why the bus is off, told at least once for each bus-off, however short it was."""
+        channel = self.node.channel
+        offs, self._offs = self._offs, channel.offs
+        return channel.off or (channel.last_off if offs != self._offs else None)
 
     def _quick_stops(self) -> list[Frame]:
         word = Command.QUICK_STOP.word

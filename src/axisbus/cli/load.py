@@ -170,6 +170,7 @@ def _plain(found: Measured, first: float) -> dict[str, Any]:
         "by_kind": [{"kind": kind, **share(one)} for kind, one in sorted(found.by_kind.items())],
         "worst_100ms": {"load": found.peak.load, "at": max(0.0, found.peak.time - first)},
         "error_frames": found.error_frames,
+        "errors": dict(found.errors),
     }
 
 
@@ -196,6 +197,8 @@ def _show(report: dict[str, Any], asked: Asked) -> None:
         )
         say(f"  the fullest 100 ms: {peak['load']:.1%}, at {peak['at']:.3f} s")
         say(f"  error frames: {measured['error_frames']}")
+        for text, count in measured["errors"].items():
+            say(f"    {count} x {text}")
         _table(measured, ("load", "load_worst"), "load    worst")
     _next(report, asked)
 

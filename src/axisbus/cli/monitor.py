@@ -37,7 +37,8 @@ def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
 
 def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
     if as_json:
-        say_json([{**describe(axis), **of_node(machine, axis)} for axis in machine])
+        bus = {"bus_events": [str(event) for event in machine.bus_events]}
+        say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
         return
     for axis in machine:
         seen = describe(axis)
@@ -63,8 +64,9 @@ def histories(machine: Machine) -> list[str]:
 
 
 def news(machine: Machine, told: set[str]) -> list[str]:
-    """Return what has happened on the nodes and is not in ``told`` yet: incidents as they now stand, TPDOs that stopped coming."""
-    lines = []
+    """Return what has happened and is not in ``told`` yet: of the CAN controller, incidents as they now stand, missing TPDOs."""
+    lines = [f"{event}" for event in machine.bus_events if f"{event.stamp} {event}" not in told]
+    told.update(f"{event.stamp} {event}" for event in machine.bus_events)
     for node_id in sorted(machine.cell.nodes):
         node = machine.node(node_id)
         for incident in node.incidents:
