@@ -16,7 +16,7 @@ from axisbus.bus.sdo_output import SdoOutputs, is_motion
 from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.bus.worker import Job
 from axisbus.cia301 import abort, cob
-from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import (
     OUTPUT_OBJECTS,
@@ -37,7 +37,8 @@ class CanPort:
 
     ``read``, ``write`` and ``take_frames`` belong to the scan's thread, ``stop_frames`` may be called from any. A node that has
     rebooted has lost its PDO configuration: from then on its values are unknown and nothing is sent to it, until a new port is
-    made.
+    made. One that may have rebooted while nobody could hear it, because in its first word after a bus-off it is not operational,
+    counts as not operational until then, whatever it says later: it gets no RPDO, but can still be stopped by SDO.
     """
 
     def __init__(self, node: Node, plan: Plan, *, scan_period: float, remappable: bool = True) -> None:
@@ -73,6 +74,8 @@ class CanPort:
         self._stop_frames: tuple[Frame, ...] = ()
         self._nmt_stopped = False
         self._offs = node.channel.offs
+        self._returning = False  # from a bus-off; nothing was heard of it since
+        self._doubtful = False
         for slot in self._slots:
             node.channel.subscribe(slot.cob_id, slot.on_frame)
 
@@ -97,7 +100,7 @@ class CanPort:
                 now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state), self._bus_off()
             )
         samples, bus = self._samples, self._bus_off()
-        operational = bus is None and nmt.operational(now)
+        operational = bus is None and not self._doubtful and nmt.operational(now)
         for slot in self._slots:
             slot.read_into(samples)
         if events := self._deadlines.step(now, [slot.stamp for slot in self._slots], operational):
@@ -135,7 +138,8 @@ class CanPort:
             self._submit(request)
         given = _given(outputs)
         controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
-        self._frames = arrange(self._images, given, controlword, self._controlword)
+        frames = arrange(self._images, given, controlword, self._controlword)
+        self._frames = [] if self._doubtful else frames  # its RPDOs may be mapped otherwise now
         if controlword is not None:
             self._controlword = controlword
         if outputs.nmt_stop and not self._nmt_stopped:
@@ -203,7 +207,13 @@ class CanPort:
         """Why the bus is off, told at least once for each bus-off, however short it was."""
         channel = self.node.channel
         offs, self._offs = self._offs, channel.offs
-        return channel.off or (channel.last_off if offs != self._offs else None)
+        off = channel.off or (channel.last_off if offs != self._offs else None)
+        if off is not None:
+            self._returning = True
+        elif self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
+            self._returning = False
+            self._doubtful |= self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL
+        return off
 
     def _quick_stops(self) -> list[Frame]:
         word = Command.QUICK_STOP.word

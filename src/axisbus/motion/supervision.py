@@ -156,7 +156,7 @@ def bus_lost(name: str, node: int, bus: BusError) -> BusOff:
         f"{name}: node {node} is lost: {bus.message}",
         observed=bus.observed,
         remedy=f"make sure that the axis stands: only the drive's own watchdog can stop it now; {bus.remedy}. Nothing moves by "
-        "itself when the bus is back: axis.reset() once the node is operational again, else close the machine and open it again",
+        "itself when the bus is back: axis.reset() where the node is still operational, else close the machine and open it again",
     )
 
 
