@@ -20,6 +20,7 @@ from axisbus.bus.cycle import CanCycle
 from axisbus.bus.errorframe import Condition
 from axisbus.bus.node import Node
 from axisbus.bus.nodeevents import NodeEventKind, NodeEvents
+from axisbus.bus.sync import SyncConsumer
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff
 
@@ -246,6 +247,17 @@ def test_a_state_that_was_only_assumed_is_not_assumed_any_more(can0: Channel, fa
         go_off(fake, can0)
         come_back(fake, can0)
         assert not node.nmt.operational(time.monotonic())
+
+
+def test_where_another_device_sends_sync_a_bus_off_ends_the_scan(can0: Channel, fake: FakeBus) -> None:
+    consumer = SyncConsumer(can0, 0x80, 60.0)
+    fake.inject(0x80, b"")
+    cycle = CanCycle(can0, [], sync_cob_id=None, sync_consumer=consumer)
+    cycle.wait_until(0.0)
+    go_off(fake, can0)
+    with pytest.raises(BusOff):
+        cycle.wait_until(0.0)
+    consumer.close()
 
 
 def test_the_cycle_goes_on_without_a_frame_and_begins_again_with_heartbeat_and_sync(

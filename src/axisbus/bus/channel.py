@@ -31,11 +31,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import can
-import canopen
 
 from axisbus.bus import adapter, errorframe, failures
 from axisbus.bus.controller import Controller, ControllerEvent
 from axisbus.bus.errorframe import Condition
+from axisbus.bus.network import Network
 from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
 Receiver = Callable[[bytes, float], None]
@@ -63,29 +63,6 @@ class Counters:
     full: int = 0
     error_frames: int = 0
     errors: deque[str] = field(default_factory=lambda: deque(maxlen=16))
-
-
-class Network(canopen.Network):
-    """canopen's network on our channel: its frames go out paced, and come in from our receive thread."""
-
-    def __init__(self, channel: Channel) -> None:
-        super().__init__(channel.bus)
-        self._channel = channel
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame through the channel.
-
-        Raises:
-            AdapterError: it cannot be sent.
-        """
-        if remote:
-            self._channel.send_remote(can_id)
-        else:
-            self._channel.send(can_id, bytes(data))
-
-    def check(self) -> None:
-        """Raise the channel's failure, if it has one."""
-        self._channel.check()
 
 
 class Channel:
@@ -357,9 +334,8 @@ class Channel:
         data = bytes(message.data)
         self.counters.errors.append(errorframe.describe(error_class, data))
         self._follow(self.controller.error_frame(error_class, data, stamp))
-        self._state_due = min(
-            self._state_due, stamp
-        )  # where only the driver's state tells bus-off, this is when to look
+        if self._state_due < math.inf:  # where only the driver's state tells bus-off, this is when to look
+            self._state_due = stamp
 
     def _follow(self, event: ControllerEvent | None) -> None:
         """Stop sending at a bus-off, and let it begin again after a restart."""
