@@ -8,6 +8,8 @@ from typing import NamedTuple
 # Interfaces whose error frames have Linux's class as identifier; others put other things there.
 LINUX_CLASSES = frozenset({"socketcan", "gs_usb"})
 
+WHAT_TO_CHECK = "bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations"
+
 _BUS_OFF = 0x40
 _CONTROLLER = 0x04
 _RESTARTED = 0x100

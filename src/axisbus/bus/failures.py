@@ -5,10 +5,9 @@ from __future__ import annotations
 import can
 
 from axisbus.bus import socketcan
-from axisbus.bus.errorframe import ErrorCounters
+from axisbus.bus.errorframe import WHAT_TO_CHECK, ErrorCounters
 from axisbus.errors import AdapterError, BusError, BusOff
 
-_WIRE = "bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations"
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
 
 
@@ -18,7 +17,7 @@ def deaf(name: str, error: Exception) -> AdapterError:
     failure = AdapterError(
         f"the CAN adapter {name} stopped receiving" + (": its controller went bus-off" if off else ""),
         observed=f"{type(error).__name__}: {error}",
-        remedy=f"check {_WIRE}; then open the machine again" if off else _REOPEN,
+        remedy=f"check {WHAT_TO_CHECK}; then open the machine again" if off else _REOPEN,
     )
     failure.__cause__ = error
     return failure
@@ -63,7 +62,7 @@ def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
         f"the CAN controller of {name} went bus-off: it no longer takes part in the bus",
         observed="its transmit error counter went past 255"
         + (f"; the last it told before: {counters}" if counters else ""),
-        remedy=f"check {_WIRE}; then {_restart(name)}",
+        remedy=f"check {WHAT_TO_CHECK}; then {_restart(name)}",
     )
 
 

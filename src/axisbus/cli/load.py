@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from axisbus.bus.errorframe import WHAT_TO_CHECK
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.options import bus_options
@@ -199,6 +200,8 @@ def _show(report: dict[str, Any], asked: Asked) -> None:
         say(f"  error frames: {measured['error_frames']}")
         for text, count in measured["errors"].items():
             say(f"    {count} x {text}")
+        if measured["errors"]:
+            say(f"    check {WHAT_TO_CHECK}")
         _table(measured, ("load", "load_worst"), "load    worst")
     _next(report, asked)
 
