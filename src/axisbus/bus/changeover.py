@@ -22,7 +22,7 @@ from axisbus.bus import adapter, discover, socketcan
 from axisbus.bus.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.cia301.lss import LssAddress
-from axisbus.errors import AdapterError, LssTimeout, in_a_line
+from axisbus.errors import AdapterError, LssError, in_a_line
 
 ANSWER_TIME = 5.0  # seconds that a slave may take to answer at the new rate; some restart for it
 _PAUSE = 0.2
@@ -154,7 +154,7 @@ def _answers(master: LssMaster, address: LssAddress) -> bool:
     while True:
         try:
             master.inquire(address)
-        except LssTimeout:
+        except LssError:  # silent, or somebody else answers: it is not known to be there
             if time.monotonic() > deadline:
                 return False
             time.sleep(_PAUSE)

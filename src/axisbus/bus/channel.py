@@ -13,7 +13,7 @@ Bus-off is no such end, because a controller can be restarted. While it is ``off
 nothing is given to the driver: Linux would take the frames with success, keep them in the interface's queue, and send them in a
 burst at the restart, set-points of long ago among them. (What the queue took before the bus-off was told is out of our hands; some
 milliseconds' worth, which only taking the interface down throws away.) ``off`` ends when the restart is told; ``last_off`` and
-``offs`` stay, so that nobody misses a short one.
+``offs`` stay, so that nobody misses a short one. ``on_failure`` is told of a bus-off too.
 
 The send lock is held for one attempt only, never while waiting for a full queue to drain; ``send_urgent`` does not wait for it
 longer than a few milliseconds, because the thread that holds it may be stuck in the driver for ever.
@@ -138,11 +138,11 @@ class Channel:
         if failure is not None:
             # A copy each time: one error that is raised again and again would collect tracebacks.
             raise copy.copy(failure) from failure
+        if self._closing:
+            raise AdapterError(f"the CAN channel {self.name} is closed")
         off = self._off
         if off is not None:
             raise copy.copy(off) from off
-        if self._closing:
-            raise AdapterError(f"the CAN channel {self.name} is closed")
 
     def subscribe(self, can_id: int, receiver: Receiver) -> None:
         """Have ``receiver(data, stamp)`` called in the receive thread for each frame of this COB-ID; it must not block.
