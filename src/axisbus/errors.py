@@ -11,6 +11,7 @@
     │   └── EdsError                 an EDS or DCF that cannot serve, with file and line
     ├── BusError                     the adapter, the wire or a node's communication
     │   ├── AdapterError             the CAN adapter cannot be opened, refuses to send, or stopped receiving
+    │   │   └── BusOff               its controller has left the bus; it may come back
     │   ├── NodeError                a node: no answer, lost, rebooted
     │   │   └── NodeTimeout          (also TimeoutError)
     │   ├── SdoError                 an SDO transfer that failed
@@ -106,6 +107,10 @@ class BusError(AxisbusError):
 
 class AdapterError(BusError):
     """The CAN adapter cannot be opened, refuses to send, or has stopped receiving."""
+
+
+class BusOff(AdapterError):
+    """The CAN controller is bus-off (ISO 11898-1): nothing is sent or received until it is restarted."""
 
 
 class NodeError(BusError):

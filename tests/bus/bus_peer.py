@@ -18,7 +18,8 @@ class FakeBus(can.BusABC):
     """A bus in memory: what is sent goes to ``peers`` at once, what they answer can be received.
 
     Dials: ``refuse`` holds exceptions, one for each of the next sends; ``full`` refuses all; ``stuck`` is an event that the sends
-    of threads whose name begins with "stuck" wait for; an exception given to ``fail_receiving`` comes out of ``recv``.
+    of threads whose name begins with "stuck" wait for; an exception given to ``fail_receiving`` comes out of ``recv``; ``says`` is
+    what the driver says of the controller (or raises).
     """
 
     def __init__(self) -> None:
@@ -32,6 +33,7 @@ class FakeBus(can.BusABC):
         self.full = False
         self.stuck: threading.Event | None = None
         self.is_open = True
+        self.says: can.BusState | Exception = can.BusState.ACTIVE
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         if self.stuck is not None and threading.current_thread().name.startswith("stuck"):
@@ -63,10 +65,17 @@ class FakeBus(can.BusABC):
         raw = bytes.fromhex(data) if isinstance(data, str) else data
         self.inbox.put(can.Message(arbitration_id=can_id, data=raw, is_extended_id=False))
 
-    def inject_error_frame(self, error_class: int) -> None:
+    def inject_error_frame(self, error_class: int, data: str = "00 00 00 00 00 00 00 00") -> None:
+        raw = bytes.fromhex(data)
         self.inbox.put(
-            can.Message(arbitration_id=error_class, is_error_frame=True, data=bytes(8), is_extended_id=False)
+            can.Message(arbitration_id=error_class, is_error_frame=True, data=raw, is_extended_id=False)
         )
+
+    @property
+    def state(self) -> can.BusState:
+        if isinstance(self.says, Exception):
+            raise self.says
+        return self.says
 
     def fail_receiving(self, error: Exception) -> None:
         self.inbox.put(error)

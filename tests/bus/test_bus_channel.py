@@ -110,7 +110,7 @@ def test_bus_off_is_noticed_and_error_frames_are_told_in_words(fake: FakeBus) ->
         assert "no acknowledge" in channel.health()
         assert channel.failure is None
         fake.inject_error_frame(0x40)
-        eventually(lambda: channel.failure)
+        eventually(lambda: channel.off)
         with pytest.raises(AdapterError, match="bus-off") as caught:
             channel.send(0x80, b"")
         assert "terminations" in caught.value.remedy

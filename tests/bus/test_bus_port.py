@@ -7,6 +7,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 
+import can
 import pytest
 from bus_peer import FakeBus, Slave, eventually
 from test_bus_plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
@@ -17,6 +18,7 @@ from axisbus.bus.mapping import DevicePdos
 from axisbus.bus.node import Node
 from axisbus.bus.plan import Policy, Wanted, make_plan
 from axisbus.bus.port import CanPort
+from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, Source
 from axisbus.errors import BootError
 
@@ -177,6 +179,77 @@ def test_a_rebooted_node_is_unknown_and_gets_nothing(make: Maker, node: Node, fa
 
 
 # -- polling
+
+
+# -- a bus-off, as a driver tells it by its state
+
+
+def go_off_and_come_back(port: CanPort, node: Node, fake: FakeBus) -> None:
+    """A bus-off between two looks: shorter than a cycle, and told all the same."""
+    fake.says = can.BusState.ERROR
+    eventually(lambda: node.channel.off)
+    fake.says = can.BusState.ACTIVE
+    eventually(lambda: node.channel.off is None)
+    seen = port.read(time.monotonic())
+    assert (seen.operational, seen.bus) == (False, node.channel.last_off)
+    assert port.read(time.monotonic()).bus is None  # once
+
+
+def serves(port: CanPort) -> tuple[bool, list[tuple[int, bytes]]]:
+    """Whether the node counts as operational, and the frames that a controlword becomes."""
+    operational = port.read(time.monotonic()).operational
+    port.write(Outputs(controlword=6))
+    return operational, port.take_frames()
+
+
+def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
+    make: Maker, node: Node, fake: FakeBus
+) -> None:
+    arrived(node, fake, 0x705, "05")
+    port = make(WHOLE)
+    assert serves(port)[0]
+    go_off_and_come_back(port, node, fake)
+    assert not serves(port)[0]  # nothing has been heard of it
+    arrived(node, fake, 0x705, "05")
+    operational, frames = serves(port)
+    assert (operational, [can_id for can_id, _ in frames]) == (True, [0x205])
+
+
+def test_one_that_may_have_restarted_unheard_gets_no_rpdo_whatever_it_says_later(
+    make: Maker, node: Node, fake: FakeBus, slave: Slave
+) -> None:
+    arrived(node, fake, 0x705, "05")
+    port = make(WHOLE)
+    go_off_and_come_back(port, node, fake)
+    arrived(node, fake, 0x705, "7F")
+    assert serves(port) == (False, [])
+    arrived(node, fake, 0x705, "05")
+    assert serves(port) == (False, [])
+    port.write(Outputs(sdo=(SdoRequest(1, 0x6040, 0, 2),)))  # but its quick stop by SDO
+    eventually(lambda: slave.objects[0x6040, 0] == b"\x02\x00")
+
+
+def test_one_that_is_only_assumed_to_be_operational_is_in_doubt_too(
+    make: Maker, node: Node, fake: FakeBus
+) -> None:
+    node.nmt.assume(NmtState.OPERATIONAL)
+    port = make(WHOLE)
+    assert serves(port)[0]
+    go_off_and_come_back(port, node, fake)
+    node.nmt.assume(NmtState.OPERATIONAL)
+    assert serves(port) == (False, [])
+
+
+def test_what_was_not_sent_is_sent_later_where_it_is_still_wanted(make: Maker) -> None:
+    port = make(WHOLE)
+    port.write(Outputs(nmt_stop=True))
+    port.drop_frames()
+    assert port.take_frames() == []
+    port.write(Outputs(nmt_stop=True))
+    assert port.take_frames() == [(0, b"\x02\x05")]
+
+
+# -- polled values
 
 
 def test_without_a_pdo_values_are_polled(make: Maker, slave: Slave) -> None:

@@ -9,8 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from axisbus.bus.controller import ControllerEvent
+from axisbus.bus.errorframe import Condition, ErrorCounters
 from axisbus.cli.common import run
 from axisbus.cli.main import COMMANDS, cli
+from axisbus.machine.machine import Machine
 
 ROOT = Path(__file__).parents[2]
 CELL = str(ROOT / "examples" / "cell.toml")
@@ -139,6 +142,18 @@ def test_monitor_shows_state_and_position(axisbus):
     code, out, _ = axisbus("monitor", CELL, "--count", 1)
     assert code == 0
     assert re.search(r"^x +Disabled +0\.000 deg", out, re.MULTILINE)
+
+
+def test_monitor_tells_what_the_can_controller_does_once(axisbus, monkeypatch):
+    off = ControllerEvent(1.0, "socketcan:can0", Condition.OFF, ErrorCounters(248, 3))
+    back = ControllerEvent(2.0, "socketcan:can0", Condition.ACTIVE, None, restarted=True)
+    monkeypatch.setattr(Machine, "bus_events", [off, back])
+    _, out, _ = axisbus("monitor", CELL, "--count", 2, "--every", 0.01)
+    told = [line.strip() for line in out.splitlines() if "CAN controller" in line]
+    assert told == [
+        "the CAN controller of socketcan:can0 is bus-off (transmit errors 248, receive errors 3)",
+        "the CAN controller of socketcan:can0 has been restarted and takes part in the bus again: look at every node anew",
+    ]
 
 
 def test_monitor_as_json(axisbus):

@@ -5,6 +5,10 @@ import sys
 
 import pytest
 
+from axisbus.bus import changeover
+from axisbus.bus.changeover import Opening
+from axisbus.cia301.lss import LssAddress
+from axisbus.cli import lss_set_bitrate
 from axisbus.cli.common import run
 from axisbus.cli.lss import COMMANDS
 from axisbus.cli.main import cli
@@ -166,7 +170,82 @@ def test_set_bitrate_of_all_with_activation(lss, cell):
         "--beside-operation",
     )
     assert code == 0
-    assert json.loads(out) == {"bitrate": 500_000, "slaves": "all", "stored": False, "activated": True}
+    assert json.loads(out) == {
+        "bitrate": 500_000,
+        "slaves": "all",
+        "stored": False,
+        "activated": True,
+        "adapter": "none",
+        "asked": True,
+        "answered": [],
+        "silent": [],
+        "nodes": [1],
+        "commands": [],
+    }
+
+
+def test_set_bitrate_of_one_with_activation_says_that_it_answers(lss, cell):
+    code, out, _ = lss(
+        "set-bitrate",
+        500_000,
+        cell,
+        *WHO,
+        "--activate",
+        "--delay",
+        0.02,
+        "--yes",
+        "--beside-operation",
+        *PATIENT,
+    )
+    assert code == 0
+    assert "told: 500000 bit/s, changed over; our adapter has no rate" in out
+    assert "not stored: at the next power-up they are back at the old rate" in out
+    assert "  answers at 500000 bit/s: 0xC0B00 0x0 0x0 0x2" in out
+    assert f"next: axisbus scan {cell} -b 500000" in out
+
+
+def test_set_bitrate_on_a_system_link_prints_the_lines_to_type_in_order(lss, cell, monkeypatch):
+    """The stand-ins' bus passed off as can0: its rate is the system's, so nobody is asked at the new one."""
+    monkeypatch.setattr(lss_set_bitrate, "opening_of", lambda *_: Opening("socketcan", "can0", 1_000_000))
+    code, out, _ = lss(
+        "set-bitrate", 250_000, cell, "--all", "--activate", "--delay", 0.02, "--yes", "--beside-operation"
+    )
+    assert code == 0
+    lines = out.splitlines()
+    at = lines.index(
+        "THE BUS IS HALF CHANGED OVER: this computer still has the old rate, and would destroy the slaves' frames"
+    )
+    assert lines[at + 1 : at + 5] == [
+        "type, in this order:",
+        "  sudo ip link set can0 down",
+        "  sudo ip link set can0 up type can bitrate 250000 restart-ms 100",
+        "  sudo ip link set can0 txqueuelen 1000",
+    ]
+    assert lines[-1] == f"next: axisbus scan {cell} -b 250000"
+
+
+def test_a_change_over_that_is_interrupted_says_that_the_slaves_go_on(lss, cell, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(changeover, "change_over", interrupted)
+    code, _, err = lss("set-bitrate", 250_000, cell, "--all", "--activate", "--yes", "--beside-operation")
+    assert code == 130
+    assert (
+        f"the slaves may be changing over to 250000 bit/s all the same: look with axisbus scan {cell} -b 250000"
+        in err
+    )
+
+
+def test_a_slave_that_does_not_come_along_is_named_and_told_by_the_exit_code(lss, cell, monkeypatch):
+    there, gone = LssAddress(0xC0B00, 0, 0, 2), LssAddress(0xC0B00, 0, 0, 3)
+    done = changeover.ChangedOver(250_000, changeover.OwnRate.REOPENED, answered=(there,), silent=(gone,))
+    monkeypatch.setattr(changeover, "change_over", lambda *_: done)
+    code, out, _ = lss("set-bitrate", 250_000, cell, *WHO, "--activate", "--yes", "--beside-operation")
+    assert code == 3
+    assert "  answers at 250000 bit/s: 0xC0B00 0x0 0x0 0x2" in out
+    assert "  DOES NOT ANSWER at 250000 bit/s: 0xC0B00 0x0 0x0 0x3" in out
+    assert "THE BUS IS HALF CHANGED OVER: switch the silent ones off and on" in out
 
 
 def test_store(lss, cell):

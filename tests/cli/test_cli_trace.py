@@ -143,6 +143,23 @@ def test_the_measured_load_of_a_recording(axisbus, log):
     assert {row["kind"] for row in found["by_kind"]} == {"boot-up", "SDO", "TPDO", "EMCY", "SYNC"}
 
 
+def test_error_frames_are_counted_by_what_they_say_and_what_to_check_is_told(axisbus, tmp_path):
+    path = tmp_path / "bad.log"
+    errors = "".join(f"(100.0{n}0000) can0 20000204#0020000000008{n}00\n" for n in range(1, 4))
+    path.write_text(LOG + errors + "(100.300000) can0 20000040#0000000000000000\n")
+    _, out, _ = axisbus("load", path, "-b", "10000")
+    lines = [line.strip() for line in out.splitlines()]
+    at = lines.index("error frames: 4")
+    assert lines[at + 1 : at + 4] == [
+        "3 x transmit errors (passive)",
+        "1 x bus-off",
+        "check bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations",
+    ]
+    code, out, _ = axisbus("trace", path, "--errors-only")
+    assert code == 1
+    assert "transmit errors (passive) (transmit errors 129, receive errors 0)" in out
+
+
 def test_a_full_bus_is_told_by_the_exit_code(axisbus, log):
     assert axisbus("load", log, "-b", "1000").code == 1
 

@@ -77,9 +77,13 @@ def test_the_meter_adds_up_by_node_and_kind_and_finds_the_fullest_window():
     for frame in frames:
         meter.add(frame, "SYNC" if frame.can_id == 0x080 else "TPDO", None if frame.can_id == 0x080 else 1)
     meter.add(Frame(6.0, 4, error=True), "error frame", None)
+    for errors in (0x80, 0x88):  # the counters in it are no other kind
+        data = bytes((0, 0x20, 0, 0, 0, 0, errors, 0))
+        meter.add(Frame(6.1, 0x204, data, error=True), "error frame", None)
     found = meter.result()
     assert found is not None
-    assert (found.seconds, found.total.frames, found.error_frames) == (10.0, 7, 1)
+    assert (found.seconds, found.total.frames, found.error_frames) == (10.0, 7, 3)
+    assert found.errors == {"error frame": 1, "transmit errors (passive)": 2}
     assert found.by_node[1].bits == sum(_length(frame) for frame in burst)
     assert found.load(found.total) == sum(_length(frame) for frame in frames) / (10_000 * 10.0)
     # All five of the burst lie in one window of 100 ms, in which 1000 bits have room.

@@ -6,18 +6,21 @@ import random
 import subprocess
 import sys
 import threading
+import time
+from contextlib import suppress
 
 import can
 import pytest
 from socketcan_stage import ip, until
 
 from axisbus.bus.channel import Channel
-from axisbus.errors import AdapterError, AxisbusError
+from axisbus.cia301.nmt import NmtState
+from axisbus.errors import AdapterError, AxisbusError, BusOff
 from axisbus.machine.machine import boot
 from can_line import LINK
 
 _ERROR_FRAME = {"is_error_frame": True, "is_extended_id": True}
-CAN_ERR_CRTL, CAN_ERR_BUSOFF = 0x04, 0x40  # include/uapi/linux/can/error.h
+CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/uapi/linux/can/error.h
 _LOST = 0.02
 
 
@@ -86,7 +89,64 @@ def test_bus_off_in_mid_move_ends_every_command_and_the_drives_stand(stage):
                 handle.wait(1)
         raise handles[0].error
     assert "bus-off" in str(caught.value)
+    assert f"sudo ip link set {LINK} type can restart" in str(caught.value)
     until(lambda: stage.speeds() == [0, 0], 10)
+
+
+def test_while_bus_off_not_one_frame_of_ours_reaches_the_link(stage):
+    with suppress(AxisbusError, ExceptionGroup), stage.open() as machine:
+        handles = stage.travelling(machine)
+        put_error_frame(CAN_ERR_BUSOFF)
+        until(lambda: not any(handle.busy for handle in handles), 10)
+        with can.Bus(LINK, interface="socketcan") as bus:
+            seen = []
+            end = time.monotonic() + 0.5
+            while time.monotonic() < end:
+                if (message := bus.recv(0.1)) is not None:
+                    seen.append(message.arbitration_id)
+        ours = [
+            0x080,
+            0x77F,
+            *(base + node for base in (0x200, 0x300, 0x400, 0x500, 0x600) for node in (1, 2)),
+        ]
+        assert seen, "the drives go on sending"
+        assert [hex(can_id) for can_id in seen if can_id in ours] == []
+
+
+def test_a_controller_that_is_restarted_in_mid_move_leaves_the_cell_stopped_until_it_is_reset(stage):
+    with stage.open() as machine:
+        handles = stage.travelling(machine)
+        put_error_frame(CAN_ERR_CRTL, bytes([0, 0x20, 0, 0, 0, 0, 135, 0]))
+        put_error_frame(CAN_ERR_BUSOFF)
+        put_error_frame(CAN_ERR_RESTARTED)  # at once, as with a short restart-ms
+        until(lambda: not any(handle.busy for handle in handles), 10)
+        for handle in handles:
+            with pytest.raises(BusOff, match="went bus-off"):
+                handle.wait(1)
+        until(lambda: stage.speeds() == [0, 0], 10)
+        told = [str(event).partition(LINK)[2] for event in machine.bus_events]
+        assert told == [
+            " is error passive (transmit errors 135, receive errors 0)",
+            " is bus-off (transmit errors 135, receive errors 0)",
+            " has been restarted and takes part in the bus again: look at every node anew",
+        ]
+        until(lambda: [machine.node(node).nmt for node in (1, 2)] == [NmtState.OPERATIONAL] * 2, 10)
+        time.sleep(0.5)
+        assert stage.speeds() == [0, 0]  # being back moves nothing
+        for axis in machine:
+            until(lambda axis=axis: _resets(axis), 10)
+            axis.enable().wait(20)
+        for handle in [axis.move_relative(5_000) for axis in machine]:
+            handle.wait(20)
+
+
+def _resets(axis) -> bool:
+    """Whether a reset is taken now: the last stop may still be under way."""
+    try:
+        axis.reset().wait(5)
+    except AxisbusError:
+        return False
+    return True
 
 
 def test_a_link_that_goes_away_in_mid_move_is_told_and_the_drives_own_watchdog_stops_them(ends, make_stage):

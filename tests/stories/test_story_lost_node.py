@@ -108,6 +108,22 @@ def test_a_node_that_came_back_without_a_restart_serves_again_after_a_reset(stor
     assert cell.device().nmt is NmtState.OPERATIONAL
 
 
+def test_a_node_that_came_back_in_fault_and_was_reset_is_told_when_it_is_lost_again(story):
+    cell = story.simulated("x")
+    cell.turning()
+    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.must_stand(within=1.0, stages=OFF)
+    cell.drive().fault(0x8130)
+    cell.cycle.nmt(NmtCommand.START, 1)
+    cell.run(1.0)
+    cell.x.reset().wait(2)
+    cell.x.enable().wait(2)
+    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.run(0.1)
+    assert isinstance(cell.x.error, NodeError)
+    assert "NMT state is pre-operational" in str(cell.x.error)
+
+
 @pytest.mark.nets("the stop ladder")
 def test_a_lost_io_or_resting_axis_stops_the_moving_ones_too(story):
     cell = story.simulated("xy")

@@ -12,8 +12,9 @@ from can.interfaces import VALID_INTERFACES
 from axisbus.bus import socketcan
 from axisbus.errors import AdapterError, ArgumentError
 
+NO_RATE = frozenset({"virtual", "udp_multicast"})  # interfaces without a wire
 # Interfaces whose bitrate is not ours to set: the link, a daemon, or no wire at all.
-_RATE_ELSEWHERE = frozenset({"socketcan", "socketcand", "virtual", "udp_multicast"})
+_RATE_ELSEWHERE = NO_RATE | {"socketcan", "socketcand"}
 
 # What python-can needs beside itself for an interface.
 _NEEDS: Mapping[str, str] = {
@@ -43,6 +44,11 @@ def send_timeout(interface: str) -> float | None:
     return _SERIAL_SEND_TIMEOUT.get(interface)
 
 
+def sets_rate(interface: str, options: Mapping[str, object]) -> bool:
+    """Whether the bit rate is set when the adapter is opened, by ``bitrate`` alone."""
+    return interface not in _RATE_ELSEWHERE and "timing" not in options
+
+
 def open_adapter(
     interface: str,
     channel: str | int | None,
@@ -65,7 +71,7 @@ def open_adapter(
     check_interface(interface)
     if interface == "socketcan":
         check_link(str(channel or ""), bitrate, link)
-    elif bitrate is None and interface not in _RATE_ELSEWHERE and "timing" not in options:
+    elif bitrate is None and sets_rate(interface, options):
         raise AdapterError(
             f"no bitrate given for the CAN interface {interface!r}",
             remedy="write the bus's rate, such as bitrate = 1_000_000, in [bus]; all nodes of a bus share one rate",

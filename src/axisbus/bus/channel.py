@@ -5,9 +5,15 @@ Theory of operation
 One daemon thread calls ``recv`` and hands each frame to the receivers of its COB-ID, with the monotonic time of its reception.
 Receivers store and return; they never block and never send.
 
-What goes wrong is *remembered*: an exception from ``recv``, a bus-off, or an exception from a receiver sets ``failure``, tells
+What goes wrong is *remembered*: an exception from ``recv`` or from a receiver sets ``failure``, tells
 ``on_failure``, and from then on every ``send`` and ``check`` raises it. So a master that has become deaf cannot go on driving.
 Stop frames are the exception: ``send_urgent`` tries in any state and never raises.
+
+Bus-off is no such end, because a controller can be restarted. While it is ``off``, ``send`` and ``check`` raise ``BusOff``, and
+nothing is given to the driver: Linux would take the frames with success, keep them in the interface's queue, and send them in a
+burst at the restart, set-points of long ago among them. (What the queue took before the bus-off was told is out of our hands; some
+milliseconds' worth, which only taking the interface down throws away.) ``off`` ends when the restart is told; ``last_off`` and
+``offs`` stay, so that nobody misses a short one. ``on_failure`` is told of a bus-off too.
 
 The send lock is held for one attempt only, never while waiting for a full queue to drain; ``send_urgent`` does not wait for it
 longer than a few milliseconds, because the thread that holds it may be stuck in the driver for ever.
@@ -17,6 +23,7 @@ from __future__ import annotations
 
 import copy
 import errno
+import math
 import threading
 import time
 from collections import deque
@@ -24,10 +31,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import can
-import canopen
 
 from axisbus.bus import adapter, errorframe, failures
-from axisbus.errors import AdapterError, BusError, StateError
+from axisbus.bus.controller import Controller, ControllerEvent
+from axisbus.bus.errorframe import Condition
+from axisbus.bus.network import Network
+from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
 Receiver = Callable[[bytes, float], None]
 
@@ -37,6 +46,7 @@ SEND_PAUSE = 0.0002
 URGENT_LOCK = 0.005  # seconds that a stop frame waits for the send lock
 URGENT_TOTAL = 0.1  # seconds that all stop frames together may take
 CLOSE_PATIENCE = 1.0
+STATE_PERIOD = 0.1  # seconds between two looks at the driver's own state, where no error frame tells it
 STUCK = (
     1.0  # seconds after which a send that has not returned will not; a slow driver's take some milliseconds
 )
@@ -55,29 +65,6 @@ class Counters:
     errors: deque[str] = field(default_factory=lambda: deque(maxlen=16))
 
 
-class Network(canopen.Network):
-    """canopen's network on our channel: its frames go out paced, and come in from our receive thread."""
-
-    def __init__(self, channel: Channel) -> None:
-        super().__init__(channel.bus)
-        self._channel = channel
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame through the channel.
-
-        Raises:
-            AdapterError: it cannot be sent.
-        """
-        if remote:
-            self._channel.send_remote(can_id)
-        else:
-            self._channel.send(can_id, bytes(data))
-
-    def check(self) -> None:
-        """Raise the channel's failure, if it has one."""
-        self._channel.check()
-
-
 class Channel:
     """One CAN channel; holds state: the adapter, the receive thread, the receivers by COB-ID, the counters and the failure.
 
@@ -94,6 +81,12 @@ class Channel:
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._send_timeout = send_timeout
         self._socketcan = name.startswith("socketcan:")
+        self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
+        self.controller = Controller(name)
+        self.last_off: BusOff | None = None
+        self.offs = 0
+        self._off: BusOff | None = None
+        self._state_due = 0.0
         self._send_lock = threading.Lock()
         self._state_lock = threading.Lock()
         self._closing = False
@@ -125,6 +118,11 @@ class Channel:
         return self._failure
 
     @property
+    def off(self) -> BusOff | None:
+        """Why nothing is sent now, while the controller is bus-off; None while it takes part in the bus."""
+        return self._off
+
+    @property
     def in_receive_thread(self) -> bool:
         """Whether the caller runs in the receive thread, where nothing may wait for a frame."""
         return threading.current_thread() is self._thread
@@ -133,6 +131,7 @@ class Channel:
         """Raise the failure, if there is one.
 
         Raises:
+            BusOff: the controller is bus-off now.
             BusError: the channel failed or is closed.
         """
         failure = self._failure
@@ -141,6 +140,9 @@ class Channel:
             raise copy.copy(failure) from failure
         if self._closing:
             raise AdapterError(f"the CAN channel {self.name} is closed")
+        off = self._off
+        if off is not None:
+            raise copy.copy(off) from off
 
     def subscribe(self, can_id: int, receiver: Receiver) -> None:
         """Have ``receiver(data, stamp)`` called in the receive thread for each frame of this COB-ID; it must not block.
@@ -166,6 +168,7 @@ class Channel:
         """Send a data frame; blocks up to ``patience`` seconds while the adapter's queue is full.
 
         Raises:
+            BusOff: the controller is bus-off; the frame was not queued.
             AdapterError: the queue stayed full, or the adapter failed (also when another frame has been stuck in it for a second).
         """
         self._send_paced(_frame(can_id, data), patience)
@@ -193,12 +196,13 @@ class Channel:
 
     def health(self) -> str:
         """Say what the wire looks like in one line, for the text of an error that something did not answer; may be empty."""
-        counters = self.counters
+        counters, condition = self.counters, self.controller.condition
+        now = "" if condition is Condition.ACTIVE else f"the CAN controller is {condition.value}"
         if not counters.error_frames:
-            return ""
+            return now
         last = counters.errors[-1] if counters.errors else ""
-        return f"{counters.error_frames} error frames on {self.name}" + (
-            f", the last: {last}" if last else ""
+        return f"{counters.error_frames} error frames on {self.name}" + "".join(
+            f", {text}" for text in (f"the last: {last}" if last else "", now) if text
         )
 
     def close(self) -> None:
@@ -223,9 +227,9 @@ class Channel:
     # -- sending ------------------------------------------------------------------------------------------------------------------
 
     def _send_paced(self, message: can.Message, patience: float) -> None:
-        self.check()
         deadline = time.monotonic() + patience
         while True:
+            self.check()
             error = self._attempt(message)
             if error is None:
                 self.counters.sent += 1
@@ -276,16 +280,30 @@ class Channel:
         while not self._closing:
             try:
                 message = self.bus.recv(RECEIVE_SLICE)
+                now = time.monotonic()
                 if message is not None:
-                    self._dispatch(message, time.monotonic())
+                    self._dispatch(message, now)
+                if now >= self._state_due:
+                    self._ask_state(now)
             except Exception as error:  # noqa: BLE001 - whatever it is, it must be known and not only end this thread
                 if not self._closing:
                     self.fail(failures.deaf(self.name, error))
                 return
 
+    def _ask_state(self, now: float) -> None:
+        """Ask the driver whether the controller is bus-off; a driver that cannot say is asked no more."""
+        self._state_due = now + STATE_PERIOD
+        try:
+            off = self.bus.state is can.BusState.ERROR
+        except Exception as error:  # noqa: BLE001 - drivers raise anything; it receives, which is what matters
+            self._state_due = math.inf
+            self.counters.errors.append(f"on asking for the state: {error}")
+            return
+        self._follow(self.controller.state(off, now))
+
     def _dispatch(self, message: can.Message, stamp: float) -> None:
         if message.is_error_frame:
-            self._error_frame(message)
+            self._error_frame(message, stamp)
             return
         if message.is_remote_frame:
             return
@@ -310,13 +328,25 @@ class Channel:
         except Exception as error:  # noqa: BLE001 - kept with its traceback and raised by every later call
             self.fail(failures.receiver_failed(can_id, data, error))
 
-    def _error_frame(self, message: can.Message) -> None:
+    def _error_frame(self, message: can.Message, stamp: float) -> None:
         self.counters.error_frames += 1
-        # Other adapters than SocketCAN put other things where Linux has the error class.
-        error_class = message.arbitration_id if self._socketcan else 0
-        self.counters.errors.append(errorframe.describe(error_class, bytes(message.data)))
-        if errorframe.is_bus_off(error_class) or self.bus.state is can.BusState.ERROR:
-            self.fail(failures.bus_off(self.name))
+        error_class = message.arbitration_id if self._linux_classes else 0
+        data = bytes(message.data)
+        self.counters.errors.append(errorframe.describe(error_class, data))
+        self._follow(self.controller.error_frame(error_class, data, stamp))
+        if self._state_due < math.inf:  # where only the driver's state tells bus-off, this is when to look
+            self._state_due = stamp
+
+    def _follow(self, event: ControllerEvent | None) -> None:
+        """Stop sending at a bus-off, and let it begin again after a restart."""
+        if event is None:
+            return
+        if (event.condition is Condition.OFF or event.restarted) and self._off is None:
+            self._off = self.last_off = failures.bus_off(self.name, event.counters)
+            self.offs += 1
+            self._tell(self._off)
+        if event.condition is not Condition.OFF:
+            self._off = None
 
     def fail(self, error: BusError) -> None:
         """Make the channel unusable because of ``error``; also for other threads of this package that must not fail unseen."""
@@ -324,6 +354,9 @@ class Channel:
             if self._failure is not None:
                 return
             self._failure = error
+        self._tell(error)
+
+    def _tell(self, error: BusError) -> None:
         for notice in tuple(self.on_failure):
             try:
                 notice(error)

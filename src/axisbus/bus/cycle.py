@@ -11,6 +11,9 @@ producers are one too many. The drives then take the stop frames with its next S
 ``quick_stop_all`` is for when the scan has failed, perhaps stuck in the driver. It needs nothing that the scan may hold: the stop
 frames were built when the last ones were committed, they are sent by ``Channel.send_urgent`` in a thread of its own, and that
 thread is waited for only for a bounded time.
+
+While the controller is bus-off the cycles go on, so that the axes are told and can be stopped as soon as the bus is back, but
+nothing is sent: what the ports gave is dropped. Where another device sends SYNC, its absence ends the scan, as at any other time.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 
 from axisbus.bus.channel import Channel
 from axisbus.bus.lateness import Lateness, LatenessReport
@@ -28,6 +32,7 @@ from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeProducer
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
+from axisbus.errors import BusOff
 
 QUICK_STOP_PATIENCE = 0.5  # seconds that quick_stop_all waits for its frames to be taken
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
@@ -123,7 +128,8 @@ class CanCycle:
             self._sleep(left)
             left = t - self._clock()
         self._lateness.note(-left)
-        self._channel.check()
+        with suppress(BusOff):  # the ports tell the axes
+            self._channel.check()
         return None
 
     def commit(self) -> None:
@@ -132,19 +138,27 @@ class CanCycle:
         Raises:
             BusError: the channel failed, does not receive any more, or refuses to send.
         """
-        send = self._channel.send
-        self._channel.check()
-        for port in self._ports:
-            for can_id, data in port.take_frames():
-                if self._stopped:  # while the frame before was stuck: this one may enable the drive again
+        try:
+            self._channel.check()
+            for port in self._ports:
+                self._send_frames(port)
+                if self._stopped:
                     return
-                send(can_id, data)
-            for can_id, length in port.take_requests(self._clock()):
-                self._channel.send_remote(can_id, length)
+        except BusOff:
+            for port in self._ports:
+                port.drop_frames()
         if self._events:
             now = self._clock()
             for events in self._events:
                 events.look(now)
+
+    def _send_frames(self, port: CanPort) -> None:
+        for can_id, data in port.take_frames():
+            if self._stopped:  # while the frame before was stuck: this one may enable the drive again
+                return
+            self._channel.send(can_id, data)
+        for can_id, length in port.take_requests(self._clock()):
+            self._channel.send_remote(can_id, length)
 
     def sync(self) -> None:
         """Send SYNC, where we are its producer (CiA 301 7.2.5), with the counter where the bus has one: 1, 2, ... and again 1.
@@ -155,7 +169,8 @@ class CanCycle:
         if self._sync_cob_id is not None:
             if self._sync_counter:
                 self._count = self._count % self._sync_counter + 1
-            self._channel.send(self._sync_cob_id, self._sync_data(self._count))
+            with suppress(BusOff):
+                self._channel.send(self._sync_cob_id, self._sync_data(self._count))
 
     def heartbeat(self) -> None:
         """Send our heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
@@ -163,6 +178,10 @@ class CanCycle:
         Raises:
             BusError: as ``commit``.
         """
+        with suppress(BusOff):
+            self._send_due()
+
+    def _send_due(self) -> None:
         if self._guarding:
             self._guard(self._clock())
         if self._time_producer is not None:

@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from enum import Enum
+from typing import NamedTuple
+
+# Interfaces whose error frames have Linux's class as identifier; others put other things there.
+LINUX_CLASSES = frozenset({"socketcan", "gs_usb"})
+
+WHAT_TO_CHECK = "bit rate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations"
+
 _BUS_OFF = 0x40
 _CONTROLLER = 0x04
+_RESTARTED = 0x100
+_COUNTERS = 0x200  # the kernel (since 6.0) says by this that data bytes 6 and 7 hold them
+_STATUS, _SENDING, _RECEIVING = 1, 6, 7  # data bytes
 
 _CLASSES = (
     (_BUS_OFF, "bus-off"),
@@ -13,7 +24,7 @@ _CLASSES = (
     (0x08, "protocol violation: another bitrate on the bus, or bad wiring"),
     (0x10, "transceiver: a line is broken or shorted"),
     (0x80, "bus error"),
-    (0x100, "controller restarted"),
+    (_RESTARTED, "controller restarted"),
 )
 
 # Data byte 1 of the class "controller".
@@ -28,14 +39,66 @@ _CONTROLLER_BITS = (
 )
 
 
-def is_bus_off(error_class: int) -> bool:
-    """Whether the frame's class bits hold bus-off."""
-    return bool(error_class & _BUS_OFF)
+class Condition(Enum):
+    """What a controller may be in by its error counters (ISO 11898-1; a warning is error active with a counter from 96 on)."""
+
+    ACTIVE = "error active"
+    WARNING = "error warning"
+    PASSIVE = "error passive"
+    OFF = "bus-off"
+
+
+# Bits of data byte 1, the worst first: a frame may hold several.
+_CONDITIONS = (
+    (0x30, Condition.PASSIVE),
+    (0x0C, Condition.WARNING),
+    (0x40, Condition.ACTIVE),
+)
+
+
+class ErrorCounters(NamedTuple):
+    """The controller's error counters; above 255 transmit errors it is bus-off, which a byte does not hold."""
+
+    transmit: int
+    receive: int
+
+    def __str__(self) -> str:
+        return f"transmit errors {self.transmit}, receive errors {self.receive}"
+
+
+def condition(error_class: int, data: bytes) -> Condition | None:
+    """Return what the frame says that the controller is in now; None where it speaks of something else."""
+    if error_class & _BUS_OFF:
+        return Condition.OFF
+    if error_class & _CONTROLLER and len(data) > _STATUS:
+        found = next((worst for bits, worst in _CONDITIONS if data[_STATUS] & bits), None)
+        if found is not None:
+            return found
+    return Condition.ACTIVE if error_class & _RESTARTED else None
+
+
+def is_restart(error_class: int) -> bool:
+    """Whether the frame says that the controller was restarted, so that it has been bus-off."""
+    return bool(error_class & _RESTARTED)
+
+
+def error_counters(error_class: int, data: bytes) -> ErrorCounters | None:
+    """Return the error counters in the frame; None where it has none (older kernels do not say so, and leave them 0)."""
+    if len(data) <= _RECEIVING or not error_class & (_COUNTERS | _CONTROLLER):
+        return None
+    found = ErrorCounters(data[_SENDING], data[_RECEIVING])
+    return found if error_class & _COUNTERS or any(found) else None
+
+
+def kind(error_class: int, data: bytes) -> str:
+    """Return the frame's meaning in words, without the numbers in it; adapters that tell no class give ``error frame``."""
+    texts = [text for bit, text in _CLASSES if error_class & bit]
+    if error_class & _CONTROLLER and len(data) > _STATUS:
+        texts += [text for bit, text in _CONTROLLER_BITS if data[_STATUS] & bit]
+    return ", ".join(texts) or "error frame"
 
 
 def describe(error_class: int, data: bytes) -> str:
-    """Return the frame's meaning in words; adapters that tell no class give ``error frame``."""
-    texts = [text for bit, text in _CLASSES if error_class & bit]
-    if error_class & _CONTROLLER and len(data) > 1:
-        texts += [text for bit, text in _CONTROLLER_BITS if data[1] & bit]
-    return ", ".join(texts) or "error frame"
+    """Return the frame's meaning in words, with the error counters where it has them."""
+    counters = error_counters(error_class, data)
+    return kind(error_class, data) + (f" ({counters})" if counters is not None else "")

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import can
 
-from axisbus.errors import AdapterError, BusError
+from axisbus.bus import socketcan
+from axisbus.bus.errorframe import WHAT_TO_CHECK, ErrorCounters
+from axisbus.errors import AdapterError, BusError, BusOff
 
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
 
 
 def deaf(name: str, error: Exception) -> AdapterError:
-    """``recv`` raised: nothing is heard any more."""
+    """``recv`` raised: nothing is heard any more. Some drivers (PCAN's) tell bus-off by this, and work again when re-opened."""
+    off = any(words in str(error).lower() for words in ("bus-off", "bus off", "busoff"))
     failure = AdapterError(
-        f"the CAN adapter {name} stopped receiving",
+        f"the CAN adapter {name} stopped receiving" + (": its controller went bus-off" if off else ""),
         observed=f"{type(error).__name__}: {error}",
-        remedy=_REOPEN,
+        remedy=f"check {WHAT_TO_CHECK}; then open the machine again" if off else _REOPEN,
     )
     failure.__cause__ = error
     return failure
@@ -53,15 +56,22 @@ def stuck(name: str, seconds: float) -> AdapterError:
     )
 
 
-def bus_off(name: str) -> AdapterError:
+def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
     """The controller left the bus."""
-    link = name.removeprefix("socketcan:")
-    restart = f"; then sudo ip link set {link} type can restart" if link != name else ""
-    return AdapterError(
+    return BusOff(
         f"the CAN controller of {name} went bus-off: it no longer takes part in the bus",
-        observed="its transmit error counter went past 255",
-        remedy=f"check bitrate, wiring (CAN-H, CAN-L, ground) and the two 120 Ω terminations{restart}",
+        observed="its transmit error counter went past 255"
+        + (f"; the last it told before: {counters}" if counters else ""),
+        remedy=f"check {WHAT_TO_CHECK}; then {_restart(name)}",
     )
+
+
+def _restart(name: str) -> str:
+    """Say who restarts a controller: Linux by itself or when it is told to, any other driver when the adapter is opened again."""
+    link = name.removeprefix("socketcan:")
+    if link == name:
+        return "close the machine and open it again, which resets the adapter (some drivers restart it by themselves)"
+    return f"restart the controller: {socketcan.restart_command(link)} (Linux does so by itself where the link has restart-ms)"
 
 
 def receiver_failed(can_id: int, data: bytes, error: Exception) -> BusError:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import can
 
-from axisbus.bus import adapter, failures, socketcan
+from axisbus.bus import adapter, errorframe, failures, socketcan
 from axisbus.bus.recording import of_message
 from axisbus.cia301.frame import Frame
 
@@ -21,6 +21,7 @@ class Listener:
     def __init__(self, bus: can.BusABC, name: str) -> None:
         self._bus = bus
         self._name = name
+        self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
 
     def frames(self, seconds: float | None = None) -> Iterator[Frame]:
         """Yield frames as they come, for ``seconds`` (None: for ever); blocks between them.
@@ -35,7 +36,12 @@ class Listener:
             except Exception as error:  # drivers raise anything
                 raise failures.deaf(self._name, error) from error
             if message is not None:
-                yield of_message(message)
+                yield self._frame(message)
+
+    def _frame(self, message: can.Message) -> Frame:
+        """Return it as a frame; of an error frame only what is known to mean what it means to Linux."""
+        frame = of_message(message)
+        return frame._replace(can_id=0, data=b"") if frame.error and not self._linux_classes else frame
 
 
 @contextmanager

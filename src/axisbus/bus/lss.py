@@ -144,15 +144,28 @@ class LssMaster:
     def activate(self, addresses: Sequence[LssAddress] | None, delay: float) -> None:
         """Have slaves (None: all) change to the bit rate that they were told; blocks until they have (twice ``delay`` s).
 
-        Every node that does not change loses the bus, and so do we: close the channel and open it at the new rate.
+        Every node that does not change loses the bus, and so do we: ``changeover.change_over`` takes our adapter along.
 
         Raises:
             ArgumentError: the delay is not 0.01 to 65.535 s, or nobody is named.
             LssTimeout: a slave named does not answer; nothing was activated.
         """
+        sent = self.start_activation(addresses, delay)
+        time.sleep(max(0.0, sent + 2 * delay - time.monotonic()))
+
+    def start_activation(self, addresses: Sequence[LssAddress] | None, delay: float) -> float:
+        """Do as ``activate``, but return when the command was given to the adapter (monotonic clock, s), and do not wait.
+
+        The slaves are at the old rate for ``delay`` s from then on, change over, and are silent for as long again.
+        """
         _require_some(addresses)
         self.run(lss_master.activate(self.pace, addresses, delay), leave=False)
-        time.sleep(2 * delay)
+        return time.monotonic()
+
+    @property
+    def channel(self) -> Channel:
+        """The channel that it works on."""
+        return self._channel
 
     def store(self, address: LssAddress | None) -> None:
         """Have a slave store its node-ID and bit rate; blocks up to 15 s where it is silent.

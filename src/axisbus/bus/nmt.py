@@ -17,7 +17,7 @@ from enum import Enum
 from axisbus.bus.channel import Channel, require_other_thread
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
-from axisbus.errors import NodeTimeout
+from axisbus.errors import BusOff, NodeTimeout
 
 CONFIRM_TIMEOUT = 2.0  # longer than the usual heartbeat of 1 s
 _GUARD_WAIT = 0.1
@@ -205,8 +205,12 @@ class NodeMonitor:
         if data[0] in NmtCommand.__members__.values():
             self.assume(RESULT[NmtCommand(data[0])])
 
-    def _wake(self, _: object) -> None:
+    def _wake(self, error: object) -> None:
         with self._changed:
+            if isinstance(
+                error, BusOff
+            ):  # what it does meanwhile nobody hears: it counts again when it reports again
+                self.state, self.assumed, self._toggle = NmtState.UNKNOWN, False, None
             self._changed.notify_all()
 
 

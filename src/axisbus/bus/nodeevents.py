@@ -24,10 +24,11 @@ class NodeEventKind(Enum):
     BACK = "is heard again"
     BOOT_UP = "has restarted: it sent a boot-up message that nobody asked for"
     STATE = "is in another NMT state than operational"
+    UNKNOWN = "is unknown: the CAN controller went bus-off"
     OPERATIONAL = "is operational again"
 
 
-BAD = frozenset({NodeEventKind.LOST, NodeEventKind.BOOT_UP, NodeEventKind.STATE})
+BAD = frozenset({NodeEventKind.LOST, NodeEventKind.BOOT_UP, NodeEventKind.STATE, NodeEventKind.UNKNOWN})
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +106,10 @@ class NodeEvents:
             self._note(NodeEventKind.BOOT_UP, now, monitor.bootup_stamp or now)
         elif (monitor.state is NmtState.OPERATIONAL) is not self._operational:
             self._operational = not self._operational
-            kind = NodeEventKind.OPERATIONAL if self._operational else NodeEventKind.STATE
-            self._note(kind, now, monitor.stamp or now)
+            forgotten = monitor.state is NmtState.UNKNOWN
+            bad = NodeEventKind.UNKNOWN if forgotten else NodeEventKind.STATE
+            since = now if forgotten else monitor.stamp or now
+            self._note(NodeEventKind.OPERATIONAL if self._operational else bad, now, since)
         if monitor.overdue(now) is not self._lost:
             self._lost = not self._lost
             self._note_loss(now)

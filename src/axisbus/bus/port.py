@@ -16,7 +16,7 @@ from axisbus.bus.sdo_output import SdoOutputs, is_motion
 from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.bus.worker import Job
 from axisbus.cia301 import abort, cob
-from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import (
     OUTPUT_OBJECTS,
@@ -27,6 +27,7 @@ from axisbus.cia402.port import (
     SdoReply,
     SdoRequest,
 )
+from axisbus.errors import BusError
 
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
 
@@ -36,7 +37,8 @@ class CanPort:
 
     ``read``, ``write`` and ``take_frames`` belong to the scan's thread, ``stop_frames`` may be called from any. A node that has
     rebooted has lost its PDO configuration: from then on its values are unknown and nothing is sent to it, until a new port is
-    made.
+    made. One that may have rebooted while nobody could hear it, because in its first word after a bus-off it is not operational,
+    counts as not operational until then, whatever it says later: it gets no RPDO, but can still be stopped by SDO.
     """
 
     def __init__(self, node: Node, plan: Plan, *, scan_period: float, remappable: bool = True) -> None:
@@ -71,6 +73,9 @@ class CanPort:
         self._frames: list[Frame] = []
         self._stop_frames: tuple[Frame, ...] = ()
         self._nmt_stopped = False
+        self._offs = node.channel.offs
+        self._returning = False  # from a bus-off; nothing was heard of it since
+        self._doubtful = False
         for slot in self._slots:
             node.channel.subscribe(slot.cob_id, slot.on_frame)
 
@@ -91,9 +96,11 @@ class CanPort:
         nmt = self.node.nmt
         emcy, replies = self._emcy.take(), self._take_replies()
         if self.rebooted:
-            return Inputs(now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state))
-        samples = self._samples
-        operational = nmt.operational(now)
+            return Inputs(
+                now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state), self._bus_off()
+            )
+        samples, bus = self._samples, self._bus_off()
+        operational = bus is None and not self._doubtful and nmt.operational(now)
         for slot in self._slots:
             slot.read_into(samples)
         if events := self._deadlines.step(now, [slot.stamp for slot in self._slots], operational):
@@ -113,6 +120,7 @@ class CanPort:
             emcy,
             replies,
             int(nmt.state),
+            bus,
         )
 
     def write(self, outputs: Outputs) -> None:
@@ -130,7 +138,8 @@ class CanPort:
             self._submit(request)
         given = _given(outputs)
         controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
-        self._frames = arrange(self._images, given, controlword, self._controlword)
+        frames = arrange(self._images, given, controlword, self._controlword)
+        self._frames = [] if self._doubtful else frames  # its RPDOs may be mapped otherwise now
         if controlword is not None:
             self._controlword = controlword
         if outputs.nmt_stop and not self._nmt_stopped:
@@ -149,6 +158,11 @@ class CanPort:
         if self._controlword is not None and frames:
             self._stop_frames = tuple(self._quick_stops())
         return frames
+
+    def drop_frames(self) -> None:
+        """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""
+        self._frames = []
+        self._nmt_stopped = False  # it was not sent, and must be if it is still wanted then
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length; none while the node cannot answer."""
@@ -188,6 +202,18 @@ class CanPort:
         return sum(slot.short for slot in self._slots)
 
     # -- details ------------------------------------------------------------------------------------------------------------------
+
+    def _bus_off(self) -> BusError | None:
+        """Why the bus is off, told at least once for each bus-off, however short it was."""
+        channel = self.node.channel
+        offs, self._offs = self._offs, channel.offs
+        off = channel.off or (channel.last_off if offs != self._offs else None)
+        if off is not None:
+            self._returning = True
+        elif self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
+            self._returning = False
+            self._doubtful |= self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL
+        return off
 
     def _quick_stops(self) -> list[Frame]:
         word = Command.QUICK_STOP.word

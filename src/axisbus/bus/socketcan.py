@@ -78,6 +78,11 @@ def up_command(name: str, bitrate: int | None) -> str:
     return f"sudo ip link set {name} up type can bitrate {rate} restart-ms 100; sudo ip link set {name} txqueuelen 1000"
 
 
+def restart_command(name: str) -> str:
+    """Return the line that restarts a controller which is bus-off and has no ``restart-ms``."""
+    return f"sudo ip link set {name} type can restart"
+
+
 def change_command(name: str, bitrate: int) -> str:
     """Return the lines that change the bitrate of an interface that is up."""
     return f"sudo ip link set {name} down; {up_command(name, bitrate)}"

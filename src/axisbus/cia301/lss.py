@@ -84,13 +84,13 @@ INQUIRIES = (
     Service.INQUIRE_REVISION_NUMBER,
     Service.INQUIRE_SERIAL_NUMBER,
 )
-_SELECTIVE = (
+SELECTIVE = (
     Service.SWITCH_STATE_SELECTIVE_VENDOR_ID,
     Service.SWITCH_STATE_SELECTIVE_PRODUCT_CODE,
     Service.SWITCH_STATE_SELECTIVE_REVISION_NUMBER,
     Service.SWITCH_STATE_SELECTIVE_SERIAL_NUMBER,
 )
-_IDENTIFY = (
+IDENTIFY = (
     Service.IDENTIFY_REMOTE_SLAVE_VENDOR_ID,
     Service.IDENTIFY_REMOTE_SLAVE_PRODUCT_CODE,
     Service.IDENTIFY_REMOTE_SLAVE_REVISION_NUMBER_LOW,
@@ -99,7 +99,8 @@ _IDENTIFY = (
     Service.IDENTIFY_REMOTE_SLAVE_SERIAL_NUMBER_HIGH,
 )
 
-# Index in the standard's table of bit timings, by bit/s (index 5, once 100 kbit/s, is reserved; 9 is automatic detection).
+AUTOMATIC_RATE = 9  # index in the table of bit timings: the slave finds out the rate by itself
+# Index in the standard's table of bit timings, by bit/s (index 5, once 100 kbit/s, is reserved).
 BIT_TIMINGS: dict[int, int] = {
     1_000_000: 0,
     800_000: 1,
@@ -168,7 +169,7 @@ def switch_global(state: State) -> bytes:
 
 def switch_selective(address: LssAddress) -> tuple[bytes, ...]:
     """Switch one slave from *waiting* to *configuration*; it answers the last of the four frames."""
-    return tuple(_number(service, part) for service, part in zip(_SELECTIVE, address.parts, strict=True))
+    return tuple(_number(service, part) for service, part in zip(SELECTIVE, address.parts, strict=True))
 
 
 def identify_remote(low: LssAddress, high: LssAddress) -> tuple[bytes, ...]:
@@ -177,7 +178,7 @@ def identify_remote(low: LssAddress, high: LssAddress) -> tuple[bytes, ...]:
     All that are answer the last of the six frames, in either state.
     """
     numbers = (*low.parts[:3], high.revision_number, low.serial_number, high.serial_number)
-    return tuple(_number(service, number) for service, number in zip(_IDENTIFY, numbers, strict=True))
+    return tuple(_number(service, number) for service, number in zip(IDENTIFY, numbers, strict=True))
 
 
 def identify_non_configured() -> bytes:

@@ -16,6 +16,7 @@ from enum import Enum
 from typing import NamedTuple, Protocol
 
 from axisbus.cia301.emcy import Emcy
+from axisbus.errors import BusError
 
 
 class Sample(NamedTuple):
@@ -55,7 +56,8 @@ class Inputs(NamedTuple):
     """What is known of a drive at the beginning of a cycle; a value never received is None.
 
     ``operational`` holds when the node's NMT state is operational and its heartbeat (where watched) is not overdue; ``nmt`` is the
-    last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle.
+    last state it reported (-1: none). ``emcy`` and ``sdo`` hold what came since the last cycle. ``bus`` is why the bus itself
+    carries nothing, or has not in between (bus-off); the node is then not operational, whatever it may have said before.
     """
 
     now: float
@@ -69,6 +71,7 @@ class Inputs(NamedTuple):
     emcy: tuple[Emcy, ...] = ()
     sdo: tuple[SdoReply, ...] = ()
     nmt: int = -1
+    bus: BusError | None = None
 
 
 class Outputs(NamedTuple):

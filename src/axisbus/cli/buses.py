@@ -11,6 +11,7 @@ import click
 from axisbus.cli.options import parse_options
 
 if TYPE_CHECKING:
+    from axisbus.bus.changeover import Opening
     from axisbus.bus.channel import Channel
 
 
@@ -41,3 +42,27 @@ def open_bus(
     loaded = config.load(cell)
     dictionaries = load_dictionaries(loaded) if loaded.bus.interface == SIM else {}
     return open_channel(loaded, dictionaries, stack)[0]
+
+
+def opening_of(
+    cell: Path | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+) -> Opening:
+    """Return how ``open_bus`` opens the adapter that it is given, so that it can be opened again at another rate.
+
+    Raises:
+        UsageError, ConfigError: as ``open_bus``.
+    """
+    from axisbus.bus.changeover import Opening
+
+    if interface is not None or cell is None:
+        return Opening(interface or "", channel, bitrate, parse_options(option))
+    from axisbus.machine import config
+    from axisbus.machine.wire import SIM
+
+    bus = config.load(cell).bus
+    virtual = bus.interface == SIM
+    return Opening("virtual" if virtual else bus.interface, bus.channel, bus.bitrate, bus.options)

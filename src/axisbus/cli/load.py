@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from axisbus.bus.errorframe import WHAT_TO_CHECK
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.options import bus_options
@@ -170,6 +171,7 @@ def _plain(found: Measured, first: float) -> dict[str, Any]:
         "by_kind": [{"kind": kind, **share(one)} for kind, one in sorted(found.by_kind.items())],
         "worst_100ms": {"load": found.peak.load, "at": max(0.0, found.peak.time - first)},
         "error_frames": found.error_frames,
+        "errors": dict(found.errors),
     }
 
 
@@ -196,6 +198,10 @@ def _show(report: dict[str, Any], asked: Asked) -> None:
         )
         say(f"  the fullest 100 ms: {peak['load']:.1%}, at {peak['at']:.3f} s")
         say(f"  error frames: {measured['error_frames']}")
+        for text, count in measured["errors"].items():
+            say(f"    {count} x {text}")
+        if measured["errors"]:
+            say(f"    check {WHAT_TO_CHECK}")
         _table(measured, ("load", "load_worst"), "load    worst")
     _next(report, asked)
 

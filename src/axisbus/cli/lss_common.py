@@ -50,6 +50,11 @@ class Where:
     beside_operation: bool
 
     @property
+    def bus(self) -> tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]:
+        """What names the bus, as ``cli.buses`` takes it."""
+        return self.cell, self.interface, self.channel, self.bitrate, self.option
+
+    @property
     def words(self) -> str:
         """The same as typed, to be repeated in a hint; without the bit rate, which a hint may have to change."""
         texts = [str(self.cell)] if self.cell is not None else []
@@ -145,7 +150,7 @@ def open_master(where: Where) -> Iterator[LssMaster]:
 
     timing = Timing(floor=where.timeout)
     with ExitStack() as stack:
-        bus = open_bus(stack, where.cell, where.interface, where.channel, where.bitrate, where.option)
+        bus = open_bus(stack, *where.bus)
         yield LssMaster(
             bus,
             timing,

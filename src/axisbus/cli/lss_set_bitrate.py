@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
 import click
 
-from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.cli.buses import opening_of
+from axisbus.cli.common import FAILURE, OK, say, say_error, say_json, say_next
 from axisbus.cli.lss_common import NumberType, Where, lss_options, open_master, slave_option
 
+if TYPE_CHECKING:
+    from axisbus.bus.changeover import ChangedOver
+    from axisbus.bus.lss import LssMaster
+    from axisbus.cia301.lss import LssAddress
+
 _WARNING = """\
-A bus has one bit rate. A slave that changes over loses every node that does not, and you lose the slave until the adapter is set to
-the new rate too: name every node of the bus. A node without LSS must be set by its switches or its own tool."""
+A bus has one bit rate. A slave that changes over loses every node that does not: name every node of the bus.
+A node without LSS must be set by its switches or its own tool."""
 
 
 @click.command("set-bitrate")
@@ -46,7 +55,9 @@ def command(
     """Tell LSS slaves the bit rate RATE (bit/s), and with --activate change over to it.
 
     Nothing changes on the bus without --activate; with --store alone the slaves come up at the new rate when they are switched on
-    next. A change over is begun only when every slave named has answered. Needs --yes.
+    next. A change over is begun only when every slave named has answered. Our own adapter is then opened again at the new rate, and
+    the slaves are asked at it; where the rate is the system's (SocketCAN), the lines to type are printed. Needs --yes. Exit code 3
+    when a slave does not answer at the new rate.
     """
     from axisbus.cia301.lss import LssAddress, bit_timing_index
     from axisbus.cia301.lss_master import require_delay
@@ -60,38 +71,93 @@ def command(
     if not yes:
         raise click.UsageError(f"{_WARNING}\nIf that is so, say it with --yes.")
     addresses = None if everybody else [LssAddress(*each) for each in slave]
+    done = None
     with open_master(where) as master:
         master.set_bit_rate(addresses, rate, store=store)
         if activate:
-            master.activate(addresses, delay)
+            done = _change_over(master, addresses, rate, delay, where)
     if as_json:
-        say_json(
-            {
-                "bitrate": rate,
-                "slaves": [list(each) for each in slave] or "all",
-                "stored": store,
-                "activated": activate,
-            }
-        )
-        return OK
-    _show(rate, where, store, activate)
-    return OK
-
-
-def _show(rate: int, where: Where, store: bool, activate: bool) -> None:
-    say(f"told: {rate} bit/s{', stored' if store else ''}{', changed over' if activate else ''}")
-    if activate:
-        if not store:
-            say("not stored: at the next power-up they are back at the old rate")
-        say_next(f"{_adapter(where, rate)}axisbus scan {where.words} -b {rate}")
-    elif store:
-        say(
-            "nothing has changed yet: the new rate holds from their next power-up; switch all of them off and on together"
-        )
-        say_next(f"{_adapter(where, rate)}axisbus scan {where.words} -b {rate}")
+        told = {"bitrate": rate, "slaves": [list(each) for each in slave] or "all", "stored": store}
+        say_json({**told, "activated": activate, **({} if done is None else _as_json(done))})
+    elif done is None:
+        _show_told(rate, where, store)
     else:
+        _show_changed(done, where, store)
+    return FAILURE if done is not None and done.asked and not done.complete else OK
+
+
+def _change_over(
+    master: LssMaster, addresses: list[LssAddress] | None, rate: int, delay: float, where: Where
+) -> ChangedOver:
+    from axisbus.bus.changeover import change_over
+
+    opening = opening_of(*where.bus)
+    try:
+        with ExitStack() as stack:
+            return change_over(master, addresses, rate, delay, opening, stack)
+    except KeyboardInterrupt:
+        say_error(
+            f"the slaves may be changing over to {rate} bit/s all the same: look with axisbus scan {where.words} -b {rate}"
+        )
+        raise
+
+
+def _as_json(done: ChangedOver) -> dict[str, Any]:
+    return {
+        "adapter": done.adapter.name.lower(),
+        "asked": done.asked,
+        "answered": [list(each.parts) for each in done.answered],
+        "silent": [list(each.parts) for each in done.silent],
+        "nodes": list(done.nodes),
+        "commands": list(done.commands),
+    }
+
+
+def _show_told(rate: int, where: Where, store: bool) -> None:
+    say(f"told: {rate} bit/s{', stored' if store else ''}")
+    if not store:
         say("nothing has changed yet, and at the next power-up they will have forgotten it")
         say_next("the same command with --activate, --store or both")
+        return
+    say(
+        "nothing has changed yet: the new rate holds from their next power-up; switch all of them off and on together"
+    )
+    say_next(f"{_adapter(where, rate)}axisbus scan {where.words} -b {rate}")
+
+
+def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
+    say(
+        f"told: {done.bitrate} bit/s{', stored' if store else ''}, changed over; our adapter {done.adapter.value}"
+    )
+    if not store:
+        say("not stored: at the next power-up they are back at the old rate")
+    scan = f"axisbus scan {where.words} -b {done.bitrate}"
+    if not done.asked:
+        say(
+            "THE BUS IS HALF CHANGED OVER: this computer still has the old rate, and would destroy the slaves' frames"
+        )
+        say(
+            "type, in this order:"
+            if done.commands
+            else "set our own rate where it is set: on the computer that the link belongs to, or by timing among the options"
+        )
+        for line in done.commands:
+            say(f"  {line}")
+        say_next(scan)
+        return
+    for each in done.answered:
+        say(f"  answers at {done.bitrate} bit/s: {each}")
+    for each in done.silent:
+        say(f"  DOES NOT ANSWER at {done.bitrate} bit/s: {each}")
+    if done.nodes:
+        say(f"  answer at {done.bitrate} bit/s: node {', '.join(map(str, done.nodes))}")
+    if done.others:
+        say(f"  a slave without a node-ID answers at {done.bitrate} bit/s")
+    if not done.complete:
+        say(
+            "THE BUS IS HALF CHANGED OVER: switch the silent ones off and on (the old rate holds then, where it was not stored)"
+        )
+    say_next(scan)
 
 
 def _adapter(where: Where, rate: int) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from axisbus.bus.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
@@ -37,7 +38,8 @@ def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
 
 def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
     if as_json:
-        say_json([{**describe(axis), **of_node(machine, axis)} for axis in machine])
+        bus = {"bus_events": [str(event) for event in machine.bus_events]}
+        say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
         return
     for axis in machine:
         seen = describe(axis)
@@ -63,8 +65,8 @@ def histories(machine: Machine) -> list[str]:
 
 
 def news(machine: Machine, told: set[str]) -> list[str]:
-    """Return what has happened on the nodes and is not in ``told`` yet: incidents as they now stand, TPDOs that stopped coming."""
-    lines = []
+    """Return what has happened and is not in ``told`` yet: of the CAN controller, incidents as they now stand, missing TPDOs."""
+    lines = _of_the_bus(machine, told)
     for node_id in sorted(machine.cell.nodes):
         node = machine.node(node_id)
         for incident in node.incidents:
@@ -81,6 +83,13 @@ def news(machine: Machine, told: set[str]) -> list[str]:
                 told.add(key)
                 lines.append(str(event))
     return lines
+
+
+def _of_the_bus(machine: Machine, told: set[str]) -> list[str]:
+    new = [event for event in machine.bus_events if f"{event.stamp} {event}" not in told]
+    told.update(f"{event.stamp} {event}" for event in new)
+    bad = new and new[-1].condition is not Condition.ACTIVE
+    return [*map(str, new), *([f"check {WHAT_TO_CHECK}"] if bad else [])]
 
 
 def of_node(machine: Machine, axis: Axis) -> dict[str, object]:

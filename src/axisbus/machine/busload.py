@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from axisbus.bus import errorframe
 from axisbus.cia301.frame import Frame
 
 WINDOW = 0.1  # seconds
@@ -102,7 +103,12 @@ class Measured:
     by_node: Mapping[int | None, Share]
     by_kind: Mapping[str, Share]
     peak: Peak
-    error_frames: int
+    errors: Mapping[str, int]  # error frames by what they say
+
+    @property
+    def error_frames(self) -> int:
+        """How many error frames there were."""
+        return sum(self.errors.values())
 
     def load(self, share: Share) -> float:
         """Return the part of the bus that a share took, from 0 to 1, with the stuff bits that there were."""
@@ -121,7 +127,7 @@ class Meter:
     total: Share = field(default_factory=Share)
     by_node: dict[int | None, Share] = field(default_factory=dict)
     by_kind: dict[str, Share] = field(default_factory=dict)
-    error_frames: int = 0
+    errors: Counter[str] = field(default_factory=Counter)
     peak: Peak = Peak()
     first: float | None = None
     last: float = 0.0
@@ -131,7 +137,7 @@ class Meter:
     def add(self, frame: Frame, kind: str, node: int | None) -> None:
         """Add a frame of a service and a node (None: of no node); an error frame is only counted."""
         if frame.error:
-            self.error_frames += 1
+            self.errors[errorframe.kind(frame.can_id, frame.data)] += 1
             return
         bits, worst = actual_bits(frame), worst_bits(len(frame.data), frame.extended)
         shares = (self.total, self.by_node.setdefault(node, Share()), self.by_kind.setdefault(kind, Share()))
@@ -147,7 +153,7 @@ class Meter:
         if span <= 0:
             return None
         return Measured(
-            self.bitrate, span, self.total, self.by_node, self.by_kind, self.peak, self.error_frames
+            self.bitrate, span, self.total, self.by_node, self.by_kind, self.peak, dict(self.errors)
         )
 
     def _slide(self, time: float, bits: int) -> None:

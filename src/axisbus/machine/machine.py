@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 
+from axisbus.bus.controller import ControllerEvent
 from axisbus.bus.nodeevents import BAD, NodeEvent
 from axisbus.cia402.port import Port, Waiter
 from axisbus.errors import AxisbusError, NodeError, StateError
@@ -213,6 +214,15 @@ class Machine:
         """What error control has told of all nodes since the scan began, in the order of time."""
         found = [event for node in self._runtime.nodes.values() for event in node.events]
         return sorted(found, key=lambda event: event.stamp)
+
+    @property
+    def bus_events(self) -> list[ControllerEvent]:
+        """What the CAN controller has told: error warning, passive, bus-off, restarted; at most the last 64, oldest first.
+
+        While it is bus-off nothing is sent; every axis is in ErrorStop, and stays there after the restart until it is reset.
+        Empty without a bus, and with adapters that tell nothing.
+        """
+        return list(self._runtime.bus_events())
 
     @property
     def bus_time(self) -> datetime | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from axisbus.cia402.port import Port
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, BusOff, StateError
 from axisbus.machine.boot import Booted
 
 ASK_EVERY = 1.0  # seconds
@@ -80,6 +80,8 @@ class Pickup:
             if not node.answers():
                 return
             booted, ports = node.boot()
+        except BusOff:  # it may come back, and the node with it
+            return
         except AxisbusError:  # the channel failed: the scan tells it
             self._stop.set()
             return

@@ -91,6 +91,7 @@ def build_on_bus(
             late,
             ready=_nothing if consumer is None else consumer.await_steady,
             bus_time=TimeConsumer(channel, cell.bus.time_cob_id).at,
+            bus_events=lambda: tuple(channel.controller.events),
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
 

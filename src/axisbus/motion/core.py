@@ -290,6 +290,8 @@ class AxisCore:
         if activity.goes_on:
             return  # until something else is wanted
         self.activity = None
+        if activity.clears_error:
+            self.supervision.lost = False  # a node that is lost still, or once more, is told again
         if activity.mode is ModeOfOperation.HOMING:
             self._homed()
         if self.state is AxisState.ERRORSTOP and not activity.clears_error:

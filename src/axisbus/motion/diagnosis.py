@@ -9,7 +9,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, DriveFault, NodeError
+from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError
 from axisbus.motion.activity import Transfers
 from axisbus.motion.handle import Handle
 from axisbus.motion.image import Image
@@ -157,7 +157,7 @@ def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
     if image.mode is not None:
         texts.append(f"mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})")
     texts += [f"EMCY {emcy.describe(entry.code)}" for entry in history.recent_emcy(image.now)[-2:]]
-    if not image.operational and not isinstance(error, NodeError):
+    if not image.operational and not isinstance(error, NodeError | BusOff):
         silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
         texts.append("its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}")
     age = image.now - image.statusword_stamp

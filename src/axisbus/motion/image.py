@@ -7,6 +7,7 @@ import math
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply
 from axisbus.cia402.state import State, decode
+from axisbus.errors import BusError
 from axisbus.units import INT32_HALF, INT32_SPAN
 
 
@@ -25,6 +26,7 @@ class Image:
         "_raw_position",
         "_tolerance",
         "_window",
+        "bus",
         "demand",
         "emcy",
         "gap",
@@ -62,6 +64,7 @@ class Image:
         self.origin = 0
         self.operational = False
         self.nmt = -1
+        self.bus: BusError | None = None
         self.statusword: int | None = None
         self.statusword_stamp = -math.inf
         self.state = State.UNKNOWN
@@ -82,6 +85,7 @@ class Image:
         self.now = now
         self.operational = inputs.operational
         self.nmt = inputs.nmt
+        self.bus = inputs.bus
         self.emcy = inputs.emcy
         self.replies = {reply.id: reply for reply in inputs.sdo} if inputs.sdo else {}
         # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.

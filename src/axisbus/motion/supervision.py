@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, DriveError, NodeError, StaleError
+from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
 from axisbus.motion.guard import Guard
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung
@@ -62,7 +62,7 @@ class Supervision:
 
     def _excused(self, image: Image) -> bool:
         """Whether a missing heartbeat may be our own fault: this program did not run, and has only just begun to listen again."""
-        return image.nmt in _SILENT and image.now < self._excused_until
+        return image.bus is None and image.nmt in _SILENT and image.now < self._excused_until
 
     @staticmethod
     def has_restarted(image: Image) -> bool:
@@ -128,8 +128,10 @@ class Supervision:
         danger = self._guard.danger(image, state, bounded=bounded, ramp=ramp)
         return None if danger is None else Finding(danger)
 
-    def _lost_error(self, image: Image) -> NodeError:
+    def _lost_error(self, image: Image) -> BusError:
         name, node = self._parameters.name, self._parameters.node
+        if image.bus is not None:
+            return bus_lost(name, node, image.bus)
         state = NmtState(image.nmt).text
         if image.nmt in _SILENT:
             return NodeError(
@@ -148,6 +150,16 @@ class Supervision:
             remedy="it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
             "one that restarted has lost its configuration and position; close the machine and open it again",
         )
+
+
+def bus_lost(name: str, node: int, bus: BusError) -> BusOff:
+    """Return the error of an axis whose bus carries nothing: the drive has only its own watchdog."""
+    return BusOff(
+        f"{name}: node {node} is lost: {bus.message}",
+        observed=bus.observed,
+        remedy=f"make sure that the axis stands: only the drive's own watchdog can stop it now; {bus.remedy}. Nothing moves by "
+        "itself when the bus is back: axis.reset() where the node is still operational, else close the machine and open it again",
+    )
 
 
 def silence(parameters: AxisParameters, image: Image) -> AxisbusError:

@@ -1,30 +1,22 @@
-"""LSS frames (CiA 305) in words: one table of command specifiers to what each says."""
+"""LSS frames (CiA 305) in words: what each service of ``cia301.lss`` says, as the master's request and as the slave's answer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from axisbus.cia301.lss import BIT_TIMINGS
+from axisbus.cia301 import lss
+from axisbus.cia301.lss import PARTS, Service, State
 
-_NUMBERS = {0x40: "vendor-ID", 0x41: "product code", 0x42: "revision number", 0x43: "serial number"}
-_RANGES = {
-    0x46: "vendor-ID",
-    0x47: "product code",
-    0x48: "lowest revision number",
-    0x49: "highest revision number",
-    0x4A: "lowest serial number",
-    0x4B: "highest serial number",
-}
-_INQUIRED = {0x5A: "vendor-ID", 0x5B: "product code", 0x5C: "revision number", 0x5D: "serial number"}
-_FAST_SCAN = ("vendor-ID", "product code", "revision number", "serial number")
-_KBIT = {entry: rate // 1000 for rate, entry in BIT_TIMINGS.items()}
-_ERRORS = {0: "done", 1: "refused: out of range", 0xFF: "refused, with the maker's error"}
-_STORE_ERRORS = {
-    0: "done",
-    1: "refused: storing is not supported",
-    2: "refused: storage failed",
-    0xFF: "refused, with the maker's error",
-}
+_NUMBERS = dict(zip(lss.SELECTIVE, PARTS, strict=True))
+_INQUIRED = dict(zip(lss.INQUIRIES, PARTS, strict=True))
+_RANGES = dict(
+    zip(
+        lss.IDENTIFY,
+        (*PARTS[:2], *(f"{end} {part}" for part in PARTS[2:] for end in ("lowest", "highest"))),
+        strict=True,
+    )
+)
+_KBIT = {entry: f"{rate // 1000} kbit/s" for rate, entry in lss.BIT_TIMINGS.items()}
 
 Words = Callable[[bytes], str]
 
@@ -46,28 +38,23 @@ def _number(data: bytes) -> int:
 
 
 def _bit_timing(data: bytes) -> str:
-    if data[1]:
-        return f"set bit rate: entry {data[2]} of the maker's table {data[1]}"
-    rate = (
-        "found out by itself"
-        if data[2] == 9
-        else f"{_KBIT[data[2]]} kbit/s"
-        if data[2] in _KBIT
-        else f"entry {data[2]}"
-    )
+    table, entry = data[1], data[2]
+    if table != lss.STANDARD_TABLE:
+        return f"set bit rate: entry {entry} of the maker's table {table}"
+    rate = "found out by itself" if entry == lss.AUTOMATIC_RATE else _KBIT.get(entry, f"entry {entry}")
     return f"set bit rate: {rate}"
 
 
 def _fast_scan(data: bytes) -> str:
-    if data[5] == 0x80:
+    if data[5] == lss.ALL_BITS:
         return "fast scan: is anybody unconfigured?"
-    part = _FAST_SCAN[data[6]] if data[6] < len(_FAST_SCAN) else f"part {data[6]}"
+    part = PARTS[data[6]] if data[6] < len(PARTS) else f"part {data[6]}"
     return f"fast scan: {part} 0x{_number(data):08X} from bit {data[5]} on" + (
         "" if data[7] == data[6] else ", then the next part"
     )
 
 
-def _named(names: dict[int, str], text: str) -> dict[int, Words]:
+def _named(names: Mapping[Service, str], text: str) -> dict[int, Words]:
     def reader(name: str) -> Words:
         return lambda data: f"{text} {name} 0x{_number(data):08X}"
 
@@ -78,33 +65,42 @@ def _said(text: str) -> Words:
     return lambda _: text
 
 
-def _result(text: str, errors: dict[int, str]) -> Words:
+def _result(text: str, service: Service) -> Words:
     return lambda data: (
-        f"{text}: {errors.get(data[1], f'refused, error {data[1]}')}"
-        + (f" {data[2]}" if data[1] == 0xFF else "")
+        f"{text}: " + ("done" if not data[1] else f"refused: {lss.refusal(service, data[1], data[2])[0]}")
     )
 
 
+def _node_id(data: bytes) -> str:
+    return "" if data[1] == lss.UNCONFIGURED else f" {data[1]}"
+
+
 _REQUESTS: dict[int, Words] = {
-    0x04: lambda data: f"all to {'configuration' if data[1] else 'waiting'} state",
+    Service.SWITCH_STATE_GLOBAL: lambda data: (
+        f"all to {State.CONFIGURATION.name.lower() if data[1] else State.WAITING.name.lower()} state"
+    ),
     **_named(_NUMBERS, "select by"),
-    0x11: lambda data: f"set node ID {data[1]}" if data[1] != 0xFF else "take the node ID away",
-    0x13: _bit_timing,
-    0x15: lambda data: f"activate the bit rate after {data[1] | data[2] << 8} ms",
-    0x17: _said("store the configuration"),
+    Service.CONFIGURE_NODE_ID: lambda data: (
+        f"set node ID{_node_id(data)}" if _node_id(data) else "take the node ID away"
+    ),
+    Service.CONFIGURE_BIT_TIMING: _bit_timing,
+    Service.ACTIVATE_BIT_TIMING: lambda data: f"activate the bit rate after {data[1] | data[2] << 8} ms",
+    Service.STORE_CONFIGURATION: _said("store the configuration"),
     **_named(_RANGES, "identify by"),
-    0x4C: _said("who has no node ID?"),
-    0x51: _fast_scan,
+    Service.IDENTIFY_NON_CONFIGURED_REMOTE_SLAVE: _said("who has no node ID?"),
+    Service.FASTSCAN: _fast_scan,
     **{command: _said(f"what is your {name}?") for command, name in _INQUIRED.items()},
-    0x5E: _said("what is your node ID?"),
+    Service.INQUIRE_NODE_ID: _said("what is your node ID?"),
 }
 _ANSWERS: dict[int, Words] = {
-    0x11: _result("set node ID", _ERRORS),
-    0x13: _result("set bit rate", _ERRORS),
-    0x17: _result("store the configuration", _STORE_ERRORS),
-    0x44: _said("selected"),
-    0x4F: _said("identified: it is there"),
-    0x50: _said("has no node ID"),
+    Service.CONFIGURE_NODE_ID: _result("set node ID", Service.CONFIGURE_NODE_ID),
+    Service.CONFIGURE_BIT_TIMING: _result("set bit rate", Service.CONFIGURE_BIT_TIMING),
+    Service.STORE_CONFIGURATION: _result("store the configuration", Service.STORE_CONFIGURATION),
+    Service.SWITCH_STATE_SELECTIVE: _said("selected"),
+    Service.IDENTIFY_SLAVE: _said("identified: it is there"),
+    Service.IDENTIFY_NON_CONFIGURED_SLAVE: _said("has no node ID"),
     **_named(_INQUIRED, "its"),
-    0x5E: lambda data: f"its node ID is {data[1]}" if data[1] != 0xFF else "it has no node ID",
+    Service.INQUIRE_NODE_ID: lambda data: (
+        f"its node ID is{_node_id(data)}" if _node_id(data) else "it has no node ID"
+    ),
 }

@@ -1,0 +1,194 @@
+"""A bus changes its bit rate: slaves first, then the adapter in their silence, then everybody is asked; nothing stays unsaid."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from bus_peer import FakeBus, Frame
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "cia301"))
+
+from lss_line import HandSlave
+
+from axisbus.bus import changeover
+from axisbus.bus.changeover import Opening, OwnRate, change_over
+from axisbus.bus.channel import Channel
+from axisbus.bus.lss import LssMaster
+from axisbus.cia301.lss import LssAddress
+from axisbus.cia301.lss_dialogue import Timing
+from axisbus.errors import AdapterError, LssTimeout
+
+ONE, OTHER = LssAddress(0xC0B00, 8, 1, 1), LssAddress(0xC0B00, 8, 1, 2)
+DELAY = 0.05
+PATIENT = Timing(floor=0.05, first=0.5)
+PCAN = Opening("pcan", "PCAN_USBBUS1", 1_000_000)
+
+
+class AtOneRate(HandSlave):
+    """A slave that hears a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``."""
+
+    def __init__(self, address: LssAddress, *, stubborn: bool = False) -> None:
+        super().__init__(*address.parts, 5)
+        self.at_rate = 0
+        self.stubborn = stubborn
+
+    def on(self, rate: int) -> Callable[[int, bytes, bool], list[Frame]]:
+        """The slave as a peer of a bus of this rate (0: the old one)."""
+
+        def hear(can_id: int, data: bytes, _remote: bool) -> list[Frame]:
+            if can_id != 0x7E5 or self.at_rate != rate:
+                return []
+            answer = self.hear(data)
+            if data[0] == 0x15 and self.activated is not None and not self.stubborn:
+                self.at_rate = 250_000
+            return [] if answer is None else [(0x7E4, answer)]
+
+        return hear
+
+
+class Desk:
+    """The two buses of a change-over, the old rate's and the new one's, and a record of how the second was opened."""
+
+    def __init__(self, *slaves: AtOneRate) -> None:
+        self.before, self.after = FakeBus(), FakeBus()
+        for slave in slaves:
+            self.before.peers.append(slave.on(0))
+            self.after.peers.append(slave.on(250_000))
+        self.opened: list[tuple[str, int]] = []
+        self.opened_at = 0.0
+        self.old_was_open: bool | None = None
+        self.trouble: AdapterError | None = None
+        self.stack = ExitStack()
+        self.channel = self.stack.enter_context(Channel(self.before, "pcan:PCAN_USBBUS1"))
+        self.master = LssMaster(self.channel, PATIENT, beside_operation=True)
+
+    def open_again(self, opening: Opening, bitrate: int) -> Channel:
+        self.opened.append((opening.interface, bitrate))
+        self.opened_at = time.monotonic()
+        self.old_was_open = self.before.is_open
+        if self.trouble is not None:
+            raise self.trouble
+        return Channel(self.after, "pcan:PCAN_USBBUS1")
+
+    def change(self, addresses: list[LssAddress] | None, opening: Opening = PCAN) -> changeover.ChangedOver:
+        self.master.set_bit_rate(addresses, 250_000)
+        return change_over(self.master, addresses, 250_000, DELAY, opening, self.stack, self.open_again)
+
+
+@pytest.fixture
+def desk() -> Iterator[Callable[..., Desk]]:
+    with ExitStack() as stack:
+
+        def make(*slaves: AtOneRate) -> Desk:
+            made = Desk(*slaves)
+            stack.callback(made.stack.close)
+            return made
+
+        yield make
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(changeover, "ANSWER_TIME", 0.0)
+
+
+def test_the_adapter_goes_along_in_the_slaves_silence_and_each_is_asked_at_the_new_rate(desk) -> None:
+    slaves = AtOneRate(ONE), AtOneRate(OTHER)
+    table = desk(*slaves)
+    begin = time.monotonic()
+    done = table.change([ONE, OTHER])
+    assert table.before.frames(0x7E5)[-1].hex() == "1532000000000000"  # 50 ms; nothing more at the old rate
+    assert (table.opened, table.old_was_open) == ([("pcan", 250_000)], False)
+    assert table.opened_at - begin >= DELAY
+    assert time.monotonic() - begin >= 2 * DELAY
+    assert (done.adapter, done.answered, done.silent, done.complete) == (
+        OwnRate.REOPENED,
+        (ONE, OTHER),
+        (),
+        True,
+    )
+    assert table.after.frames(0x7E5)[-1].hex() == "0400000000000000"  # everybody is back in waiting
+
+
+def test_nothing_is_said_at_the_new_rate_before_the_second_delay_is_over(desk) -> None:
+    table = desk(AtOneRate(ONE))
+    sent_at: list[float] = []
+    table.after.peers.append(lambda *_: sent_at.append(time.monotonic()) or [])
+    activated: list[float] = []
+    table.before.peers.append(
+        lambda _, data, __: activated.append(time.monotonic()) or [] if data[:1] == b"\x15" else []
+    )
+    table.change([ONE])
+    assert sent_at[0] - activated[0] >= 2 * DELAY
+
+
+def test_one_that_has_not_come_along_is_named(desk) -> None:
+    table = desk(AtOneRate(ONE), AtOneRate(OTHER, stubborn=True))
+    done = table.change([ONE, OTHER])
+    assert (done.answered, done.silent, done.complete) == ((ONE,), (OTHER,), False)
+
+
+def test_nothing_is_activated_and_the_adapter_stays_when_one_named_is_silent(desk) -> None:
+    table = desk(AtOneRate(ONE))
+    table.master.set_bit_rate([ONE], 250_000)
+    with pytest.raises(LssTimeout):
+        change_over(table.master, [ONE, OTHER], 250_000, DELAY, PCAN, table.stack, table.open_again)
+    assert table.opened == []
+    assert table.before.is_open
+
+
+def test_an_adapter_that_cannot_be_opened_at_the_new_rate_leaves_nobody_in_doubt(desk) -> None:
+    table = desk(AtOneRate(ONE))
+    table.trouble = AdapterError(
+        "the CAN adapter pcan:PCAN_USBBUS1 cannot be opened", observed="PcanError: illegal rate"
+    )
+    with pytest.raises(AdapterError) as caught:
+        table.change([ONE])
+    assert caught.value.message == (
+        "the slaves were changed over to 250000 bit/s, but the adapter pcan:PCAN_USBBUS1 cannot be used at it"
+    )
+    assert "illegal rate" in caught.value.observed
+    assert "open the bus at 250000 bit/s" in caught.value.remedy
+
+
+def test_a_bus_on_which_nobody_acknowledges_at_the_new_rate_is_told_as_half_changed(desk) -> None:
+    table = desk(AtOneRate(ONE, stubborn=True))
+    table.after.full = True
+    with pytest.raises(AdapterError, match="were changed over to 250000 bit/s") as caught:
+        table.change([ONE])
+    assert "refused frame 7E5h" in caught.value.observed
+
+
+def test_a_link_of_the_systems_is_left_alone_and_the_lines_are_told_in_order(desk) -> None:
+    table = desk(AtOneRate(ONE))
+    done = table.change([ONE], Opening("socketcan", "can0", 1_000_000))
+    assert (table.opened, table.before.is_open) == ([], True)
+    assert (done.asked, done.complete, done.adapter) == (False, False, OwnRate.SYSTEM)
+    assert done.commands == (
+        "sudo ip link set can0 down",
+        "sudo ip link set can0 up type can bitrate 250000 restart-ms 100",
+        "sudo ip link set can0 txqueuelen 1000",
+    )
+
+
+@pytest.mark.parametrize(
+    ("opening", "own"),
+    [
+        (PCAN, OwnRate.REOPENED),
+        (Opening("slcan", "/dev/ttyACM0", 500_000), OwnRate.REOPENED),
+        (
+            Opening("pcan", "PCAN_USBBUS1", None, {"timing": object()}),
+            OwnRate.SYSTEM,
+        ),  # whoever wrote it must change it
+        (Opening("socketcand", "can0"), OwnRate.SYSTEM),
+        (Opening("virtual", "here"), OwnRate.NONE),
+        (Opening("udp_multicast", "239.0.0.1"), OwnRate.NONE),
+    ],
+)
+def test_who_sets_the_rate(opening: Opening, own: OwnRate) -> None:
+    assert opening.own_rate is own
