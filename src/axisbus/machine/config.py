@@ -28,6 +28,7 @@ from axisbus.machine.cell import (
     ObjectSetting,
     PdoConfig,
     Place,
+    ProgramConfig,
     StopConfig,
 )
 from axisbus.machine.problem import Problem, errors
@@ -46,6 +47,7 @@ __all__ = [
     "ObjectSetting",
     "PdoConfig",
     "Place",
+    "ProgramConfig",
     "StopConfig",
     "load",
     "loads",
@@ -184,7 +186,13 @@ class _Reading:
                 else 'write eds = "drive.eds", a path relative to this file, or eds = "builtin:..."',
             )
         pdos = self._pdos((*path, "pdo"), table.get("pdo", {}))
-        return NodeConfig(node_id, **fields, objects=self._objects(path, table), pdos=pdos)
+        program = self._program(path, table)
+        return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
+
+    def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
+        if "program" not in table:
+            return None
+        return ProgramConfig(**self._sub(path, table, "program", schema.PROGRAM))
 
     def _pdos(self, path: KeyPath, raw: Any) -> tuple[PdoConfig, ...]:
         found = []

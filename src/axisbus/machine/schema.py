@@ -59,6 +59,15 @@ NODE: Keys = {
     "restore_defaults": _flag,
 }
 
+PROGRAM: Keys = {
+    "date_time": Key(
+        v.date_time, "date_time = 2026-03-31T14:30:00, the date and time that 1F52h says of the program"
+    ),
+    "file": _text,
+    "download": _flag,
+    "deadline": Key(v.duration("1s", "60min")),
+}
+
 PDO: Keys = {
     "map": Key(v.list_of(v.text, "objects, each a text such as \"6040\" or \"607A:00\"", empty=True)),
     "transmission": Key(v.integer(0, 255)),
@@ -124,7 +133,7 @@ GROUP: Keys = {
 TOP = ("bus", "nodes", "axes", "groups")
 # Tables inside a table; ``None``: any key may stand in it.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
-NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None}
+NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None, "program": PROGRAM}
 AXIS_TABLES: Mapping[str, Keys | None] = {
     "defaults": DEFAULTS,
     "homing": HOMING,

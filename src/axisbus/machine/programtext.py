@@ -1,0 +1,156 @@
+"""How it stands with a node's program, in words: as a line of the report, as plain values, and as the error of a failed boot-up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as o
+from axisbus.cia301.bootplan import Letter, Outcome
+from axisbus.cia301.program import Control, ProgramState, Stage, Version
+from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
+from axisbus.machine.cell import NodeConfig
+
+LETTERS = frozenset({Letter.G, Letter.H, Letter.I})
+
+_ORDERS = {Stage.STOP: Control.STOP, Stage.CLEAR: Control.CLEAR, Stage.START: Control.START}
+
+# What is in the node's memory, by the stage that failed.
+_LEFT = {
+    Stage.STOP: "nothing was cleared: after switching it off and on the node runs its old program",
+    Stage.CLEAR: "the old program may be cleared already: do not count on the node before a download has succeeded",
+    Stage.TRANSFER: "the old program is cleared, the new one not whole: the node is of no use before a download has succeeded",
+    Stage.FLASH: "the old program is cleared, the new one not good: the node is of no use before a download has succeeded",
+    Stage.START: "the new program is in the node, but does not run",
+    Stage.RETURN: "the node has taken the new program, but which one it runs now is not the expected one, or not known",
+}
+# What to do first, by the stage that failed.
+_AGAIN = "boot again: the download begins anew with stop and clear"
+_TOOL = "if that fails too, load the program with the maker's tool"
+_FIRST = {
+    Stage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
+    Stage.CLEAR: f"{_AGAIN}; {_TOOL}",
+    Stage.TRANSFER: f"check the wiring, the bus load and that the file is for this very device, and {_AGAIN}; {_TOOL}",
+    Stage.FLASH: f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}",
+    Stage.START: f"switch the node off and on and {_AGAIN}; {_TOOL}",
+    Stage.RETURN: "compare date_time with the date of the program in the file (the maker's notes say it), and boot again",
+}
+
+
+def line(state: ProgramState | None) -> str:
+    """Return the report's line; empty where no program is expected."""
+    if state is None:
+        return ""
+    if state.replaced:
+        return f"{state.now}: replaced, {state.loaded} bytes; it was {state.found}"
+    if state.found == state.expected:
+        return f"{state.found}, as expected"
+    return f"{_said(state.found)}, NOT that of {state.expected}; left as it was found"
+
+
+def as_json(state: ProgramState | None) -> dict[str, Any] | None:
+    """Return the same as plain values; dates as ISO 8601 without a time zone, null where the node gives none."""
+    if state is None:
+        return None
+    return {
+        "expected": _iso(state.expected),
+        "found": _iso(state.found),
+        "now": _iso(state.now),
+        "replaced": state.replaced,
+        "bytes": state.loaded,
+        "stage": state.stage.name.lower(),
+        "flash": None if state.flash is None else state.flash.value,
+    }
+
+
+def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> BootError:
+    """Return the error of a boot-up that ended with one of ``LETTERS``; ``cause`` is the error of its last bad answer."""
+    assert outcome.program is not None
+    tell = {Letter.G: _inconsistent, Letter.H: _not_allowed}.get(outcome.letter or Letter.I)
+    what, observed, remedy = _failed(outcome, cause) if tell is None else tell(outcome, outcome.program)
+    error = BootError(
+        f"node {node.node_id}{what}",
+        node=node.node_id,
+        step=outcome.step,
+        observed=observed,
+        remedy=remedy.replace("[nodes.N", f"[nodes.{node.node_id}"),
+    )
+    error.__cause__ = cause if outcome.letter is Letter.I else None
+    return error
+
+
+def _inconsistent(outcome: Outcome, state: ProgramState) -> tuple[str, str, str]:
+    if state.found is not None:
+        return (
+            ": its program is to be replaced, and there is no file with the new one",
+            _both(state),
+            'give file = "firmware.bin" in [nodes.N.program], or take download = true out',
+        )
+    index, subindex = outcome.address or (o.VERIFY_SOFTWARE, 1)
+    why = "it is no number" if outcome.abort is None else abort.describe(outcome.abort)
+    return (
+        f" does not say which program it has: {index:04X}h:{subindex:02X} cannot be read",
+        f"{why}; the cell file expects the program of {state.expected}",
+        "where the device has no 1F52h, take [nodes.N.program] out; where it has lost its program (its boot loader answers, "
+        "often under another name), load one with the maker's tool",
+    )
+
+
+def _not_allowed(_: Outcome, state: ProgramState) -> tuple[str, str, str]:
+    right = _toml(state.found)
+    keep = (
+        f"if the node's program is right, write date_time = {right} in [nodes.N.program]; " if right else ""
+    )
+    return (
+        " has another program than the expected one, and it may not be replaced",
+        _both(state),
+        f'{keep}to replace it by the expected one, give file = "firmware.bin" and download = true there '
+        "(the node must keep its supply until that is done)",
+    )
+
+
+def _failed(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+    state = outcome.program
+    assert state is not None
+    index, subindex = outcome.address or (o.PROGRAM_DATA, 1)
+    where = f"{index:04X}h:{subindex:02X}"
+    if state.stage in _ORDERS:
+        where += f" = {_ORDERS[state.stage].value}"
+    facts = f"{_reason(outcome, cause)}; {_LEFT.get(state.stage, '')}"
+    hint = abort.explain(outcome.abort).hint if outcome.abort is not None else ""
+    first = _FIRST.get(state.stage, _AGAIN)
+    return (
+        f": its program could not be replaced; it failed while {state.stage.value} ({where})",
+        facts,
+        f"{hint}; {first}" if hint else first,
+    )
+
+
+def _reason(outcome: Outcome, cause: AxisbusError | None) -> str:
+    if outcome.abort is not None:
+        return f"the node refuses: {abort.describe(outcome.abort)}"
+    if outcome.got is not None:
+        return f"expected {outcome.expected!s}, got {outcome.got!s}"
+    if cause is None or isinstance(cause, SdoAbort):
+        return f"no answer, {outcome.elapsed:.0f} s after its boot-up began"
+    told = cause.message
+    if isinstance(cause, SdoTimeout) and outcome.address != (cause.index, cause.subindex):
+        told = "the node no longer answers"  # what it was asked for last says nothing
+    return f"{told} ({cause.observed})" if cause.observed else told
+
+
+def _both(state: ProgramState) -> str:
+    return f"1F52h says {state.found}, the cell file expects {state.expected}"
+
+
+def _said(version: Version | None) -> str:
+    return "it does not say which it has (1F52h)" if version is None else str(version)
+
+
+def _iso(version: Version | None) -> str | None:
+    moment = None if version is None else version.moment
+    return None if moment is None else moment.isoformat()
+
+
+def _toml(version: Version | None) -> str:
+    return _iso(version) or "" if version != (0, 0) else ""
