@@ -42,6 +42,7 @@ class Loader(Slave):
         self.data_answers: list[b.Answer] = []  # instead of taking the data
         self.spoils: Callable[[b.Request, b.Answer], b.Answer] = lambda _, answer: answer
         self.restarts_at: float | None = None
+        self.foresees = False  # the boot loader says the date of the program that it has not started yet
 
     def answer(self, request: b.Request) -> b.Answer:
         made = self.spoils(request, self._made(request))
@@ -72,6 +73,7 @@ class Loader(Slave):
 
     def write(self, address: tuple[int, int], value: object) -> b.Answer:
         if address != (0x1F51, 1):
+            assert self.restarts_at is None, "configured before it restarts"
             return super().write(address, value)
         assert value in (0, 1, 3)
         if value in self.control_refused:
@@ -94,6 +96,8 @@ class Loader(Slave):
         if self.data_answers:
             return self.data_answers.pop(0)
         self.memory, self.flash, self.busy_until = request.data, self.after, self.now + self.flash_time
+        if self.foresees:
+            self.version = self.takes
         return b.Got(None, 3.0)
 
     def orders(self) -> list[object]:
@@ -273,6 +277,16 @@ def test_a_node_that_takes_its_time_for_everything():
     assert outcome.ok
     assert loader.orders() == [0, 3, "data", 1]
     assert outcome.elapsed > 9 + 12 + 3 + 7
+
+
+@pytest.mark.parametrize(("delay", "away"), [(0.1, 0.05), (0.1, 6.0), (1.9, 0.05), (1.9, 6.0)])
+def test_a_boot_loader_that_says_the_new_date_before_it_restarts_is_not_believed_too_soon(delay, away):
+    """What would be written before the restart would be lost by it."""
+    loader = Loader()
+    loader.foresees, loader.restart_delay, loader.restart_time = True, delay, away
+    outcome = boot(loader)
+    assert outcome.ok
+    assert outcome.written == 2
 
 
 def test_a_node_without_1f57_is_not_waited_for():

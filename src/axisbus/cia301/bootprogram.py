@@ -11,7 +11,8 @@ program is replaced: stopped, cleared, transferred, started; then the node is as
    All other requests can be repeated without harm: an order that is refused, or whose answer was lost, counts as carried out where
    1F51h says so.
 3. **A node that works on its memory may be deaf**, and one that starts its program may restart, now or a moment later. So it is not
-   counted lost before the plan's ``deadline`` has passed; what counts is the date that it says in the end.
+   counted lost before the plan's ``deadline`` has passed, and what counts is the date that it says in the end. A boot loader may
+   know that date before it restarts: so the date must stand for some seconds before anything else is written.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from axisbus.cia301.bootplan import (
     Address,
     Answer,
     Command,
+    Failed,
     Got,
     Letter,
     Pause,
@@ -54,6 +56,9 @@ from axisbus.cia301.program import (
 from axisbus.cia301.sdo import Way
 
 ATTEMPTS = 3  # at transferring the program
+SETTLE = (
+    2.0  # seconds for which a node must have said the new date: a restart that it owes us has come until then
+)
 POLL = 0.25  # seconds between two questions to a node that is at work
 
 _CONTROL = (o.PROGRAM_CONTROL, NUMBER)
@@ -115,7 +120,7 @@ class ProgramSteps(Asking):
         yield from self._flashed(wanted)
         yield from self._start_program(wanted)
         yield from self._see_new_version(wanted)
-        yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL), Letter.I)
+        yield from self._hold_again()
 
     def _transfer(self, wanted: Program, data: bytes) -> Step:
         """Transfer the program into memory that was cleared for it; the last attempt goes without blocks."""
@@ -160,25 +165,43 @@ class ProgramSteps(Asking):
         self._fail(Letter.I)
 
     def _see_new_version(self, wanted: Program) -> Step:
-        """Ask until the expected date is there: a node may restart a while after it was told to start its program."""
-        numbers = []
-        for subindex, number in ((DATE, wanted.version.days), (TIME, wanted.version.milliseconds)):
-            self._at(Stage.RETURN, (o.VERIFY_SOFTWARE, subindex))
-            answer = yield from self._poll(Read(o.VERIFY_SOFTWARE, subindex, tries=1), wanted, _is(number))
-            if not isinstance(answer, Got) or not isinstance(answer.value, int):
-                self._fail_by(answer, expected=str(wanted.version))
-            else:
-                numbers.append(answer.value)
-                if answer.value != number:
-                    yield from self._fail_version(wanted)
-        self._state(now=Version(*numbers))
+        """Ask until the node has said the expected date for ``SETTLE`` seconds on end."""
+        self._at(Stage.RETURN, (o.VERIFY_SOFTWARE, DATE))
+        begun, since = self.outcome.elapsed, None
+        wrong: Answer | None = Silence()
+        for _ in range(math.ceil((wanted.deadline + 2 * SETTLE) / POLL)):
+            wrong = yield from self._other_version(wanted)
+            now = self.outcome.elapsed
+            since = None if wrong is not None else now if since is None else since
+            if since is not None and now - since >= SETTLE:
+                self._state(now=wanted.version)
+                return
+            if wrong is not None and (now - begun >= wanted.deadline or isinstance(wrong, Failed)):
+                break
+            yield from self._ask(Pause(POLL))
+        yield from self._fail_version(wanted, wrong or Silence())
 
-    def _fail_version(self, wanted: Program) -> Step:
-        """Say in words which program the node has instead, if it still says it."""
+    def _other_version(self, wanted: Program) -> Generator[Request, Answer, Answer | None]:
+        """Return the first answer that is not what 1F52h is to say; None where all is as it is to be."""
+        for subindex, number in ((DATE, wanted.version.days), (TIME, wanted.version.milliseconds)):
+            self._note(address=(o.VERIFY_SOFTWARE, subindex))
+            answer = yield from self._ask(Read(o.VERIFY_SOFTWARE, subindex, tries=3))
+            if not isinstance(answer, Got) or answer.value != number:
+                return answer
+        return None
+
+    def _fail_version(self, wanted: Program, wrong: Answer) -> Step:
+        """Say in words which program the node has instead, if it says so."""
+        if not isinstance(wrong, Got):
+            self._fail_by(wrong, expected=str(wanted.version))
         address = self.outcome.address
         now, _ = yield from self._version(Letter.I)
         self._state(now=now)
         self._fail(Letter.I, address=address, expected=str(wanted.version), got=str(now))
+
+    def _hold_again(self) -> Step:
+        self._note(address=None)
+        yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL), Letter.I)
 
     # -- orders and their end ----------------------------------------------------------------------------------------
 
@@ -243,10 +266,6 @@ class ProgramSteps(Asking):
         """End it with letter I, because of an answer that is none or a bad one."""
         abort = answer.code if isinstance(answer, Refused) else None
         self._fail(Letter.I, abort=abort, **facts)
-
-
-def _is(number: int) -> Callable[[Answer], bool]:
-    return lambda answer: isinstance(answer, Got) and answer.value == number
 
 
 def _is_at_rest(answer: Answer) -> bool:

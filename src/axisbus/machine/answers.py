@@ -77,6 +77,8 @@ class Answerer:
             self.error = error
             return _bad_answer(request, error, self._clock() - start)
         elapsed = self._clock() - start
+        if isinstance(request, b.Pause):
+            elapsed = max(elapsed, request.seconds)  # where time is virtual, the clock has not moved
         if value is None and isinstance(request, (b.Listen, b.Guard)):
             return b.Silence(elapsed)
         return b.Got(value, elapsed)

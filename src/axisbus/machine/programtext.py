@@ -7,7 +7,7 @@ from typing import Any
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import Letter, Outcome
-from axisbus.cia301.program import Control, ProgramState, Stage, Version
+from axisbus.cia301.program import NUMBER, Control, ProgramState, Stage, Version
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
 from axisbus.machine.cell import NodeConfig
 
@@ -22,19 +22,25 @@ _LEFT = {
     Stage.TRANSFER: "the old program is cleared, the new one not whole: the node is of no use before a download has succeeded",
     Stage.FLASH: "the old program is cleared, the new one not good: the node is of no use before a download has succeeded",
     Stage.START: "the new program is in the node, but does not run",
-    Stage.RETURN: "the node has taken the new program, but which one it runs now is not the expected one, or not known",
+    Stage.RETURN: "the new program was transferred, and told to start",
 }
-# What to do first, by the stage that failed.
 _AGAIN = "boot again: the download begins anew with stop and clear"
 _TOOL = "if that fails too, load the program with the maker's tool"
+_FILE = f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}"
+# What to do first, by the stage that failed.
 _FIRST = {
     Stage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
     Stage.CLEAR: f"{_AGAIN}; {_TOOL}",
-    Stage.TRANSFER: f"check the wiring, the bus load and that the file is for this very device, and {_AGAIN}; {_TOOL}",
-    Stage.FLASH: f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}",
-    Stage.START: f"switch the node off and on and {_AGAIN}; {_TOOL}",
-    Stage.RETURN: "compare date_time with the date of the program in the file (the maker's notes say it), and boot again",
+    Stage.TRANSFER: f"check supply and wiring, and {_AGAIN}; {_TOOL}",
+    Stage.FLASH: _FILE,
+    Stage.START: f"switch the node off and on, and {_AGAIN}; {_TOOL}",
+    Stage.RETURN: "switch the node off and on, and boot again (what it says then decides); where it only needs longer, "
+    f"give a longer deadline in [nodes.N.program]; {_TOOL}",
 }
+_OTHER_DATE = (
+    "compare date_time in [nodes.N.program] with the date of the program in the file (its maker says it), correct the one that is "
+    "wrong, and boot again"
+)
 
 
 def line(state: ProgramState | None) -> str:
@@ -116,26 +122,35 @@ def _failed(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str
     where = f"{index:04X}h:{subindex:02X}"
     if state.stage in _ORDERS:
         where += f" = {_ORDERS[state.stage].value}"
-    facts = f"{_reason(outcome, cause)}; {_LEFT.get(state.stage, '')}"
-    hint = abort.explain(outcome.abort).hint if outcome.abort is not None else ""
-    first = _FIRST.get(state.stage, _AGAIN)
     return (
         f": its program could not be replaced; it failed while {state.stage.value} ({where})",
-        facts,
-        f"{hint}; {first}" if hint else first,
+        f"{_reason(outcome, state, cause)}; {_LEFT.get(state.stage, '')}",
+        _first(outcome, state),
     )
 
 
-def _reason(outcome: Outcome, cause: AxisbusError | None) -> str:
+def _first(outcome: Outcome, state: ProgramState) -> str:
+    if state.stage is Stage.TRANSFER and outcome.abort is not None:
+        return _FILE
+    if state.stage is Stage.RETURN and outcome.got is not None:
+        return _OTHER_DATE
+    return _FIRST.get(state.stage, _AGAIN)
+
+
+def _reason(outcome: Outcome, state: ProgramState, cause: AxisbusError | None) -> str:
     if outcome.abort is not None:
         return f"the node refuses: {abort.describe(outcome.abort)}"
+    if state.flash is not None and outcome.address == (o.FLASH_STATUS, NUMBER):
+        return f"its memory (1F57h) says {state.flash}"
     if outcome.got is not None:
         return f"expected {outcome.expected!s}, got {outcome.got!s}"
     if cause is None or isinstance(cause, SdoAbort):
         return f"no answer, {outcome.elapsed:.0f} s after its boot-up began"
-    told = cause.message
-    if isinstance(cause, SdoTimeout) and outcome.address != (cause.index, cause.subindex):
-        told = "the node no longer answers"  # what it was asked for last says nothing
+    broke_off = (
+        outcome.address == (o.PROGRAM_DATA, NUMBER) and getattr(cause, "index", None) == o.PROGRAM_DATA
+    )
+    silent = isinstance(cause, SdoTimeout) and not broke_off  # then what it was asked for last says nothing
+    told = "the node no longer answers" if silent else cause.message
     return f"{told} ({cause.observed})" if cause.observed else told
 
 
