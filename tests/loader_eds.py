@@ -23,6 +23,12 @@ OBJECTS = {
 def loader_eds(folder: Path, *without: int) -> str:
     """Write the generic drive with a loader as ``drive.eds``, some of the objects left out; return the file's name."""
     text = resolve("builtin:generic-cia402", folder).read_text(encoding="ascii")
+    (folder / "drive.eds").write_text(with_loader(text, *without), encoding="ascii")
+    return "drive.eds"
+
+
+def with_loader(text: str, *without: int) -> str:
+    """Return an EDS text with the objects of a loader, some of them left out."""
     for index, rows in OBJECTS.items():
         if index in without:
             continue
@@ -30,8 +36,7 @@ def loader_eds(folder: Path, *without: int) -> str:
         text += _entry(index, 0, "Highest sub-index supported", U8, "const", str(len(rows)))
         for subindex, row in enumerate(rows, 1):
             text += _entry(index, subindex, *row)
-    (folder / "drive.eds").write_text(text, encoding="ascii")
-    return "drive.eds"
+    return text
 
 
 def _entry(index: int, subindex: int, name: str, kind: int, access: str, default: str) -> str:

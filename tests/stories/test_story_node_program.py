@@ -11,6 +11,7 @@ from story_rig import ENABLED
 
 from axisbus import eds
 from axisbus.cia301.nmt import NmtState
+from axisbus.cli import boot as boot_command
 from axisbus.cli.common import run
 from axisbus.cli.main import cli
 from axisbus.errors import BootError
@@ -123,7 +124,8 @@ def test_a_lost_confirmation_in_mid_transfer_costs_another_transfer_from_the_beg
         device.dials.sdo_lost = LostConfirmation(device.loader)
         (report,) = boot(line.file)
         assert report.ok, report.text()
-        assert device.loader.orders == [0, 3, 0, 3, 1]
+        assert device.loader.orders[:4] == [0, 3, 0, 3]
+        assert device.loader.orders[-1] == 1
         assert running(line) == NEW
     assert report.outcome.retries > 0
 
@@ -291,3 +293,17 @@ def test_boot_says_when_a_program_is_on_its_way(axisbus, tmp_path):
         code, told = axisbus("boot", line.file)
     assert code == 0, told.out
     assert "node 1: its program is being replaced, 3000 bytes; do not switch it off\n" in told.err
+
+
+def test_an_interruption_says_what_it_has_left_behind(axisbus, tmp_path, monkeypatch):
+    def interrupted(_path, _progress, on_program):
+        on_program(3, 0, 3000)
+        on_program(3, 889, 3000)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(boot_command, "boot", interrupted)
+    code, told = axisbus("boot", tmp_path / "cell.toml")
+    assert code == 130
+    assert told.err.count("node 3: its program is being replaced, 3000 bytes; do not switch it off\n") == 1
+    assert "(node 3): a node whose download was cut short is of no use before one has succeeded" in told.err
+    assert f"next: axisbus boot {tmp_path / 'cell.toml'}" in told.err

@@ -20,7 +20,7 @@ class _Told:
         self._line = line
         self._quiet = quiet
         self._lock = threading.Lock()
-        self._sizes: dict[int, int] = {}
+        self._nodes: set[int] = set()
 
     def through(self, done: int, total: int) -> None:
         """So many nodes have booted."""
@@ -31,11 +31,20 @@ class _Told:
     def program(self, node: int, done: int, total: int | None) -> None:
         """So many bytes of a node's program have arrived."""
         with self._lock:
-            if node not in self._sizes and not self._quiet:
+            if node not in self._nodes and not self._quiet:
                 say_note(f"node {node}: its program is being replaced, {total} bytes; do not switch it off")
-            self._sizes[node] = total or 0
+            self._nodes.add(node)
             if self._line is not None:
                 self._line.label(f"{_LABEL}, node {node}: program {done * 100 // max(1, total or 0)} %")
+
+    def interrupted(self, cell: Path) -> None:
+        """Say what an interruption has left behind, where a program was on its way."""
+        if self._nodes:
+            nodes = ", ".join(map(str, sorted(self._nodes)))
+            say_note(
+                f"interrupted while programs were being replaced (node {nodes}): a node whose download was cut short is of no use "
+                f"before one has succeeded; next: axisbus boot {cell}"
+            )
 
 
 @click.command("boot")
@@ -52,7 +61,11 @@ def command(cell: Path, as_json: bool) -> int:
     """
     with progress_line(_LABEL, quiet=as_json) as line:
         told = _Told(line, quiet=as_json)
-        reports = boot(cell, told.through, told.program)
+        try:
+            reports = boot(cell, told.through, told.program)
+        except KeyboardInterrupt:
+            told.interrupted(cell)
+            raise
     failed = [report for report in reports if not report.ok and not report.optional]
     up = sum(report.ok for report in reports)
     if as_json:
