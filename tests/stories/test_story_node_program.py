@@ -6,15 +6,17 @@ import json
 import sys
 
 import pytest
-from story_bus import Line
+from story_bus import Line, until
 from story_rig import ENABLED
 
 from axisbus import eds
+from axisbus.cia301.bootplan import Letter
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli import boot as boot_command
 from axisbus.cli.common import run
 from axisbus.cli.main import cli
 from axisbus.errors import BootError
+from axisbus.machine import pickup, wire
 from axisbus.machine.machine import Machine, boot
 from axisbus.sim.build import device_from_eds
 from loader_eds import OLD, loader_eds, program
@@ -251,6 +253,26 @@ def test_a_drive_found_enabled_keeps_its_program_and_it_is_told(tmp_path):
         assert device.loader.orders == []
         assert line.stage() == ENABLED
     assert "2025-11-20 08:15:00, NOT that of 2026-03-01 12:00:00; left as it was found" in report.text()
+
+
+def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program(
+    tmp_path, monkeypatch, golden
+):
+    monkeypatch.setattr(wire, "FIND_TIME", 0.8)
+    monkeypatch.setattr(pickup, "ASK_EVERY", 0.2)
+    (tmp_path / "firmware.bin").write_bytes(program(NEW))
+    more = DOWNLOAD.format(deadline=PATIENT).replace("nodes.1", "nodes.2")
+    with Line(tmp_path, "xy", eds=loader_eds(tmp_path), more=more) as line:
+        text = line.file.read_text("utf-8")
+        line.file.write_text(text.replace("[nodes.2]\n", "[nodes.2]\noptional = true\n"), "utf-8")
+        late = line.devices["y"]
+        late.dials.dead = True
+        with line.open() as machine:
+            late.dials.dead = False
+            until(lambda: any(report.outcome.letter is Letter.H for report in machine.reports), 20)
+        assert late.loader.orders == []
+    (error,) = [report.error for report in machine.reports if report.error is not None]
+    golden("node_program_h_late", error)
 
 
 # -- the command line ------------------------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ class _Told:
         """So many nodes have booted."""
         if self._line is not None:
             with self._lock:
+                self._line.label(_LABEL)
                 self._line.tell(done, total)
 
     def program(self, node: int, done: int, total: int | None) -> None:

@@ -101,14 +101,16 @@ class NodeBoot:
         objects: Objects,
         comms: Comms,
         progress: Progress | None = None,
+        late: bool = False,
     ) -> None:
-        """``progress(done, all)`` is told the bytes of a program on its way to the node."""
+        """``progress(done, all)`` is told the bytes of a program on its way to the node; ``late``: while the machine runs."""
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
         self._eds = eds
         self._objects = objects
         self._comms = comms
         self._progress = progress
+        self._late = late
         self._report = NodeReport(node_id)
         self._axes = list(cell.axes_of(node_id))
         self._power: dict[str, State] = {}
@@ -126,7 +128,8 @@ class NodeBoot:
         self._report.optional = self._node.optional
         answerer = Answerer(self._objects, self._comms, self._locals(), self._progress)
         try:
-            plan = plan_of(self._cell, self._objects.node_id, self._eds, self._comms.find_tries)
+            tries = self._comms.find_tries
+            plan = plan_of(self._cell, self._objects.node_id, self._eds, tries, self._late)
             self._finish(answerer.run(boot_up(plan)), answerer)
         except AxisbusError as error:
             self._report.error = at_step(self._objects.node_id, "configuration", error)

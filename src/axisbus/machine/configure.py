@@ -32,8 +32,8 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Wr
     return writes
 
 
-def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int) -> Plan:
-    """Return the boot-up of a node as the cell file and the EDS have it.
+def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: bool = False) -> Plan:
+    """Return the boot-up of a node as the cell file and the EDS have it; ``late``: of one that appears while the machine runs.
 
     Raises:
         ArgumentError: a key of an ``objects`` table names no object.
@@ -45,7 +45,7 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int) -> Plan:
         node_id,
         identity=expected(node, eds),
         find_tries=find_tries,
-        program=wanted_program(cell, node),
+        program=wanted_program(cell, node, late),
         restore=node.restore_defaults,
         settings=tuple(
             Setting(write.index, write.subindex, write.value, f"{write.source}, {cell.file}:{write.line}")

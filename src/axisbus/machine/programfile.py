@@ -40,8 +40,10 @@ def deadline_of(program: ProgramConfig, size: int) -> float:
     return program.deadline if program.deadline is not None else max(LEAST_DEADLINE, size / _SLOWEST)
 
 
-def wanted_program(cell: CellConfig, node: NodeConfig) -> Program | None:
+def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> Program | None:
     """Return the program that a node is to have; the file is read only where it may be downloaded.
+
+    Not while the machine runs (``late``): whoever closes it would leave half a program in the node.
 
     Raises:
         ConfigError: as ``read_file``.
@@ -49,10 +51,9 @@ def wanted_program(cell: CellConfig, node: NodeConfig) -> Program | None:
     program = node.program
     if program is None:
         return None
-    data = read_file(cell, program) if program.download else None
-    return Program(
-        Version(*program.date_time), data, program.download, deadline_of(program, len(data or b""))
-    )
+    allowed = program.download and not late
+    data = read_file(cell, program) if allowed else None
+    return Program(Version(*program.date_time), data, allowed, deadline_of(program, len(data or b"")))
 
 
 def _why(path: Path, error: Exception) -> str:

@@ -72,8 +72,14 @@ def as_json(state: ProgramState | None) -> dict[str, Any] | None:
 def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> BootError:
     """Return the error of a boot-up that ended with one of ``LETTERS``; ``cause`` is the error of its last bad answer."""
     assert outcome.program is not None
-    tell = {Letter.G: _inconsistent, Letter.H: _not_allowed}.get(outcome.letter or Letter.I)
-    what, observed, remedy = _failed(outcome, cause) if tell is None else tell(outcome, outcome.program)
+    if outcome.letter is Letter.G:
+        what, observed, remedy = _inconsistent(outcome, outcome.program)
+    elif outcome.letter is Letter.H:
+        what, observed, remedy = _not_allowed(
+            outcome.program, node.program is not None and node.program.download
+        )
+    else:
+        what, observed, remedy = _failed(outcome, cause)
     error = BootError(
         f"node {node.node_id}{what}",
         node=node.node_id,
@@ -102,7 +108,13 @@ def _inconsistent(outcome: Outcome, state: ProgramState) -> tuple[str, str, str]
     )
 
 
-def _not_allowed(_: Outcome, state: ProgramState) -> tuple[str, str, str]:
+def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
+    if download:
+        return (
+            " has another program than the expected one, which is not replaced while the machine runs",
+            _both(state),
+            "close the machine, and boot: axisbus boot with this cell file replaces it",
+        )
     right = _toml(state.found)
     keep = (
         f"if the node's program is right, write date_time = {right} in [nodes.N.program]; " if right else ""

@@ -159,7 +159,7 @@ def _boot_late(
 ) -> tuple[Booted, Mapping[str, Port]]:
     """Boot an optional node that has appeared while the scan runs, and let the scan's cycle serve it."""
     comms = CanComms(cell, node, FIND_TIME)
-    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms).run()
+    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms, late=True).run()
     if booted.report.ok:
         events = NodeEvents(node.nmt)
         cycle.add(list(comms.ports.values()), node.node_id, events, comms.guarding)
