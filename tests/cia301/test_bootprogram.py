@@ -14,11 +14,12 @@ from test_bootup import IDENTITY, MISSING, SETTINGS, Slave
 from axisbus.cia301 import bootplan as b
 from axisbus.cia301.bootup import boot_up
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.program import FlashStatus, Program, Stage, Version
+from axisbus.cia301.program import FlashStatus, Mark, Program, Stage, Version
 from axisbus.cia301.sdo import Way
 
 # By hand: 2026-03-01 is day 15400 after 1984-01-01, noon is 43200000 ms; 2025-11-20 08:15 is day 15299 and 29700000 ms.
 NEW, OLD = (15_400, 43_200_000), (15_299, 29_700_000)
+MARK = Mark(Version(*NEW))
 DATA = bytes(range(200)) * 5
 REFUSED = 0x0800_0022
 
@@ -30,6 +31,7 @@ class Loader(Slave):
         super().__init__()
         self.now = 0.0
         self.version: tuple[int, int] | None = OLD
+        self.identification: int | None = None  # 1F56h:01
         self.control = 1
         self.flash: int | None = 0  # 1F57h:01 at rest; None: the node has none
         self.busy_until = 0.0
@@ -65,6 +67,8 @@ class Loader(Slave):
 
     def read(self, address: tuple[int, int]) -> b.Answer:
         live = {(0x1F51, 1): self.control}
+        if self.identification is not None:
+            live[0x1F56, 1] = self.identification
         if self.version is not None:
             live |= {(0x1F52, 1): self.version[0], (0x1F52, 2): self.version[1]}
         if self.flash is not None:
@@ -110,9 +114,7 @@ class Loader(Slave):
 
 
 def boot(loader: Loader, **changes: object) -> b.Outcome:
-    program = Program(
-        **{"version": Version(*NEW), "data": DATA, "allowed": True, "deadline": 20.0, **changes}
-    )
+    program = Program(**{"mark": MARK, "data": DATA, "allowed": True, "deadline": 20.0, **changes})
     return loader.run(b.Plan(5, identity=IDENTITY, settings=SETTINGS, heartbeat=0.1, program=program))
 
 
@@ -239,7 +241,7 @@ def test_a_node_that_must_not_be_disturbed_and_does_not_say():
     loader.may_disturb, loader.version = False, None
     outcome = boot(loader)
     assert (outcome.ok, outcome.abort) == (True, None)
-    assert [text for text in outcome.skipped if "cannot be read (1F52h)" in text]
+    assert [text for text in outcome.skipped if "which it is cannot be read" in text]
 
 
 def test_a_node_that_falls_silent_before_anything_was_done_has_no_letter():
@@ -263,7 +265,8 @@ def test_a_program_is_stopped_cleared_transferred_started_and_then_the_node_conf
     assert outcome.ok
     assert loader.orders() == [0, 3, "data", 1]
     assert loader.memory == DATA
-    assert (outcome.program.found, outcome.program.now, outcome.program.loaded) == (OLD, NEW, len(DATA))
+    assert (outcome.program.found, outcome.program.now) == (Mark(Version(*OLD)), MARK)
+    assert outcome.program.loaded == len(DATA)
     assert outcome.program.replaced
     assert "program replaced: 2025-11-20 08:15:00 by 2026-03-01 12:00:00" in outcome.done
     assert (0x6065, 0, 3000) in loader.wrote()[3:]
@@ -335,8 +338,66 @@ def revised(loader: Loader, identity: dict) -> b.Outcome:
         return take(request)
 
     loader.load = load  # type: ignore[method-assign]
-    program = Program(Version(*NEW), DATA, True, 20.0)
+    program = Program(MARK, DATA, True, 20.0)
     return loader.run(b.Plan(5, identity=identity, heartbeat=0.1, program=program))
+
+
+# -- known by its identification -----------------------------------------------------------------------------------------
+
+
+def known(loader: Loader, identification: int | None, after: int = 0xCAFE, **changes: object) -> b.Outcome:
+    """Boot a node that says this identification, and another one after a download."""
+    loader.identification = identification
+    take = loader.load
+
+    def load(request: b.Transfer) -> b.Answer:
+        loader.identification = after
+        return take(request)
+
+    loader.load = load  # type: ignore[method-assign]
+    return boot(loader, **{"mark": Mark(identification=0xCAFE), **changes})
+
+
+def test_a_program_may_be_known_by_its_identification_alone():
+    loader = Loader()
+    loader.version = None  # it has no 1F52h, as most devices
+    outcome = known(loader, 0xCAFE)
+    assert outcome.ok
+    assert loader.orders() == []
+    assert not [each for each in loader.asked if isinstance(each, b.Read) and each.index == 0x1F52]
+
+
+def test_a_program_of_another_identification_is_replaced():
+    loader = Loader()
+    outcome = known(loader, 0xBEEF)
+    assert outcome.ok
+    assert loader.orders() == [0, 3, "data", 1]
+    assert "program replaced: identification 0000BEEFh by identification 0000CAFEh" in outcome.done
+
+
+def test_letter_h_by_the_identification():
+    outcome = known(Loader(), 0xBEEF, allowed=False)
+    assert (outcome.letter, outcome.address) == (b.Letter.H, (0x1F56, 1))
+    assert (outcome.expected, outcome.got) == ("identification 0000CAFEh", "identification 0000BEEFh")
+
+
+def test_letter_g_a_node_without_an_identification():
+    outcome = known(Loader(), None)
+    assert (outcome.letter, outcome.address, outcome.abort) == (b.Letter.G, (0x1F56, 1), MISSING)
+
+
+def test_letter_i_a_program_of_another_identification_came():
+    outcome = known(Loader(), 0xBEEF, after=0xF00D)
+    assert (outcome.letter, outcome.address) == (b.Letter.I, (0x1F56, 1))
+    assert outcome.got == "identification 0000F00Dh"
+
+
+def test_where_both_are_expected_both_must_be_right():
+    both = Mark(Version(*OLD), 0xCAFE)
+    assert known(Loader(), 0xCAFE, mark=both).ok
+    outcome = known(Loader(), 0xBEEF, mark=both, allowed=False)
+    assert (outcome.letter, outcome.address) == (b.Letter.H, (0x1F56, 1))
+    assert outcome.got == "2025-11-20 08:15:00, identification 0000BEEFh"
 
 
 # -- letter I ------------------------------------------------------------------------------------------------------------
@@ -445,7 +506,7 @@ def test_letter_i_a_program_of_another_date():
     loader.takes = (15_401, 43_200_000)
     outcome = failed(boot(loader), Stage.RETURN, (0x1F52, 1))
     assert (outcome.expected, outcome.got) == ("2026-03-01 12:00:00", "2026-03-02 12:00:00")
-    assert outcome.program.now == (15_401, 43_200_000)
+    assert outcome.program.now.version == (15_401, 43_200_000)
     assert not outcome.program.replaced
 
 
@@ -487,7 +548,7 @@ def test_any_single_answer_may_be_lost(lost, arrives):
     loader._made = lossy  # type: ignore[method-assign]
     outcome = boot(loader)
     assert outcome.ok, (loader.asked[lost], outcome)
-    assert outcome.program.now == NEW
+    assert outcome.program.now.version == NEW
 
 
 def test_with_a_tenth_of_the_answers_lost_two_hundred_nodes_get_their_program():
@@ -532,7 +593,7 @@ REPRODUCED = {
     "E": (lambda: spoilt(o1017_0=200, beats=False), {}),
     "F": (unguarded, {}),
     "G": (lambda: spoilt(version=None), {}),
-    "H": (Loader, {"program": Program(Version(*NEW), DATA)}),
+    "H": (Loader, {"program": Program(MARK, DATA)}),
     "I": (lambda: spoilt(control_refused={3: REFUSED}), {}),
     "J": (lambda: spoilt(refuses={(0x6065, 0): REFUSED}), {}),
     "K": (lambda: spoilt(beats=False), {}),
@@ -546,7 +607,7 @@ REPRODUCED = {
 def test_each_letter_of_the_standard_is_reproduced():
     assert set(REPRODUCED) == {letter.name for letter in b.Letter}
     for letter, (node, changes) in REPRODUCED.items():
-        facts = {"program": Program(Version(*NEW), DATA, True, 20.0), **changes}
+        facts = {"program": Program(MARK, DATA, True, 20.0), **changes}
         plan = b.Plan(5, identity=IDENTITY, settings=SETTINGS, heartbeat=0.1, **facts)
         if letter == "A":  # such a node is not asked for anything
             with pytest.raises(StopIteration) as end:

@@ -49,7 +49,13 @@ def test_only_the_date_is_needed_and_nothing_is_replaced_without_a_word():
     program = made.nodes[1].program
     assert (program.file, program.download, program.deadline) == (None, False, None)
     wanted = wanted_program(made, made.nodes[1])
-    assert (wanted.version, wanted.data, wanted.allowed) == ((15_400, 43_200_000), None, False)
+    assert (wanted.mark.version, wanted.data, wanted.allowed) == ((15_400, 43_200_000), None, False)
+
+
+def test_a_program_may_be_known_by_its_identification():
+    made, problems = node("identification = 0xCAFE\n")
+    assert problems == []
+    assert wanted_program(made, made.nodes[1]).mark == (None, 0xCAFE)
 
 
 def test_a_node_without_the_table_has_no_expected_program():
@@ -61,13 +67,14 @@ def test_a_node_without_the_table_has_no_expected_program():
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        ("file = 'x.bin'\n", "date_time is missing in [nodes.1.program]"),
+        ("file = 'x.bin'\n", "add date_time = 2026-03-31T14:30:00"),
         ("date_time = '2026-03-01T12:00:00'\n", "a date with a time such as 2026-03-31T14:30:00"),
         ("date_time = 2026-03-01\n", "a date with a time such as"),
         ("date_time = 12:00:00\n", "a date with a time such as"),
         ("date_time = 2026-03-01T12:00:00Z\n", "without a time zone"),
         ("date_time = 2026-03-01T12:00:00+01:00\n", "leave Z or the offset out"),
         ("date_time = 1983-12-31T12:00:00\n", "from 1984-01-01 to 2163-06-06"),
+        ("identification = '0x17'\n", "a whole number from 0 to 4294967295"),
         (DATE + "download = 'yes'\n", "true or false"),
         (DATE + "deadline = 60\n", 'add the unit: "60ms" or "60s"'),
         (DATE + "deadline = '10ms'\n", 'from "1s" to "60min"'),
@@ -154,6 +161,12 @@ def test_a_drive_that_does_not_say_which_program_it_has(tmp_path):
     problem = kit.only(cell(tmp_path, DATE, 0x1F52), "warning", "[nodes.1.program]")
     assert "1F52h:01, 1F52h:02" in problem.observed
     assert "letter G" in problem.remedy
+
+
+def test_a_drive_that_has_no_identification_of_its_program(tmp_path):
+    problem = kit.only(cell(tmp_path, "identification = 17\n", 0x1F56), "warning", "[nodes.1.program]")
+    assert "lacks 1F56h:01" in problem.observed
+    assert kit.serious(cell(tmp_path, "identification = 17\n", 0x1F52)) == []
 
 
 def test_a_drive_whose_program_cannot_be_loaded(tmp_path):

@@ -71,7 +71,7 @@ def test_a_program_is_replaced_once_and_the_drive_then_used(tmp_path):
         assert device.boot_ups == 2
         assert device.read(0x6065) == device.dictionary.defaults[0x6065 << 8]
         with line.open() as machine:
-            assert machine.reports[0].outcome.program.found == NEW
+            assert machine.reports[0].outcome.program.found.version == NEW
             machine["x"].enable().wait(10)
             machine["x"].move_relative(2.0).wait(10)
         assert device.loader.orders == [0, 3, 1]
@@ -100,6 +100,19 @@ def test_a_drive_without_flash_status_is_taken_at_its_date(tmp_path):
         (report,) = boot(line.file)
         assert report.ok, report.text()
         assert running(line) == NEW
+
+
+def test_a_drive_without_a_date_is_known_by_its_identification(tmp_path):
+    """Which in the stand-in is the sum of all bytes of its program."""
+    told = sum(program(NEW))
+    lines = DOWNLOAD.replace("date_time = 2026-03-01T12:00:00", f"identification = {told}")
+    with rig(tmp_path, lines, 0x1F52) as line:
+        (report,) = boot(line.file)
+        assert report.ok, report.text()
+        assert line.devices["x"].loader.orders == [0, 3, 1]
+        (again,) = boot(line.file)
+    assert f"  program       identification {told:08X}h, as expected\n" in again.text()
+    assert again.as_json()["program"]["now"] == {"date_time": None, "identification": told}
 
 
 class LostConfirmation(set[int]):
@@ -252,7 +265,7 @@ def test_a_drive_found_enabled_keeps_its_program_and_it_is_told(tmp_path):
         assert report.ok
         assert device.loader.orders == []
         assert line.stage() == ENABLED
-    assert "2025-11-20 08:15:00, NOT that of 2026-03-01 12:00:00; left as it was found" in report.text()
+    assert "2025-11-20 08:15:00, NOT 2026-03-01 12:00:00; left as it was found" in report.text()
 
 
 def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program(
@@ -300,9 +313,9 @@ def test_boot_tells_of_a_program_as_text_and_as_json(axisbus, tmp_path):
     (node,) = json.loads(plain.out)
     assert node["boot"]["letter"] == "H"
     assert node["program"] == {
-        "expected": "2026-03-01T12:00:00",
-        "found": "2025-11-20T08:15:00",
-        "now": "2025-11-20T08:15:00",
+        "expected": {"date_time": "2026-03-01T12:00:00", "identification": None},
+        "found": {"date_time": "2025-11-20T08:15:00", "identification": None},
+        "now": {"date_time": "2025-11-20T08:15:00", "identification": None},
         "replaced": False,
         "bytes": 0,
         "stage": "check",

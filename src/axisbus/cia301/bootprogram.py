@@ -2,8 +2,9 @@
 
 Theory of operation
 -------------------
-The date of the node's program (1F52h) is compared with the expected one. Only where they differ, and the plan allows it, the
-program is replaced: stopped, cleared, transferred, started; then the node is asked until it is back with the expected date. Rules:
+The date of the node's program (1F52h) is compared with the expected one; so is its identification (1F56h), by which many devices
+tell their program that have no 1F52h. Only where they differ, and the plan allows it, the program is replaced: stopped, cleared,
+transferred, started; then the node is asked until it is back with the expected one. Rules:
 
 1. **Nothing before the node is known.** Identity and state come first, as in the standard: a program goes only into the device that
    it was written for. Afterwards the identity is compared once more, because a program may bring another revision (1018h:03).
@@ -11,8 +12,8 @@ program is replaced: stopped, cleared, transferred, started; then the node is as
    All other requests can be repeated without harm: an order that is refused, or whose answer was lost, counts as carried out where
    1F51h says so.
 3. **A node that works on its memory may be deaf**, and one that starts its program may restart, now or a moment later. So it is not
-   counted lost before the plan's ``deadline`` has passed, and what counts is the date that it says in the end. A boot loader may
-   know that date before it restarts: so the date must stand for some seconds before anything else is written.
+   counted lost before the plan's ``deadline`` has passed, and what counts is what it says in the end. A boot loader may
+   say it before it restarts: so it must stand for some seconds before anything else is written.
 """
 
 from __future__ import annotations
@@ -42,16 +43,14 @@ from axisbus.cia301.bootplan import (
 )
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia301.program import (
-    DATE,
     NUMBER,
     REACHED,
-    TIME,
     Control,
     FlashStatus,
+    Mark,
     Program,
     ProgramState,
     Stage,
-    Version,
 )
 from axisbus.cia301.sdo import Way
 
@@ -74,40 +73,43 @@ class ProgramSteps(Asking):
         wanted = self.plan.program
         if wanted is None:
             return False
-        found, abort = yield from self._version()
-        self._note(program=ProgramState(wanted.version, found, found))
-        if found == wanted.version:
+        found, abort = yield from self._mark(wanted)
+        self._note(program=ProgramState(wanted.mark, found, found))
+        if found == wanted.mark:
             self._did("program is the expected one")
             return False
         if not self._disturb:
-            has = "its date cannot be read (1F52h)" if found is None else f"it is that of {found}"
-            self._skipped(f"program: {has}, expected is {wanted.version}; it is left as it was found")
+            has = "which it is cannot be read" if found is None else f"it is {found}"
+            self._skipped(f"program: {has}, expected is {wanted.mark}; it is left as it was found")
             return False
         self._require_replaceable(wanted, found, abort)
         yield from self._replace(wanted)
-        self._did(f"program replaced: {found} by {wanted.version}")
+        self._did(f"program replaced: {found} by {wanted.mark}")
         return True
 
-    def _version(
-        self, letter: Letter | None = None
-    ) -> Generator[Request, Answer, tuple[Version | None, int | None]]:
-        """Return what 1F52h says; None with the abort code where the node does not say it. Silence ends it with ``letter``."""
-        numbers = []
-        for subindex in (DATE, TIME):
-            self._note(address=(o.VERIFY_SOFTWARE, subindex))
-            answer = yield from self._must(Read(o.VERIFY_SOFTWARE, subindex), letter)
+    def _mark(
+        self, wanted: Program, letter: Letter | None = None
+    ) -> Generator[Request, Answer, tuple[Mark | None, int | None]]:
+        """Return what the node says of its program; None with the abort code where it does not. Silence ends it with ``letter``."""
+        numbers = {}
+        for address in wanted.mark.numbers:
+            self._note(address=address)
+            answer = yield from self._must(Read(*address), letter)
             if not isinstance(answer, Got) or not isinstance(answer.value, int):
                 return None, answer.code if isinstance(answer, Refused) else None
-            numbers.append(answer.value)
-        return Version(*numbers), None
+            numbers[address] = answer.value
+        return Mark.of(numbers), None
 
-    def _require_replaceable(self, wanted: Program, found: Version | None, abort: int | None) -> None:
-        """Without 1F52h nobody could tell afterwards which program the node has, so it is not replaced then either."""
-        expected = str(wanted.version)
+    def _require_replaceable(self, wanted: Program, found: Mark | None, abort: int | None) -> None:
+        """Where the node does not say what it has, nobody could tell afterwards either: then it is not replaced."""
+        expected = str(wanted.mark)
         if found is None:
             self._fail(Letter.G, expected=expected, abort=abort)
-        differs = DATE if found is None or found.days != wanted.version.days else TIME
-        facts = {"expected": expected, "got": str(found), "address": (o.VERIFY_SOFTWARE, differs)}
+            return
+        differ = [
+            address for address, number in wanted.mark.numbers.items() if found.numbers[address] != number
+        ]
+        facts = {"expected": expected, "got": str(found), "address": differ[0]}
         if not wanted.allowed:
             self._fail(Letter.H, **facts)
         if not wanted.data:
@@ -119,7 +121,7 @@ class ProgramSteps(Asking):
         yield from self._transfer(wanted, wanted.data or b"")
         yield from self._flashed(wanted)
         yield from self._start_program(wanted)
-        yield from self._see_new_version(wanted)
+        yield from self._see_new_program(wanted)
         yield from self._hold_again()
 
     def _transfer(self, wanted: Program, data: bytes) -> Step:
@@ -164,40 +166,40 @@ class ProgramSteps(Asking):
                 return
         self._fail(Letter.I)
 
-    def _see_new_version(self, wanted: Program) -> Step:
-        """Ask until the node has said the expected date for ``SETTLE`` seconds on end."""
-        self._at(Stage.RETURN, (o.VERIFY_SOFTWARE, DATE))
+    def _see_new_program(self, wanted: Program) -> Step:
+        """Ask until the node has said that it has the expected program for ``SETTLE`` seconds on end."""
+        self._at(Stage.RETURN, next(iter(wanted.mark.numbers)))
         begun, since = self.outcome.elapsed, None
         wrong: Answer | None = Silence()
         for _ in range(math.ceil((wanted.deadline + 2 * SETTLE) / POLL)):
-            wrong = yield from self._other_version(wanted)
+            wrong = yield from self._other_program(wanted)
             now = self.outcome.elapsed
             since = None if wrong is not None else now if since is None else since
             if since is not None and now - since >= SETTLE:
-                self._state(now=wanted.version)
+                self._state(now=wanted.mark)
                 return
             if wrong is not None and (now - begun >= wanted.deadline or isinstance(wrong, Failed)):
                 break
             yield from self._ask(Pause(POLL))
-        yield from self._fail_version(wanted, wrong or Silence())
+        yield from self._fail_program(wanted, wrong or Silence())
 
-    def _other_version(self, wanted: Program) -> Generator[Request, Answer, Answer | None]:
-        """Return the first answer that is not what 1F52h is to say; None where all is as it is to be."""
-        for subindex, number in ((DATE, wanted.version.days), (TIME, wanted.version.milliseconds)):
-            self._note(address=(o.VERIFY_SOFTWARE, subindex))
-            answer = yield from self._ask(Read(o.VERIFY_SOFTWARE, subindex, tries=3))
+    def _other_program(self, wanted: Program) -> Generator[Request, Answer, Answer | None]:
+        """Return the first answer that is not the expected one; None where all are."""
+        for address, number in wanted.mark.numbers.items():
+            self._note(address=address)
+            answer = yield from self._ask(Read(*address, tries=3))
             if not isinstance(answer, Got) or answer.value != number:
                 return answer
         return None
 
-    def _fail_version(self, wanted: Program, wrong: Answer) -> Step:
+    def _fail_program(self, wanted: Program, wrong: Answer) -> Step:
         """Say in words which program the node has instead, if it says so."""
         if not isinstance(wrong, Got):
-            self._fail_by(wrong, expected=str(wanted.version))
+            self._fail_by(wrong, expected=str(wanted.mark))
         address = self.outcome.address
-        now, _ = yield from self._version(Letter.I)
+        now, _ = yield from self._mark(wanted, Letter.I)
         self._state(now=now)
-        self._fail(Letter.I, address=address, expected=str(wanted.version), got=str(now))
+        self._fail(Letter.I, address=address, expected=str(wanted.mark), got=str(now))
 
     def _hold_again(self) -> Step:
         self._note(address=None)

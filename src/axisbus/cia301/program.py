@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from enum import Enum, IntEnum
 from typing import NamedTuple
+
+from axisbus.cia301 import objects as o
 
 NUMBER = 1  # the sub-index of 1F50h, 1F51h, 1F56h and 1F57h: the first program, for most devices the only one
 DATE, TIME = 1, 2  # sub-indices of 1F52h
@@ -88,19 +91,48 @@ class Version(NamedTuple):
         return moment.isoformat(" ", "milliseconds" if self.milliseconds % 1000 else "seconds")
 
 
+class Mark(NamedTuple):
+    """By what a program is known: its date (1F52h), its identification (1F56h:01), or both; None: not looked at."""
+
+    version: Version | None = None
+    identification: int | None = None
+
+    @classmethod
+    def of(cls, numbers: Mapping[tuple[int, int], int]) -> Mark:
+        """Return what these objects say."""
+        date, time = numbers.get(_DATE), numbers.get(_TIME)
+        version = None if date is None or time is None else Version(date, time)
+        return cls(version, numbers.get(_IDENTIFICATION))
+
+    @property
+    def numbers(self) -> dict[tuple[int, int], int]:
+        """What each object says, in the order in which they are read."""
+        found = {} if self.version is None else dict(zip((_DATE, _TIME), self.version, strict=True))
+        return found if self.identification is None else {**found, _IDENTIFICATION: self.identification}
+
+    def __str__(self) -> str:
+        parts = [] if self.version is None else [str(self.version)]
+        parts += [] if self.identification is None else [f"identification {self.identification:08X}h"]
+        return ", ".join(parts)
+
+
+_DATE, _TIME = (o.VERIFY_SOFTWARE, DATE), (o.VERIFY_SOFTWARE, TIME)
+_IDENTIFICATION = (o.PROGRAM_IDENTIFICATION, NUMBER)
+
+
 @dataclass(frozen=True, slots=True)
 class Program:
     """The program that a node is to have.
 
     Attributes:
-        version: its date.
+        mark: by what it is known; not empty.
         data: what to transfer where the node has another one; None: there is nothing.
         allowed: whether the node's program may be replaced at all.
         deadline: seconds that each part of a replacement may take: the answer to one request while the node clears or writes its
             memory, the memory until it is ready, the node until it is back with the new program.
     """
 
-    version: Version
+    mark: Mark
     data: bytes | None = field(default=None, repr=False)
     allowed: bool = False
     deadline: float = 60.0
@@ -109,7 +141,7 @@ class Program:
 class Stage(Enum):
     """Where a replacement is; the value completes "while" ..."""
 
-    CHECK = "its date was read"
+    CHECK = "it was asked for its program"
     STOP = "the old program was being stopped"
     CLEAR = "the old program was being cleared"
     TRANSFER = "the new program was being transferred"
@@ -125,9 +157,9 @@ class ProgramState:
     ``stage`` is the last that was begun, ``loaded`` the bytes that the node has taken whole, ``flash`` its memory's last word.
     """
 
-    expected: Version
-    found: Version | None
-    now: Version | None
+    expected: Mark
+    found: Mark | None
+    now: Mark | None
     stage: Stage = Stage.CHECK
     loaded: int = 0
     flash: FlashStatus | None = None

@@ -74,13 +74,15 @@ class PdoConfig:
 
 @dataclass(frozen=True, slots=True)
 class ProgramConfig:
-    """``[nodes.N.program]``: the program that a node must have, by the ``date_time`` that its 1F52h says (days and milliseconds).
+    """``[nodes.N.program]``: the program that a node must have.
 
-    With ``download`` another one is replaced by ``file``, a path relative to the cell file; without it never. ``deadline`` is in
-    seconds and for each part of that (None: by the size of the file).
+    It is known by its ``date_time`` (1F52h: days and milliseconds), its ``identification`` (1F56h:01), or both. With ``download``
+    another one is replaced by ``file``, a path relative to the cell file; without it never. ``deadline`` is in seconds and for each
+    part of that (None: by the size of the file).
     """
 
-    date_time: tuple[int, int] = (0, 0)
+    date_time: tuple[int, int] | None = None
+    identification: int | None = None
     file: str | None = None
     download: bool = False
     deadline: float | None = None

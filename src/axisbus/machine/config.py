@@ -192,7 +192,14 @@ class _Reading:
     def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
         if "program" not in table:
             return None
-        return ProgramConfig(**self._sub(path, table, "program", schema.PROGRAM))
+        program = ProgramConfig(**self._sub(path, table, "program", schema.PROGRAM))
+        if not any(program.at.gives(key) for key in ("date_time", "identification")):
+            self._error(
+                (*path, "program"),
+                f"[{program.at.name}] does not say by what the program is known",
+                remedy="add date_time = 2026-03-31T14:30:00 (what 1F52h says of it), or identification = 0x1234 (1F56h:01)",
+            )
+        return program
 
     def _pdos(self, path: KeyPath, raw: Any) -> tuple[PdoConfig, ...]:
         found = []

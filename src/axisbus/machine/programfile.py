@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from axisbus.cia301.program import Program, Version
+from axisbus.cia301.program import Mark, Program, Version
 from axisbus.errors import ConfigError
 from axisbus.machine.cell import CellConfig, NodeConfig, ProgramConfig
 
@@ -53,7 +53,13 @@ def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> Pr
         return None
     allowed = program.download and not late
     data = read_file(cell, program) if allowed else None
-    return Program(Version(*program.date_time), data, allowed, deadline_of(program, len(data or b"")))
+    return Program(mark_of(program), data, allowed, deadline_of(program, len(data or b"")))
+
+
+def mark_of(program: ProgramConfig) -> Mark:
+    """Return by what the program is known."""
+    version = None if program.date_time is None else Version(*program.date_time)
+    return Mark(version, program.identification)
 
 
 def _why(path: Path, error: Exception) -> str:

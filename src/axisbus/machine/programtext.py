@@ -7,7 +7,7 @@ from typing import Any
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import Letter, Outcome
-from axisbus.cia301.program import NUMBER, Control, ProgramState, Stage, Version
+from axisbus.cia301.program import NUMBER, Control, Mark, ProgramState, Stage
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
 from axisbus.machine.cell import NodeConfig
 
@@ -37,10 +37,15 @@ _FIRST = {
     Stage.RETURN: "switch the node off and on, and boot again (what it says then decides); where it only needs longer, "
     f"give a longer deadline in [nodes.N.program]; {_TOOL}",
 }
-_OTHER_DATE = (
-    "compare date_time in [nodes.N.program] with the date of the program in the file (its maker says it), correct the one that is "
+_OTHER_PROGRAM = (
+    "compare what [nodes.N.program] expects with the program in the file (its maker says what it is), correct the one that is "
     "wrong, and boot again"
 )
+# What else a program may be known by, where an object is missing.
+_OTHER_MARK = {
+    o.VERIFY_SOFTWARE: "give identification (what its 1F56h:01 says) instead of date_time",
+    o.PROGRAM_IDENTIFICATION: "give date_time (what its 1F52h says) instead of identification",
+}
 
 
 def line(state: ProgramState | None) -> str:
@@ -51,17 +56,18 @@ def line(state: ProgramState | None) -> str:
         return f"{state.now}: replaced, {state.loaded} bytes; it was {state.found}"
     if state.found == state.expected:
         return f"{state.found}, as expected"
-    return f"{_said(state.found)}, NOT that of {state.expected}; left as it was found"
+    found = "it does not say which it has" if state.found is None else str(state.found)
+    return f"{found}, NOT {state.expected}; left as it was found"
 
 
 def as_json(state: ProgramState | None) -> dict[str, Any] | None:
-    """Return the same as plain values; dates as ISO 8601 without a time zone, null where the node gives none."""
+    """Return the same as plain values; dates as ISO 8601 without a time zone, null where there is none."""
     if state is None:
         return None
     return {
-        "expected": _iso(state.expected),
-        "found": _iso(state.found),
-        "now": _iso(state.now),
+        "expected": _plain(state.expected),
+        "found": _plain(state.found),
+        "now": _plain(state.now),
         "replaced": state.replaced,
         "bytes": state.loaded,
         "stage": state.stage.name.lower(),
@@ -102,9 +108,9 @@ def _inconsistent(outcome: Outcome, state: ProgramState) -> tuple[str, str, str]
     why = "it is no number" if outcome.abort is None else abort.describe(outcome.abort)
     return (
         f" does not say which program it has: {index:04X}h:{subindex:02X} cannot be read",
-        f"{why}; the cell file expects the program of {state.expected}",
-        "where the device has no 1F52h, take [nodes.N.program] out; where it has lost its program (its boot loader answers, "
-        "often under another name), load one with the maker's tool",
+        f"{why}; the cell file expects {state.expected}",
+        f"where the device has no {index:04X}h, {_OTHER_MARK[index]}, or take [nodes.N.program] out; where it has lost its program "
+        "(its boot loader answers, often under another name), load one with the maker's tool",
     )
 
 
@@ -116,9 +122,7 @@ def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
             "close the machine, and boot: axisbus boot with this cell file replaces it",
         )
     right = _toml(state.found)
-    keep = (
-        f"if the node's program is right, write date_time = {right} in [nodes.N.program]; " if right else ""
-    )
+    keep = f"if the node's program is right, write {right} in [nodes.N.program]; " if right else ""
     return (
         " has another program than the expected one, and it may not be replaced",
         _both(state),
@@ -145,7 +149,7 @@ def _first(outcome: Outcome, state: ProgramState) -> str:
     if state.stage is Stage.TRANSFER and outcome.abort is not None:
         return _FILE
     if state.stage is Stage.RETURN and outcome.got is not None:
-        return _OTHER_DATE
+        return _OTHER_PROGRAM
     return _FIRST.get(state.stage, _AGAIN)
 
 
@@ -167,17 +171,25 @@ def _reason(outcome: Outcome, state: ProgramState, cause: AxisbusError | None) -
 
 
 def _both(state: ProgramState) -> str:
-    return f"1F52h says {state.found}, the cell file expects {state.expected}"
+    objects = " and ".join(dict.fromkeys(f"{index:04X}h" for index, _ in state.expected.numbers))
+    return f"by {objects} it is {state.found}, the cell file expects {state.expected}"
 
 
-def _said(version: Version | None) -> str:
-    return "it does not say which it has (1F52h)" if version is None else str(version)
+def _plain(mark: Mark | None) -> dict[str, Any] | None:
+    if mark is None:
+        return None
+    moment = None if mark.version is None else mark.version.moment
+    return {
+        "date_time": None if moment is None else moment.isoformat(),
+        "identification": mark.identification,
+    }
 
 
-def _iso(version: Version | None) -> str | None:
-    moment = None if version is None else version.moment
-    return None if moment is None else moment.isoformat()
-
-
-def _toml(version: Version | None) -> str:
-    return _iso(version) or "" if version != (0, 0) else ""
+def _toml(mark: Mark | None) -> str:
+    """Return the lines of the cell file that expect this program; empty where it is none."""
+    if mark is None or mark.version == (0, 0) or (mark.version is not None and mark.version.moment is None):
+        return ""
+    moment = None if mark.version is None else mark.version.moment
+    keys = [] if moment is None else [f"date_time = {moment.isoformat()}"]
+    keys += [] if mark.identification is None else [f"identification = 0x{mark.identification:08X}"]
+    return " and ".join(keys)

@@ -60,9 +60,8 @@ NODE: Keys = {
 }
 
 PROGRAM: Keys = {
-    "date_time": Key(
-        v.date_time, "date_time = 2026-03-31T14:30:00, the date and time that 1F52h says of the program"
-    ),
+    "date_time": Key(v.date_time),
+    "identification": _unsigned32,
     "file": _text,
     "download": _flag,
     "deadline": Key(v.duration("1s", "60min")),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from axisbus.cia301 import objects as o
-from axisbus.cia301.program import DATE, NUMBER, TIME
+from axisbus.cia301.program import NUMBER
 from axisbus.eds.model import Eds
 from axisbus.errors import ConfigError
 from axisbus.machine.cell import NodeConfig, ProgramConfig
 from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.programfile import deadline_of, read_file
+from axisbus.machine.programfile import deadline_of, mark_of, read_file
 
-_DATE = ((o.VERIFY_SOFTWARE, DATE), (o.VERIFY_SOFTWARE, TIME))
 _DOWNLOAD = ((o.PROGRAM_DATA, NUMBER), (o.PROGRAM_CONTROL, NUMBER))
 
 
@@ -46,7 +47,7 @@ def _file(case: Case, node: NodeConfig, program: ProgramConfig) -> Found:
     limit = "" if program.deadline is not None else " (no deadline is given: by the size)"
     yield case.note(
         program.at.of("download"),
-        f"{name}: boot replaces its program where 1F52h does not say the expected date",
+        f"{name}: boot replaces its program where it is not the expected one",
         f"{len(data)} bytes; each part of it may take {deadline_of(program, len(data)):g} s{limit}",
     )
 
@@ -57,12 +58,12 @@ def objects(case: Case) -> Found:
         program = node.program
         if program is None:
             continue
-        if lacking := _lacking(eds, _DATE):
+        if lacking := _lacking(eds, mark_of(program).numbers):
             yield case.warning(
                 program.at.line,
                 f"node {node.node_id}: whether it has the expected program cannot be told",
-                f"{eds.source} lacks {lacking} (date and time of the application software)",
-                f"leave [{program.at.name}] out if the device does not have them: boot would refuse it with the letter G",
+                f"{eds.source} lacks {lacking} (1F52h is the date of the application software, 1F56h its identification)",
+                f"tell the program by the other one, or leave [{program.at.name}] out: boot would refuse it with the letter G",
             )
         elif program.download and (lacking := _lacking(eds, _DOWNLOAD)):
             yield case.warning(
@@ -77,7 +78,7 @@ def _programs(case: Case) -> list[tuple[NodeConfig, ProgramConfig]]:
     return [(node, node.program) for node in case.cell.nodes.values() if node.program is not None]
 
 
-def _lacking(eds: Eds, wanted: tuple[tuple[int, int], ...]) -> str:
+def _lacking(eds: Eds, wanted: Iterable[tuple[int, int]]) -> str:
     return ", ".join(f"{index:04X}h:{sub:02X}" for index, sub in wanted if eds.get(index, sub) is None)
 
 
