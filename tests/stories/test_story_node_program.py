@@ -145,6 +145,19 @@ def test_a_lost_confirmation_in_mid_transfer_costs_another_transfer_from_the_beg
     assert report.outcome.retries > 0
 
 
+def test_two_drives_get_their_programs_at_once(tmp_path):
+    (tmp_path / "firmware.bin").write_bytes(program(NEW))
+    lines = DOWNLOAD.format(deadline=PATIENT)
+    told = set()
+    with Line(
+        tmp_path, "xy", eds=loader_eds(tmp_path), more=lines + lines.replace("nodes.1", "nodes.2")
+    ) as line:
+        reports = boot(line.file, on_program=lambda node, done, total: told.add((node, done == total)))
+        assert [report.error for report in reports] == [None, None]
+        assert [device.loader.program for device in line.devices.values()] == [program(NEW)] * 2
+    assert {(1, True), (2, True)} <= told
+
+
 def test_a_program_is_replaced_in_virtual_time_too(tmp_path):
     line = rig(tmp_path, DOWNLOAD)
     made = device_from_eds(eds.load(tmp_path / "drive.eds"), 1)
