@@ -240,7 +240,7 @@ def test_letter_i_the_drive_dies_in_mid_transfer(tmp_path, golden):
 def test_letter_i_the_drive_does_not_come_back(tmp_path, golden):
     with rig(tmp_path, DOWNLOAD, deadline=IMPATIENT) as line:
         line.devices["x"].dials.reboot_time = 30.0
-        line.devices["x"].dials.program.restart_delay = 0.0
+        line.devices["x"].dials.program.restart_delay = 1.0  # it is found once more before it goes
         error = refused(line)
     assert error.letter == "I"
     golden("node_program_i_gone", error, volatile=True)
