@@ -142,10 +142,6 @@ def test_the_letters_are_those_of_the_standard():
         assert word in b.Letter[letter].sentence, letter
 
 
-def test_programs_are_not_downloaded_so_their_letters_never_come():
-    assert {letter.name for letter in b.NEVER} == {"G", "H", "I"}
-
-
 def test_a_good_node_is_booted_in_the_order_of_the_standard():
     slave = Slave()
     outcome = slave.run(plan())

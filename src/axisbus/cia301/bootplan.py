@@ -9,6 +9,8 @@ from enum import Enum
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.program import Program, ProgramState
+from axisbus.cia301.sdo import Way
 
 TRIES = 8  # with 4 % of the dialogues lost, one in 10^11 fails eight times
 DEADLINE = 0.5  # seconds for the answer to one SDO request
@@ -24,9 +26,9 @@ class Letter(Enum):
     D = "the vendor ID (1018h:01) is not the expected one"
     E = "the node is to send a heartbeat and sends none, so its state is not known"
     F = "the node does not answer node guarding, so its state is not known"
-    G = "the node needs a program that the master has no description of"  # G to I: programs are not downloaded
-    H = "the node needs another program, and the master may not download it"
-    I = "the download of the node's program failed"  # noqa: E741 - the standard's letter
+    G = "what it needs to check or replace the node's program is missing or does not fit together"
+    H = "the node has another program than the expected one, which may not be replaced"
+    I = "the node's program had to be replaced, and its download failed"  # noqa: E741 - the standard's letter
     J = "the download of the configuration failed"
     K = "the node sends no heartbeat after error control was started"
     L = "the node was operational already"
@@ -39,9 +41,6 @@ class Letter(Enum):
         """What the letter means."""
         return str(self.value)
 
-
-# Letters that this boot-up never gives: it checks no software version (1F52h), and downloads no program.
-NEVER = frozenset({Letter.G, Letter.H, Letter.I})
 
 # What is compared, in the order of the standard: object, its name, and the letter where it differs.
 IDENTITY = (
@@ -86,6 +85,7 @@ class Plan:
         identity: what is expected, by object (see ``IDENTITY``); what is left out is only read.
         find_tries: how often 1000h is asked for, ``DEADLINE`` seconds each, before nobody is there.
         keep_alive: a node found operational stays as it is: neither configured nor taken out of operational.
+        program: the program that the node is to have; None: any. It is looked at after the state, and before anything is written.
         restore: restore the default parameters (1011h:01) and restart the node before it is configured.
         settings: the configuration, in order.
         version: date (days since 1984-01-01) and time (ms after midnight) of the configuration, for 1020h; a node that has the
@@ -100,6 +100,7 @@ class Plan:
     identity: Mapping[Address, Expected] = field(default_factory=dict)
     find_tries: int = 6
     keep_alive: bool = False
+    program: Program | None = None
     restore: bool = False
     settings: tuple[Setting, ...] = ()
     version: tuple[int, int] | None = None
@@ -131,6 +132,26 @@ class Write:
     checked: bool = True
     deadline: float = DEADLINE
     tries: int = TRIES
+
+
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """Write a node's program, as bytes; ``deadline`` (seconds) is for each single answer of the node."""
+
+    index: int
+    subindex: int
+    data: bytes = field(repr=False)
+    way: Way = Way.AUTO
+    deadline: float = DEADLINE
+    tries: int = 1  # half of it may have been written: nobody but the plan's own steps may repeat it
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Let ``seconds`` pass; always answered."""
+
+    seconds: float
+    tries: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +232,8 @@ class Outcome:
 
     ``letter`` is None for plain success, and where a failure has no letter in the standard (a node that falls silent in mid
     boot-up, an NMT command that is not confirmed); L is no failure. ``tries`` are those of the last request, ``retries`` all that
-    were made more than once; ``elapsed`` is in seconds. ``setting`` is what could not be written. ``consumer`` is the time in
+    were made more than once; ``elapsed`` is in seconds. ``setting`` is what could not be written. ``program`` tells of the
+    node's program where one is expected. ``consumer`` is the time in
     seconds after which a missing heartbeat counts as lost.
     """
 
@@ -230,6 +252,7 @@ class Outcome:
     found: NmtState = NmtState.UNKNOWN
     control: ErrorControl = ErrorControl.NONE
     consumer: float | None = None
+    program: ProgramState | None = None
     setting: Setting | None = None
     written: int = 0
     done: tuple[str, ...] = ()
@@ -264,4 +287,4 @@ class Local:
     tries: int = 1
 
 
-Request = Read | Write | Command | Listen | Guard | Local
+Request = Read | Write | Transfer | Pause | Command | Listen | Guard | Local

@@ -6,21 +6,22 @@ Theory of operation
 clock and no thread; time is what the answers say it took. Two rules:
 
 1. **Each request is repeated by itself.** Silence costs one more try of this request and nothing else; only a request that stays
-   unanswered in all its tries ends the boot-up. Every request can be repeated without harm.
+   unanswered in all its tries ends the boot-up. Every request can be repeated without harm; the one that cannot, the transfer of
+   a program, has a single try (see ``bootprogram``).
 2. **The first thing that is wrong ends it**, and the outcome has all that is known: letter, step, object, expected, got, abort.
 
-The order is that of the standard: device type, identity, state, restore, configuration, error control, start. Two things differ.
-A node that is found running is never reset: at most it is taken to pre-operational, and where the application says so not even
-that. And what the standard leaves to the application has three places (``Phase``).
+The order is that of the standard: device type, identity, state, program, restore, configuration, error control, start. Two things
+differ. A node that is found running is never reset: at most it is taken to pre-operational, and where the application says so not
+even that. And what the standard leaves to the application has three places (``Phase``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import replace
-from typing import Any
 
 from axisbus.cia301 import objects as o
+from axisbus.cia301.bootask import Ended, Step
 from axisbus.cia301.bootplan import (
     IDENTITY,
     LOAD,
@@ -29,7 +30,6 @@ from axisbus.cia301.bootplan import (
     Command,
     ErrorControl,
     Expected,
-    Failed,
     Got,
     Guard,
     Letter,
@@ -45,11 +45,9 @@ from axisbus.cia301.bootplan import (
     Silence,
     Write,
 )
+from axisbus.cia301.bootprogram import ProgramSteps
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
-
-Dialogue = Generator[Request, Answer, Answer]
-Step = Generator[Request, Answer, None]
 
 LONGEST_LISTEN = 3.0  # seconds; a node whose heartbeat is rarer is not waited for
 _LEAST_LISTEN = 0.3
@@ -61,7 +59,7 @@ def boot_up(plan: Plan) -> Generator[Request, Answer, Outcome]:
     run = _Run(plan)
     try:
         yield from run.all()
-    except _Ended:
+    except Ended:
         return run.outcome
     letter = Letter.L if run.outcome.found is NmtState.OPERATIONAL else None
     return replace(run.outcome, ok=True, letter=letter)
@@ -74,17 +72,8 @@ def same(got: object, wanted: Value) -> bool:
     return got == wanted
 
 
-class _Ended(Exception):
-    """The boot-up has ended; the outcome says why."""
-
-
-class _Run:
+class _Run(ProgramSteps):
     """One boot-up; holds the outcome as far as it is known."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.outcome = Outcome(plan.node, False, None, "list of nodes")
-        self._disturb = True
 
     def all(self) -> Step:
         """Do the steps in order."""
@@ -95,6 +84,7 @@ class _Run:
             ("identity", self._identify),
             ("state", self._look),
             ("pre-operational", self._hold),
+            ("program", self._renew),
             ("restore", self._restore),
             ("configuration", self._configure),
             ("error control", self._control),
@@ -103,52 +93,6 @@ class _Run:
         ):
             self._note(step=name, address=None, tries=0)
             yield from step()
-
-    # -- asking ------------------------------------------------------------------------------------------------------
-
-    def _ask(self, request: Request) -> Dialogue:
-        """Make a request until it is answered, at most its ``tries``."""
-        answer: Answer = Silence()
-        for number in range(1, request.tries + 1):
-            answer = yield request
-            more = number > 1
-            self._note(
-                tries=number,
-                elapsed=self.outcome.elapsed + answer.elapsed,
-                retries=self.outcome.retries + more,
-            )
-            if not isinstance(answer, Silence):
-                break
-        return answer
-
-    def _must(self, request: Request, letter: Letter | None = None) -> Dialogue:
-        """As ``_ask``; silence ends the boot-up with ``letter``, and so does a refusal of what cannot be refused."""
-        answer = yield from self._ask(request)
-        if isinstance(answer, Failed):
-            self._fail(None)
-        if isinstance(answer, Silence) or (isinstance(answer, Refused) and not isinstance(request, Read)):
-            self._fail(letter, abort=answer.code if isinstance(answer, Refused) else None)
-        return answer
-
-    def _read(self, index: int, subindex: int = 0) -> Generator[Request, Answer, int | None]:
-        """Read a number; None where the node does not have it."""
-        self._note(address=(index, subindex))
-        answer = yield from self._must(Read(index, subindex))
-        value = answer.value if isinstance(answer, Got) else None
-        return value if isinstance(value, int) else None
-
-    def _fail(self, letter: Letter | None, **facts: Any) -> None:
-        self._note(letter=letter, **facts)
-        raise _Ended
-
-    def _note(self, **facts: Any) -> None:
-        self.outcome = replace(self.outcome, **facts)
-
-    def _did(self, what: str) -> None:
-        self._note(done=(*self.outcome.done, what))
-
-    def _skipped(self, what: str) -> None:
-        self._note(skipped=(*self.outcome.skipped, what))
 
     # -- who is it ---------------------------------------------------------------------------------------------------
 
@@ -223,6 +167,20 @@ class _Run:
         elif self.outcome.found is not NmtState.PRE_OPERATIONAL:
             yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL))
             self._did("pre-operational")
+
+    # -- program (see bootprogram) -----------------------------------------------------------------------------------
+
+    def _renew(self) -> Step:
+        """Check the program; one that was replaced must leave the node the device that is expected.
+
+        Identity comes before the program, as in the standard: a revision that only the new program has would be refused before the
+        download, and one that only the old program had is refused after it, not at the next boot-up.
+        """
+        if (yield from self._program()):
+            self._note(address=(o.DEVICE_TYPE, 0))
+            answer = yield from self._must(Read(o.DEVICE_TYPE), Letter.I)
+            self._learn((o.DEVICE_TYPE, 0), answer)
+            yield from self._identify()
 
     # -- configuration -----------------------------------------------------------------------------------------------
 

@@ -33,6 +33,13 @@ RPDO_COMMUNICATION = 0x1400
 RPDO_MAPPING = 0x1600
 TPDO_COMMUNICATION = 0x1800
 TPDO_MAPPING = 0x1A00
+PROGRAM_DATA = (
+    0x1F50  # this and those below: CiA 302-3, one sub-index for each program, which are counted from 1
+)
+PROGRAM_CONTROL = 0x1F51
+VERIFY_SOFTWARE = 0x1F52  # date in sub-index 1, time in 2
+PROGRAM_IDENTIFICATION = 0x1F56
+FLASH_STATUS = 0x1F57
 
 # Sub-indices of 1018h.
 VENDOR_ID, PRODUCT_CODE, REVISION_NUMBER, SERIAL_NUMBER = 1, 2, 3, 4

@@ -2,12 +2,50 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import click
 
-from axisbus.cli.common import FAILURE, OK, progress_bar, say, say_json, say_next
+from axisbus.cli.common import FAILURE, OK, ProgressLine, progress_line, say, say_json, say_next, say_note
 from axisbus.machine.machine import boot
+
+_LABEL = "booting"
+
+
+class _Told:
+    """What is said and drawn while nodes boot; called in their threads; holds the nodes whose program is on its way."""
+
+    def __init__(self, line: ProgressLine | None, *, quiet: bool) -> None:
+        self._line = line
+        self._quiet = quiet
+        self._lock = threading.Lock()
+        self._nodes: set[int] = set()
+
+    def through(self, done: int, total: int) -> None:
+        """So many nodes have booted."""
+        if self._line is not None:
+            with self._lock:
+                self._line.label(_LABEL)
+                self._line.tell(done, total)
+
+    def program(self, node: int, done: int, total: int | None) -> None:
+        """So many bytes of a node's program have arrived."""
+        with self._lock:
+            if node not in self._nodes and not self._quiet:
+                say_note(f"node {node}: its program is being replaced, {total} bytes; do not switch it off")
+            self._nodes.add(node)
+            if self._line is not None:
+                self._line.label(f"{_LABEL}, node {node}: program {done * 100 // max(1, total or 0)} %")
+
+    def interrupted(self, cell: Path) -> None:
+        """Say what an interruption has left behind, where a program was on its way."""
+        if self._nodes:
+            nodes = ", ".join(map(str, sorted(self._nodes)))
+            say_note(
+                f"interrupted while programs were being replaced (node {nodes}): a node whose download was cut short is of no use "
+                f"before one has succeeded; next: axisbus boot {cell}"
+            )
 
 
 @click.command("boot")
@@ -16,11 +54,19 @@ from axisbus.machine.machine import boot
 def command(cell: Path, as_json: bool) -> int:
     """Boot and configure the nodes of CELL, report each, and let them go again; energises nothing.
 
+    Where [nodes.N.program] says download = true, a node with another program than the expected one is given it first, which may
+    take minutes.
+
     The report says who each node is, how its boot-up went (with the letter of CiA 302-2, A to O, where there is one), how each axis
     stops, and what notices a dead master. Exit code 3 when a node that is not optional did not come up.
     """
-    with progress_bar("booting", quiet=as_json) as tell:
-        reports = boot(cell, tell)
+    with progress_line(_LABEL, quiet=as_json) as line:
+        told = _Told(line, quiet=as_json)
+        try:
+            reports = boot(cell, told.through, told.program)
+        except KeyboardInterrupt:
+            told.interrupted(cell)
+            raise
     failed = [report for report in reports if not report.ok and not report.optional]
     up = sum(report.ok for report in reports)
     if as_json:

@@ -65,6 +65,11 @@ def say_error(text: str) -> None:
     click.echo(f"axisbus: {text}", err=True)
 
 
+def say_note(text: str) -> None:
+    """Print something worth knowing now to standard error, over a bar that may be drawn there."""
+    click.echo(f"\r\x1b[K{text}" if sys.stderr.isatty() else text, err=True)
+
+
 def say_next(text: str) -> None:
     """Print what to type next."""
     if sys.stdout.isatty() or not sys.stdout.closed:
@@ -74,22 +79,40 @@ def say_next(text: str) -> None:
 @contextmanager
 def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, int | None], None] | None]:
     """Offer ``tell(done, all)``, which draws a bar on standard error, on a terminal only; where ``all`` is None it stands still."""
+    with progress_line(label, quiet=quiet) as line:
+        yield None if line is None else line.tell
+
+
+@contextmanager
+def progress_line(label: str, *, quiet: bool = False) -> Iterator[ProgressLine | None]:
+    """Offer a bar as ``progress_bar`` does, whose label may change on the way."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    bar = click.progressbar(length=1000, label=label, file=sys.stderr)
-    with bar:
-        shown = 0
+    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+        yield ProgressLine(bar)
 
-        def tell(done: int, total: int | None) -> None:
-            nonlocal shown
-            if total is None:
-                return
-            now = done * 1000 // max(1, total)
-            bar.update(now - shown)
-            shown = now
 
-        yield tell
+class ProgressLine:
+    """A bar that is drawn on standard error; holds how far it is."""
+
+    def __init__(self, bar: Any) -> None:
+        self._bar = bar
+        self._shown = 0
+
+    def tell(self, done: int, total: int | None) -> None:
+        """Draw how far the work is; where ``total`` is None the bar stands still."""
+        if total is None:
+            return
+        now = done * 1000 // max(1, total)
+        self._bar.update(now - self._shown)
+        self._shown = now
+
+    def label(self, text: str) -> None:
+        """Draw another text before the bar."""
+        if self._bar.label != text:
+            self._bar.label = text
+            self._bar.render_progress()
 
 
 @contextmanager

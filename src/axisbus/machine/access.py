@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
+from axisbus.cia301.sdo import Way
 from axisbus.errors import SdoAbort, SdoTimeout
 from axisbus.sim.device import Device
+
+Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: not known)
 
 
 class Objects(Protocol):
@@ -28,8 +32,16 @@ class Objects(Protocol):
     def upload(self, index: int, subindex: int = 0) -> bytes:
         """Return an object's bytes."""
 
-    def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Set an object's bytes."""
+    def download(
+        self,
+        index: int,
+        subindex: int,
+        data: bytes,
+        *,
+        way: Way = Way.AUTO,
+        progress: Progress | None = None,
+    ) -> None:
+        """Set an object's bytes; ``progress`` is told how many have arrived."""
 
 
 class DeviceObjects:
@@ -71,10 +83,20 @@ class DeviceObjects:
         self._require_answer(index, subindex)
         return self._device.upload(index, subindex)
 
-    def download(self, index: int, subindex: int, data: bytes) -> None:
+    def download(
+        self,
+        index: int,
+        subindex: int,
+        data: bytes,
+        *,
+        way: Way = Way.AUTO,  # noqa: ARG002 - nothing travels here
+        progress: Progress | None = None,
+    ) -> None:
         """Set an object's bytes; raises ``SdoAbort`` or ``SdoTimeout``."""
         self._require_answer(index, subindex)
         self._device.download(index, subindex, data)
+        if progress is not None:
+            progress(len(data), len(data))
 
     def _require_answer(self, index: int, subindex: int) -> None:
         if not self._device.answers_sdo:

@@ -11,7 +11,7 @@ from axisbus.cia301 import bootplan as b
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AxisbusError, NodeTimeout, SdoAbort, SdoError
-from axisbus.machine.access import Objects
+from axisbus.machine.access import Objects, Progress
 
 
 class Nmt(Protocol):
@@ -26,6 +26,9 @@ class Nmt(Protocol):
     def ask(self, deadline: float) -> NmtState | None:
         """Return the state by node guarding, None where no answer comes."""
 
+    def pause(self, seconds: float) -> None:
+        """Let time pass; blocks for so long."""
+
     def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:
         """Make SDO requests that often, with ``deadline`` seconds each, inside the ``with`` block."""
 
@@ -37,12 +40,21 @@ class Answerer:
     """Answers the requests for one node; holds state: the last error that an answer stands for."""
 
     def __init__(
-        self, objects: Objects, nmt: Nmt, local: Locals, clock: Callable[[], float] = time.monotonic
+        self,
+        objects: Objects,
+        nmt: Nmt,
+        local: Locals,
+        progress: Progress | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``local`` are the application's own parts: what ``LOOK`` returns says whether the node may be disturbed."""
+        """``local`` are the application's own parts: what ``LOOK`` returns says whether the node may be disturbed.
+
+        ``progress(done, all)`` is called in this thread with the bytes of a program that the node has confirmed.
+        """
         self._objects = objects
         self._nmt = nmt
         self._local = local
+        self._progress = progress
         self._clock = clock
         self.error: AxisbusError | None = None
 
@@ -65,6 +77,8 @@ class Answerer:
             self.error = error
             return _bad_answer(request, error, self._clock() - start)
         elapsed = self._clock() - start
+        if isinstance(request, b.Pause):
+            elapsed = max(elapsed, request.seconds)  # where time is virtual, the clock has not moved
         if value is None and isinstance(request, (b.Listen, b.Guard)):
             return b.Silence(elapsed)
         return b.Got(value, elapsed)
@@ -80,10 +94,20 @@ class Answerer:
                 return self._nmt.listen(request.deadline)
             case b.Guard():
                 return self._nmt.ask(request.deadline)
+            case b.Pause():
+                self._nmt.pause(request.seconds)
+                return None
+        return self._transfer(request)
+
+    def _transfer(self, request: b.Read | b.Write | b.Transfer) -> Value | None:
         with self._nmt.trying(1, request.deadline):
             if isinstance(request, b.Read):
                 return self._objects.read(request.index, request.subindex)
-            self._write(request)
+            if isinstance(request, b.Transfer):
+                where = request.index, request.subindex
+                self._objects.download(*where, request.data, way=request.way, progress=self._progress)
+            else:
+                self._write(request)
         return None
 
     def _write(self, request: b.Write) -> None:

@@ -31,9 +31,9 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, proposal, syncwindow
+from axisbus.machine import dcf, programtext, proposal, syncwindow
 from axisbus.machine import identity as ids
-from axisbus.machine.access import Objects, read_int
+from axisbus.machine.access import Objects, Progress, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
 from axisbus.machine.bootfailure import as_error, at_step
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
@@ -93,12 +93,24 @@ class Booted:
 class NodeBoot:
     """The boot-up of one node; holds what was found on the way."""
 
-    def __init__(self, cell: CellConfig, node_id: int, eds: Eds, objects: Objects, comms: Comms) -> None:
+    def __init__(
+        self,
+        cell: CellConfig,
+        node_id: int,
+        eds: Eds,
+        objects: Objects,
+        comms: Comms,
+        progress: Progress | None = None,
+        late: bool = False,
+    ) -> None:
+        """``progress(done, all)`` is told the bytes of a program on its way to the node; ``late``: while the machine runs."""
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
         self._eds = eds
         self._objects = objects
         self._comms = comms
+        self._progress = progress
+        self._late = late
         self._report = NodeReport(node_id)
         self._axes = list(cell.axes_of(node_id))
         self._power: dict[str, State] = {}
@@ -109,11 +121,15 @@ class NodeBoot:
         self._by_dcf = 0
 
     def run(self) -> Booted:
-        """Do all steps; blocks for some dozen SDO transfers. What fails stands in the report, and is not raised."""
+        """Do all steps; blocks for some dozen SDO transfers, and for minutes where the node's program is replaced.
+
+        What fails stands in the report, and is not raised.
+        """
         self._report.optional = self._node.optional
-        answerer = Answerer(self._objects, self._comms, self._locals())
+        answerer = Answerer(self._objects, self._comms, self._locals(), self._progress)
         try:
-            plan = plan_of(self._cell, self._objects.node_id, self._eds, self._comms.find_tries)
+            tries = self._comms.find_tries
+            plan = plan_of(self._cell, self._objects.node_id, self._eds, tries, self._late)
             self._finish(answerer.run(boot_up(plan)), answerer)
         except AxisbusError as error:
             self._report.error = at_step(self._objects.node_id, "configuration", error)
@@ -122,7 +138,7 @@ class NodeBoot:
     def _locals(self) -> Locals:
         return {
             Phase.LOOK: lambda known: self._step("state", partial(self._look, known)),
-            Phase.PREPARE: lambda _: self._step("configuration", self._prepare),
+            Phase.PREPARE: lambda known: self._step("configuration", partial(self._prepare, known)),
             Phase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),
             Phase.COMPLETE: self._complete,
         }
@@ -136,6 +152,7 @@ class NodeBoot:
             report.error = as_error(outcome, self._node, cause)
             return
         report.nmt = self._comms.state()
+        report.program = programtext.line(outcome.program)
         if self.found_enabled:
             report.configured = "NOT configured: a drive of this node was found enabled"
         elif any(text.startswith("configuration") for text in outcome.skipped):
@@ -176,7 +193,10 @@ class NodeBoot:
             )
         return not self.found_enabled
 
-    def _prepare(self) -> None:
+    def _prepare(self, known: Outcome) -> None:
+        if known.program is not None and known.program.replaced:
+            self._report.warnings.clear()  # they were about the revision that it had
+            self._identify(known.identity)
         self._restarts = self._comms.restarts()
         self._watch.set_sync()
 

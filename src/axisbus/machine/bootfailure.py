@@ -6,7 +6,7 @@ from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import IDENTITY, Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort
-from axisbus.machine import identity
+from axisbus.machine import identity, programtext
 from axisbus.machine.cell import NodeConfig
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
@@ -36,6 +36,8 @@ def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> 
         error = identity.another_device(outcome, node)
     elif outcome.letter is Letter.J:
         error = _configuration(outcome, cause)
+    elif outcome.letter in programtext.LETTERS:
+        error = programtext.as_error(outcome, node, cause)
     elif outcome.letter in _ERROR_CONTROL:
         error = _error_control(outcome)
     elif cause is not None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from axisbus.cia301 import abort
 from axisbus.cia301.bootplan import Outcome
+from axisbus.machine.programtext import LETTERS
 
 _WIDTH = 14
 
@@ -18,8 +19,8 @@ def rows(outcome: Outcome | None) -> list[str]:
     if not outcome.ok:
         found += [
             ("object", object_text(outcome)),
-            ("expected", _number(outcome.expected)),
-            ("got", _number(outcome.got)),
+            ("expected", _value(outcome.expected, outcome)),
+            ("got", _value(outcome.got, outcome)),
             ("abort", "" if outcome.abort is None else abort.describe(outcome.abort)),
             ("done before", ", ".join(outcome.done)),
         ]
@@ -65,9 +66,11 @@ def _summary(outcome: Outcome) -> str:
     )
 
 
-def _number(value: object) -> str:
+def _value(value: object, outcome: Outcome) -> str:
     if value is None:
         return ""
+    if isinstance(value, str) and outcome.letter in LETTERS:
+        return value  # a date or a state in words
     return f"0x{value:X} ({value})" if isinstance(value, int) and not isinstance(value, bool) else repr(value)
 
 

@@ -73,6 +73,23 @@ class PdoConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class ProgramConfig:
+    """``[nodes.N.program]``: the program that a node must have.
+
+    It is known by its ``date_time`` (1F52h: days and milliseconds), its ``identification`` (1F56h:01), or both. With ``download``
+    another one is replaced by ``file``, a path relative to the cell file; without it never. ``deadline`` is in seconds and for each
+    part of that (None: by the size of the file).
+    """
+
+    date_time: tuple[int, int] | None = None
+    identification: int | None = None
+    file: str | None = None
+    download: bool = False
+    deadline: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
 class BusConfig:
     """``[bus]``; ``bitrate`` in bit/s, times in seconds (``heartbeat`` and ``time``, the period of TIME, None: off).
 
@@ -122,6 +139,7 @@ class NodeConfig:
     configuration_date: int | None = None
     configuration_time: int | None = None
     restore_defaults: bool = False
+    program: ProgramConfig | None = None
     objects: tuple[ObjectSetting, ...] = ()
     pdos: tuple[PdoConfig, ...] = ()
     at: Place = Place()

@@ -16,6 +16,7 @@ from axisbus.machine.checks import (
     modes,
     objects,
     pdos,
+    programs,
     ranges,
     services,
     stopping,
@@ -38,6 +39,7 @@ CHECKS: tuple[Check, ...] = (
     *stopping.CHECKS,
     *watchdog.CHECKS,
     *bootup.CHECKS,
+    *programs.CHECKS,
     *missing.CHECKS,
     *load.CHECKS,
 )

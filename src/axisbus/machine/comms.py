@@ -67,6 +67,10 @@ class CanComms:
         """Return its state by node guarding."""
         return guarding_answer(self._node.channel, self._node.nmt, deadline)
 
+    def pause(self, seconds: float) -> None:
+        """Let time pass."""
+        time.sleep(seconds)
+
     @contextmanager
     def trying(self, tries: int, deadline: float) -> Iterator[None]:
         """Make SDO requests ``tries`` times."""

@@ -28,6 +28,7 @@ from axisbus.machine.cell import (
     ObjectSetting,
     PdoConfig,
     Place,
+    ProgramConfig,
     StopConfig,
 )
 from axisbus.machine.problem import Problem, errors
@@ -46,6 +47,7 @@ __all__ = [
     "ObjectSetting",
     "PdoConfig",
     "Place",
+    "ProgramConfig",
     "StopConfig",
     "load",
     "loads",
@@ -184,7 +186,20 @@ class _Reading:
                 else 'write eds = "drive.eds", a path relative to this file, or eds = "builtin:..."',
             )
         pdos = self._pdos((*path, "pdo"), table.get("pdo", {}))
-        return NodeConfig(node_id, **fields, objects=self._objects(path, table), pdos=pdos)
+        program = self._program(path, table)
+        return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
+
+    def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
+        if "program" not in table:
+            return None
+        program = ProgramConfig(**self._sub(path, table, "program", schema.PROGRAM))
+        if not any(program.at.gives(key) for key in ("date_time", "identification")):
+            self._error(
+                (*path, "program"),
+                f"[{program.at.name}] does not say by what the program is known",
+                remedy="add date_time = 2026-03-31T14:30:00 (what 1F52h says of it), or identification = 0x1234 (1F56h:01)",
+            )
+        return program
 
     def _pdos(self, path: KeyPath, raw: Any) -> tuple[PdoConfig, ...]:
         found = []

@@ -12,6 +12,7 @@ from axisbus.errors import SdoAbort
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.cell import BusConfig, CellConfig
 from axisbus.machine.identity import expected
+from axisbus.machine.programfile import wanted_program
 from axisbus.machine.services import set_services
 from axisbus.machine.stopping import NO_WATCHDOG, Watchdog, WatchdogReport
 from axisbus.machine.writes import Write, axis_writes, node_writes
@@ -31,11 +32,12 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Wr
     return writes
 
 
-def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int) -> Plan:
-    """Return the boot-up of a node as the cell file and the EDS have it.
+def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int, late: bool = False) -> Plan:
+    """Return the boot-up of a node as the cell file and the EDS have it; ``late``: of one that appears while the machine runs.
 
     Raises:
         ArgumentError: a key of an ``objects`` table names no object.
+        ConfigError: the file of a program cannot be read.
     """
     node = cell.nodes[node_id]
     writes = writes_of(cell, node_id, Dictionary(eds, node_id))
@@ -43,6 +45,7 @@ def plan_of(cell: CellConfig, node_id: int, eds: Eds, find_tries: int) -> Plan:
         node_id,
         identity=expected(node, eds),
         find_tries=find_tries,
+        program=wanted_program(cell, node, late),
         restore=node.restore_defaults,
         settings=tuple(
             Setting(write.index, write.subindex, write.value, f"{write.source}, {cell.file}:{write.line}")

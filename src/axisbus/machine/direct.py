@@ -73,6 +73,13 @@ class DirectComms:
         """Return its state."""
         return None if self._device.dials.dead else self._device.nmt
 
+    def pause(self, seconds: float) -> None:
+        """Let the stand-in's time pass; one that has restarted meanwhile runs again, as in ``command``."""
+        boots = self._device.boot_ups
+        self._device.step(seconds)
+        if self._device.boot_ups != boots:
+            self._device.nmt_command(NmtCommand.START)
+
     def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:  # noqa: ARG002
         """Nothing is lost here."""
         return nullcontext()

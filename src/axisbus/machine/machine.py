@@ -394,11 +394,16 @@ class Machine:
             self._close("the program ended")
 
 
-def boot(path: str | Path, progress: Callable[[int, int], None] | None = None) -> list[NodeReport]:
+def boot(
+    path: str | Path,
+    progress: Callable[[int, int], None] | None = None,
+    on_program: Callable[[int, int, int | None], None] | None = None,
+) -> list[NodeReport]:
     """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
 
     A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
-    and that of all.
+    and that of all; ``on_program`` with a node's ID, and the bytes of its new program that have arrived and that there are, in the
+    thread of that node.
 
     Raises:
         ConfigError, EdsError, AdapterError: as ``Machine.open``.
@@ -413,7 +418,7 @@ def boot(path: str | Path, progress: Callable[[int, int], None] | None = None) -
             with lock:  # the nodes are booted in parallel
                 progress(next(through), len(cell.nodes))
 
-    runtime = build_on_bus(cell, load_dictionaries(cell), told)
+    runtime = build_on_bus(cell, load_dictionaries(cell), told, on_program)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:

@@ -7,7 +7,7 @@ from typing import Any
 
 from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
-from axisbus.machine import boottext
+from axisbus.machine import boottext, programtext
 from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
 
 
@@ -42,6 +42,7 @@ class NodeReport:
     device: str = ""
     identity: str = ""
     nmt: str = "unknown"
+    program: str = ""
     configured: str = ""
     watchdog: WatchdogReport | None = None
     axes: list[AxisReport] = field(default_factory=list)
@@ -73,6 +74,7 @@ class NodeReport:
             "device": self.device,
             "identity": self.identity,
             "nmt": self.nmt,
+            "program": programtext.as_json(None if self.outcome is None else self.outcome.program),
             "configured": self.configured,
             "watchdog": None if self.watchdog is None else self.watchdog.kind.value,
             "warnings": list(self.warnings),
@@ -95,6 +97,7 @@ class NodeReport:
         rows = [
             ("identity", self.identity),
             ("NMT state", self.nmt),
+            ("program", self.program),
             ("configured", self.configured),
             ("watchdog", f"{self.watchdog.kind.value}: {self.watchdog.text}" if self.watchdog else ""),
         ]

@@ -59,6 +59,14 @@ NODE: Keys = {
     "restore_defaults": _flag,
 }
 
+PROGRAM: Keys = {
+    "date_time": Key(v.date_time),
+    "identification": _unsigned32,
+    "file": _text,
+    "download": _flag,
+    "deadline": Key(v.duration("1s", "60min")),
+}
+
 PDO: Keys = {
     "map": Key(v.list_of(v.text, "objects, each a text such as \"6040\" or \"607A:00\"", empty=True)),
     "transmission": Key(v.integer(0, 255)),
@@ -124,7 +132,7 @@ GROUP: Keys = {
 TOP = ("bus", "nodes", "axes", "groups")
 # Tables inside a table; ``None``: any key may stand in it.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
-NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None}
+NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None, "program": PROGRAM}
 AXIS_TABLES: Mapping[str, Keys | None] = {
     "defaults": DEFAULTS,
     "homing": HOMING,

@@ -218,6 +218,16 @@ def time_of_day(value: Any) -> int:
     return seconds * 1000 + value.microsecond // 1000
 
 
+def date_time(value: Any) -> tuple[int, int]:
+    """Read a date with a time of day, as days since 1984-01-01 and milliseconds after midnight."""
+    expected = "a date with a time such as 2026-03-31T14:30:00"
+    if not isinstance(value, dt.datetime):
+        raise Unfit(expected, "write it without quotes, with hours, minutes and seconds")
+    if value.tzinfo is not None:
+        raise Unfit(f"{expected}, without a time zone", "leave Z or the offset out: the node's date has none")
+    return days(value.date()), time_of_day(value.time())
+
+
 # -- times -----------------------------------------------------------------------------------------------------------
 
 _DURATION = re.compile(r"(\d{1,12}(?:\.\d{1,12})?)\s*([^\s\d]+)", re.ASCII)

@@ -33,12 +33,19 @@ from axisbus.sim.network import StandIns
 SIM = "sim"
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
 _CHANNELS = itertools.count(1)
+OnProgram = Callable[[int, int, int | None], None]
 
 
 def build_on_bus(
-    cell: CellConfig, dictionaries: Mapping[int, Eds], on_report: Callable[[Booted], None] | None = None
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    on_report: Callable[[Booted], None] | None = None,
+    on_program: OnProgram | None = None,
 ) -> Runtime:
     """Open the bus, boot all nodes in parallel, and return the runtime; blocks for as long as that takes.
+
+    ``on_report`` is called with each node that is through, ``on_program`` with a node's ID and the bytes of its program that have
+    arrived and that there are; both in the threads of the nodes.
 
     Raises:
         AdapterError: the channel cannot be opened, or failed.
@@ -49,7 +56,7 @@ def build_on_bus(
             node_id: stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()
         }
         comms = {node_id: CanComms(cell, node, FIND_TIME) for node_id, node in nodes.items()}
-        booted = _boot_all(cell, dictionaries, nodes, comms, on_report)
+        booted = _boot_all(cell, dictionaries, nodes, comms, on_report, on_program)
         ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
         there = {name: port for name, port in ports.items() if port is not None}
         events = {node_id: NodeEvents(nodes[node_id].nmt) for node_id, one in booted.items() if one.report.ok}
@@ -135,9 +142,12 @@ def _boot_all(
     nodes: Mapping[int, Node],
     comms: Mapping[int, CanComms],
     on_report: Callable[[Booted], None] | None,
+    on_program: OnProgram | None,
 ) -> dict[int, Booted]:
     def boot(node_id: int) -> Booted:
-        booted = NodeBoot(cell, node_id, dictionaries[node_id], nodes[node_id].sdo, comms[node_id]).run()
+        progress = None if on_program is None else partial(on_program, node_id)
+        sdo = nodes[node_id].sdo
+        booted = NodeBoot(cell, node_id, dictionaries[node_id], sdo, comms[node_id], progress).run()
         if on_report is not None:
             on_report(booted)
         return booted
@@ -150,7 +160,7 @@ def _boot_late(
 ) -> tuple[Booted, Mapping[str, Port]]:
     """Boot an optional node that has appeared while the scan runs, and let the scan's cycle serve it."""
     comms = CanComms(cell, node, FIND_TIME)
-    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms).run()
+    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms, late=True).run()
     if booted.report.ok:
         events = NodeEvents(node.nmt)
         cycle.add(list(comms.ports.values()), node.node_id, events, comms.guarding)

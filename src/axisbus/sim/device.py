@@ -17,6 +17,7 @@ from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.pdo import PdoTable
 from axisbus.sim.power import Effort
+from axisbus.sim.program import ProgramLoader, has_loader
 from axisbus.sim.settings import AXIS_SPAN
 
 HEARTBEAT_LOST = 0x8130
@@ -75,6 +76,10 @@ class Device:
         self.consumer = HeartbeatConsumer()
         self.life_guard = LifeGuard()
         self.lss = LssSlave(self._address, node_id, self.dials.lss, seed)
+        self.loader: ProgramLoader | None = None
+        if has_loader(self.dictionary):
+            restart = partial(self._reset, whole=True)
+            self.loader = ProgramLoader(self.dictionary, self.dials.program, restart)
         self.nmt = NmtState.INITIALISING
         self.time = 0.0
         self.boot_ups = 0  # boot-up messages owed since power-on
@@ -111,7 +116,10 @@ class Device:
             if self._boot_timer <= 1e-9:
                 self.nmt = NmtState.PRE_OPERATIONAL
                 self.boot_ups += 1
-        elif self.consumer.overdue(self.time) or self.life_guard.overdue(self.time):
+            return
+        if self.loader is not None:
+            self.loader.step(dt)
+        if self.consumer.overdue(self.time) or self.life_guard.overdue(self.time):
             self.communication_error(HEARTBEAT_LOST)
 
     def sync(self) -> None:
@@ -156,8 +164,13 @@ class Device:
     def answers_sdo(self) -> bool:
         """Whether SDO requests are answered: not while dead, silent, initialising or stopped."""
         dials = self.dials
-        silent = dials.dead or dials.sdo_silent
+        silent = dials.dead or dials.sdo_silent or self.deaf
         return not silent and self.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
+
+    @property
+    def deaf(self) -> bool:
+        """Whether work on its program keeps it from hearing SDO requests."""
+        return self.loader is not None and self.loader.deaf
 
     def _refuse(self, index: int, subindex: int, *, writing: bool) -> None:
         code = self.dials.refusal(index, subindex, writing=writing)
@@ -225,6 +238,8 @@ class Device:
             self.node_id = node_id
             self.dictionary.renumber(self.eds, node_id)
             self._number_serially()
+        if self.loader is not None and whole:
+            self.loader.restarted()
         self.nmt = NmtState.INITIALISING
         self._boot_timer = self.dials.reboot_time
         self.consumer.reset()

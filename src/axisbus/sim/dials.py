@@ -86,6 +86,29 @@ class LssDials:
 
 
 @dataclass(slots=True)
+class ProgramDials:
+    """Misbehaviour of one node's boot loader.
+
+    control_refused: abort code by what is written to 1F51h (0 stop, 1 start, 2 reset, 3 clear)
+    data_refused: abort code with which a whole program is refused (0: it is taken)
+    clear_time, flash_time: seconds for which 1F57h says "in progress" after clearing and after the data
+    flash_error: number of the error that 1F57h says after the data (0: none)
+    deaf: the node answers no SDO while its memory is at work
+    stop_restarts: stopping the program restarts the node into its loader
+    restart_delay: seconds from the order to start (or such a stop) to the restart of the node
+    """
+
+    control_refused: dict[int, int] = field(default_factory=dict)
+    data_refused: int = 0
+    clear_time: float = 0.0
+    flash_time: float = 0.0
+    flash_error: int = 0
+    deaf: bool = False
+    stop_restarts: bool = False
+    restart_delay: float = 0.02
+
+
+@dataclass(slots=True)
 class NodeDials:
     """Misbehaviour of one node's communication.
 
@@ -108,6 +131,7 @@ class NodeDials:
     reboot_time: seconds of silence on a reset before boot-up
     reboot_on_store: storing parameters (1010h) restarts the node
     lss: those of its LSS slave
+    program: those of its boot loader, where it has one
     """
 
     dead: bool = False
@@ -129,6 +153,7 @@ class NodeDials:
     reboot_time: float = 0.05
     reboot_on_store: bool = False
     lss: LssDials = field(default_factory=LssDials)
+    program: ProgramDials = field(default_factory=ProgramDials)
 
     def sdo_loses(self) -> bool:
         """Count one SDO frame and say whether it gets lost."""

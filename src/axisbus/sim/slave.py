@@ -248,7 +248,7 @@ class Slave:
     def _on_sdo(self, number: int, data: bytes, now: float) -> None:
         device = self.device
         dials = device.dials
-        if device.nmt is NmtState.STOPPED or dials.sdo_silent or dials.sdo_loses():
+        if device.nmt is NmtState.STOPPED or dials.sdo_silent or device.deaf or dials.sdo_loses():
             return
         if dials.sdo_delay <= 0.0 and not self._requests:
             self._answer(number, data, now)

@@ -1,0 +1,80 @@
+"""How one boot-up asks and remembers: requests repeated until they are answered, and the outcome as far as it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import Any
+
+from axisbus.cia301.bootplan import (
+    Answer,
+    Failed,
+    Got,
+    Letter,
+    Outcome,
+    Plan,
+    Read,
+    Refused,
+    Request,
+    Silence,
+)
+
+Dialogue = Generator[Request, Answer, Answer]
+Step = Generator[Request, Answer, None]
+
+
+class Ended(Exception):
+    """The boot-up has ended; the outcome says why."""
+
+
+class Asking:
+    """One boot-up under way; holds the outcome as far as it is known, and whether the node may be disturbed."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.outcome = Outcome(plan.node, False, None, "list of nodes")
+        self._disturb = True
+
+    def _ask(self, request: Request) -> Dialogue:
+        """Make a request until it is answered, at most its ``tries``."""
+        answer: Answer = Silence()
+        for number in range(1, request.tries + 1):
+            answer = yield request
+            more = number > 1
+            self._note(
+                tries=number,
+                elapsed=self.outcome.elapsed + answer.elapsed,
+                retries=self.outcome.retries + more,
+            )
+            if not isinstance(answer, Silence):
+                break
+        return answer
+
+    def _must(self, request: Request, letter: Letter | None = None) -> Dialogue:
+        """As ``_ask``; silence ends the boot-up with ``letter``, and so does a refusal of what cannot be refused."""
+        answer = yield from self._ask(request)
+        if isinstance(answer, Failed):
+            self._fail(None)
+        if isinstance(answer, Silence) or (isinstance(answer, Refused) and not isinstance(request, Read)):
+            self._fail(letter, abort=answer.code if isinstance(answer, Refused) else None)
+        return answer
+
+    def _read(self, index: int, subindex: int = 0) -> Generator[Request, Answer, int | None]:
+        """Read a number; None where the node does not have it."""
+        self._note(address=(index, subindex))
+        answer = yield from self._must(Read(index, subindex))
+        value = answer.value if isinstance(answer, Got) else None
+        return value if isinstance(value, int) else None
+
+    def _fail(self, letter: Letter | None, **facts: Any) -> None:
+        self._note(letter=letter, **facts)
+        raise Ended
+
+    def _note(self, **facts: Any) -> None:
+        self.outcome = replace(self.outcome, **facts)
+
+    def _did(self, what: str) -> None:
+        self._note(done=(*self.outcome.done, what))
+
+    def _skipped(self, what: str) -> None:
+        self._note(skipped=(*self.outcome.skipped, what))

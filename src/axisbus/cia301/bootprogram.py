@@ -1,0 +1,277 @@
+"""The boot-up's step "check and update software version" (CiA 302-2), with the objects of CiA 302-3.
+
+Theory of operation
+-------------------
+The date of the node's program (1F52h) is compared with the expected one; so is its identification (1F56h), by which many devices
+tell their program that have no 1F52h. Only where they differ, and the plan allows it, the program is replaced: stopped, cleared,
+transferred, started; then the node is asked until it is back with the expected one. Rules:
+
+1. **Nothing before the node is known.** Identity and state come first, as in the standard: a program goes only into the device that
+   it was written for. Afterwards the identity is compared once more, because a program may bring another revision (1018h:03).
+2. **The transfer is not repeated by itself.** Half a program may be in the memory, so each new attempt begins with stop and clear.
+   All other requests can be repeated without harm: an order that is refused, or whose answer was lost, counts as carried out where
+   1F51h says so.
+3. **A node that works on its memory may be deaf**, and one that starts its program may restart, now or a moment later. So it is not
+   counted lost before the plan's ``deadline`` has passed, and what counts is what it says in the end. A boot loader may
+   say it before it restarts: so it must stand for some seconds before anything else is written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import replace
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.bootask import Asking, Dialogue, Step
+from axisbus.cia301.bootplan import (
+    DEADLINE,
+    TRIES,
+    Address,
+    Answer,
+    Command,
+    Failed,
+    Got,
+    Letter,
+    Pause,
+    Read,
+    Refused,
+    Request,
+    Silence,
+    Transfer,
+    Write,
+)
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.program import (
+    NUMBER,
+    REACHED,
+    Control,
+    FlashStatus,
+    Mark,
+    Program,
+    ProgramState,
+    Stage,
+)
+from axisbus.cia301.sdo import Way
+
+ATTEMPTS = 3  # at transferring the program
+SETTLE = (
+    2.0  # seconds for which a node must have said the new date: a restart that it owes us has come until then
+)
+POLL = 0.25  # seconds between two questions to a node that is at work
+
+_CONTROL = (o.PROGRAM_CONTROL, NUMBER)
+_DATA = (o.PROGRAM_DATA, NUMBER)
+_FLASH = (o.FLASH_STATUS, NUMBER)
+
+
+class ProgramSteps(Asking):
+    """The part of a boot-up that is about the node's program; holds what ``Asking`` does."""
+
+    def _program(self) -> Generator[Request, Answer, bool]:
+        """Compare the node's program with the expected one, and replace it where it may be; return whether it was."""
+        wanted = self.plan.program
+        if wanted is None:
+            return False
+        found, abort = yield from self._mark(wanted)
+        self._note(program=ProgramState(wanted.mark, found, found))
+        if found == wanted.mark:
+            self._did("program is the expected one")
+            return False
+        if not self._disturb:
+            has = "which it is cannot be read" if found is None else f"it is {found}"
+            self._skipped(f"program: {has}, expected is {wanted.mark}; it is left as it was found")
+            return False
+        self._require_replaceable(wanted, found, abort)
+        yield from self._replace(wanted)
+        self._did(f"program replaced: {found} by {wanted.mark}")
+        return True
+
+    def _mark(
+        self, wanted: Program, letter: Letter | None = None
+    ) -> Generator[Request, Answer, tuple[Mark | None, int | None]]:
+        """Return what the node says of its program; None with the abort code where it does not. Silence ends it with ``letter``."""
+        numbers = {}
+        for address in wanted.mark.numbers:
+            self._note(address=address)
+            answer = yield from self._must(Read(*address), letter)
+            if not isinstance(answer, Got) or not isinstance(answer.value, int):
+                return None, answer.code if isinstance(answer, Refused) else None
+            numbers[address] = answer.value
+        return Mark.of(numbers), None
+
+    def _require_replaceable(self, wanted: Program, found: Mark | None, abort: int | None) -> None:
+        """Where the node does not say what it has, nobody could tell afterwards either: then it is not replaced."""
+        expected = str(wanted.mark)
+        if found is None:
+            self._fail(Letter.G, expected=expected, abort=abort)
+            return
+        differ = [
+            address for address, number in wanted.mark.numbers.items() if found.numbers[address] != number
+        ]
+        facts = {"expected": expected, "got": str(found), "address": differ[0]}
+        if not wanted.allowed:
+            self._fail(Letter.H, **facts)
+        if not wanted.data:
+            self._fail(Letter.G, **facts)
+
+    # -- replacing it ------------------------------------------------------------------------------------------------
+
+    def _replace(self, wanted: Program) -> Step:
+        yield from self._transfer(wanted, wanted.data or b"")
+        yield from self._flashed(wanted)
+        yield from self._start_program(wanted)
+        yield from self._see_new_program(wanted)
+        yield from self._hold_again()
+
+    def _transfer(self, wanted: Program, data: bytes) -> Step:
+        """Transfer the program into memory that was cleared for it; the last attempt goes without blocks."""
+        for attempt in range(1, ATTEMPTS + 1):
+            yield from self._make_room(wanted)
+            self._at(Stage.TRANSFER, _DATA)
+            way = Way.NORMAL if attempt == ATTEMPTS else Way.AUTO
+            answer = yield from self._ask(Transfer(*_DATA, data, way, wanted.deadline))
+            if isinstance(answer, Got):
+                self._state(loaded=len(data))
+                return
+            if not isinstance(answer, Silence):
+                self._fail_by(answer)
+            self._note(tries=attempt, retries=self.outcome.retries + (attempt < ATTEMPTS))
+            yield from self._await_node(wanted)
+        self._fail(Letter.I, tries=ATTEMPTS)
+
+    def _make_room(self, wanted: Program) -> Step:
+        """Stop the program (which may restart the node into its boot loader) and clear it."""
+        patience = math.ceil(wanted.deadline / DEADLINE)
+        yield from self._order(Control.STOP, Stage.STOP, DEADLINE, max(TRIES, patience))
+        yield from self._await_node(wanted)
+        # Many nodes answer only when they have cleared: asked too soon again, they would clear without end.
+        yield from self._order(Control.CLEAR, Stage.CLEAR, wanted.deadline, 2)
+        yield from self._ready(wanted)  # what it says of errors is of no account now: there is no program
+
+    def _flashed(self, wanted: Program) -> Step:
+        self._at(Stage.FLASH, _FLASH)
+        status = yield from self._ready(wanted)
+        if status is not None and status.error:
+            self._fail(Letter.I, expected=str(FlashStatus(0)), got=str(status))
+
+    def _start_program(self, wanted: Program) -> Step:
+        for _ in range(TRIES):
+            self._at(Stage.START, _CONTROL)
+            answer = yield from self._ask(Write(*_CONTROL, Control.START, checked=False, tries=1))
+            if not isinstance(answer, (Got, Silence)) and not (yield from self._has_done(Control.START)):
+                self._fail_by(answer)
+            yield from self._await_node(wanted)
+            if not isinstance(answer, Silence) or (yield from self._has_done(Control.START)):
+                return
+        self._fail(Letter.I)
+
+    def _see_new_program(self, wanted: Program) -> Step:
+        """Ask until the node has said that it has the expected program for ``SETTLE`` seconds on end."""
+        self._at(Stage.RETURN, next(iter(wanted.mark.numbers)))
+        begun, since = self.outcome.elapsed, None
+        wrong: Answer | None = Silence()
+        for _ in range(math.ceil((wanted.deadline + 2 * SETTLE) / POLL)):
+            wrong = yield from self._other_program(wanted)
+            now = self.outcome.elapsed
+            since = None if wrong is not None else now if since is None else since
+            if since is not None and now - since >= SETTLE:
+                self._state(now=wanted.mark)
+                return
+            if wrong is not None and (now - begun >= wanted.deadline or isinstance(wrong, Failed)):
+                break
+            yield from self._ask(Pause(POLL))
+        yield from self._fail_program(wanted, wrong or Silence())
+
+    def _other_program(self, wanted: Program) -> Generator[Request, Answer, Answer | None]:
+        """Return the first answer that is not the expected one; None where all are."""
+        for address, number in wanted.mark.numbers.items():
+            self._note(address=address)
+            answer = yield from self._ask(Read(*address, tries=3))
+            if not isinstance(answer, Got) or answer.value != number:
+                return answer
+        return None
+
+    def _fail_program(self, wanted: Program, wrong: Answer) -> Step:
+        """Say in words which program the node has instead, if it says so."""
+        if not isinstance(wrong, Got):
+            self._fail_by(wrong, expected=str(wanted.mark))
+        address = self.outcome.address
+        now, _ = yield from self._mark(wanted, Letter.I)
+        self._state(now=now)
+        self._fail(Letter.I, address=address, expected=str(wanted.mark), got=str(now))
+
+    def _hold_again(self) -> Step:
+        self._note(address=None)
+        yield from self._must(Command(NmtCommand.ENTER_PRE_OPERATIONAL), Letter.I)
+
+    # -- orders and their end ----------------------------------------------------------------------------------------
+
+    def _order(self, order: Control, stage: Stage, deadline: float, tries: int) -> Step:
+        """Write 1F51h."""
+        self._at(stage, _CONTROL)
+        request = Write(*_CONTROL, order, checked=False, deadline=deadline, tries=tries)
+        answer = yield from self._ask(request)
+        if not isinstance(answer, Got) and not (yield from self._has_done(order)):
+            self._note(tries=tries if isinstance(answer, Silence) else 1)
+            self._fail_by(answer)
+
+    def _has_done(self, order: Control) -> Generator[Request, Answer, bool]:
+        """Whether 1F51h says that there is nothing left to do."""
+        answer = yield from self._ask(Read(*_CONTROL, tries=2))
+        return isinstance(answer, Got) and answer.value in REACHED[order]
+
+    def _ready(self, wanted: Program) -> Generator[Request, Answer, FlashStatus | None]:
+        """Wait until the node's memory is at rest; None where the node does not say (no 1F57h)."""
+        answer = yield from self._poll(Read(*_FLASH, tries=1), wanted, _is_at_rest)
+        if isinstance(answer, Refused):
+            return None
+        if not isinstance(answer, Got) or not isinstance(answer.value, int):
+            self._fail_by(answer, address=_FLASH)
+            return None
+        status = FlashStatus(answer.value)
+        self._state(flash=status)
+        if status.busy:
+            self._fail(Letter.I, address=_FLASH, expected="ready", got=str(status))
+        return status
+
+    def _await_node(self, wanted: Program) -> Step:
+        """Find it by asking, as after every restart."""
+        answer = yield from self._poll(
+            Read(o.DEVICE_TYPE, tries=1), wanted, lambda answer: isinstance(answer, Got)
+        )
+        if not isinstance(answer, Got):
+            self._fail_by(answer)
+
+    def _poll(self, request: Request, wanted: Program, good: Callable[[Answer], bool]) -> Dialogue:
+        """Ask until the answer is good, for as long as the plan allows; return the last answer."""
+        begun = self.outcome.elapsed
+        for _ in range(math.ceil(wanted.deadline / POLL)):
+            answer = yield from self._ask(request)
+            late = self.outcome.elapsed - begun >= wanted.deadline
+            if good(answer) or late or not isinstance(answer, (Got, Silence, Refused)):
+                return answer
+            yield from self._ask(Pause(POLL))
+        return (yield from self._ask(request))
+
+    # -- what is known -----------------------------------------------------------------------------------------------
+
+    def _at(self, stage: Stage, address: Address) -> None:
+        self._note(address=address)
+        self._state(stage=stage)
+
+    def _state(self, **facts: object) -> None:
+        if self.outcome.program is not None:
+            self._note(program=replace(self.outcome.program, **facts))  # type: ignore[arg-type]
+
+    def _fail_by(self, answer: Answer, **facts: object) -> None:
+        """End it with letter I, because of an answer that is none or a bad one."""
+        abort = answer.code if isinstance(answer, Refused) else None
+        self._fail(Letter.I, abort=abort, **facts)
+
+
+def _is_at_rest(answer: Answer) -> bool:
+    """Also where the node does not say."""
+    if isinstance(answer, Got) and isinstance(answer.value, int):
+        return not FlashStatus(answer.value).busy
+    return isinstance(answer, Refused)

@@ -1,0 +1,80 @@
+"""The file of a node's program: where it is, what is in it, and how long its download may take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from axisbus.cia301.program import Mark, Program, Version
+from axisbus.errors import ConfigError
+from axisbus.machine.cell import CellConfig, NodeConfig, ProgramConfig
+
+LEAST_DEADLINE = 60.0  # seconds; clearing a large flash memory takes some tens of them
+_SLOWEST = 10_000  # bytes/s that a node is expected to write to its memory at least
+
+
+def path_of(cell: CellConfig, program: ProgramConfig) -> Path | None:
+    """Return where the file is, None where none is named."""
+    return None if program.file is None else cell.folder / program.file
+
+
+def read_file(cell: CellConfig, program: ProgramConfig) -> bytes | None:
+    """Return what is to be transferred, None where no file is named; blocks for as long as reading takes.
+
+    Raises:
+        ConfigError: the file cannot be read, or is empty.
+    """
+    path = path_of(cell, program)
+    if path is None:
+        return None
+    try:
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a path with a zero byte
+        raise _unusable(cell, program, "cannot be read", _why(path, error)) from None
+    if not data:
+        raise _unusable(cell, program, "is empty", f"{path} has 0 bytes")
+    return data
+
+
+def deadline_of(program: ProgramConfig, size: int) -> float:
+    """Return the seconds that each part of a download may take: as the cell file says, else by the size in bytes."""
+    return program.deadline if program.deadline is not None else max(LEAST_DEADLINE, size / _SLOWEST)
+
+
+def wanted_program(cell: CellConfig, node: NodeConfig, late: bool = False) -> Program | None:
+    """Return the program that a node is to have; the file is read only where it may be downloaded.
+
+    Not while the machine runs (``late``): whoever closes it would leave half a program in the node.
+
+    Raises:
+        ConfigError: as ``read_file``.
+    """
+    program = node.program
+    if program is None:
+        return None
+    allowed = program.download and not late
+    data = read_file(cell, program) if allowed else None
+    return Program(mark_of(program), data, allowed, deadline_of(program, len(data or b"")))
+
+
+def mark_of(program: ProgramConfig) -> Mark:
+    """Return by what the program is known."""
+    version = None if program.date_time is None else Version(*program.date_time)
+    return Mark(version, program.identification)
+
+
+def _why(path: Path, error: Exception) -> str:
+    if path.is_dir():
+        return f"{path} is a folder"
+    if isinstance(error, FileNotFoundError):
+        return f"there is no {path}"
+    return f"{path}: {getattr(error, 'strerror', None) or error}"
+
+
+def _unusable(cell: CellConfig, program: ProgramConfig, what: str, observed: str) -> ConfigError:
+    return ConfigError(
+        f"the program {program.file!r} {what}",
+        file=cell.file,
+        line=program.at.of("file"),
+        observed=observed,
+        remedy="name the file with the new program, by a path relative to the cell file",
+    )

@@ -1,0 +1,195 @@
+"""How it stands with a node's program, in words: as a line of the report, as plain values, and as the error of a failed boot-up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from axisbus.cia301 import abort
+from axisbus.cia301 import objects as o
+from axisbus.cia301.bootplan import Letter, Outcome
+from axisbus.cia301.program import NUMBER, Control, Mark, ProgramState, Stage
+from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
+from axisbus.machine.cell import NodeConfig
+
+LETTERS = frozenset({Letter.G, Letter.H, Letter.I})
+
+_ORDERS = {Stage.STOP: Control.STOP, Stage.CLEAR: Control.CLEAR, Stage.START: Control.START}
+
+# What is in the node's memory, by the stage that failed.
+_LEFT = {
+    Stage.STOP: "nothing was cleared: after switching it off and on the node runs its old program",
+    Stage.CLEAR: "the old program may be cleared already: do not count on the node before a download has succeeded",
+    Stage.TRANSFER: "the old program is cleared, the new one not whole: the node is of no use before a download has succeeded",
+    Stage.FLASH: "the old program is cleared, the new one not good: the node is of no use before a download has succeeded",
+    Stage.START: "the new program is in the node, but does not run",
+    Stage.RETURN: "the new program was transferred, and told to start",
+}
+_AGAIN = "boot again: the download begins anew with stop and clear"
+_TOOL = "if that fails too, load the program with the maker's tool"
+_FILE = f"check that the file is for this very device and in the form that it takes, and {_AGAIN}; {_TOOL}"
+# What to do first, by the stage that failed.
+_FIRST = {
+    Stage.STOP: "see in the drive's manual in which state its program may be stopped, and boot again",
+    Stage.CLEAR: f"{_AGAIN}; {_TOOL}",
+    Stage.TRANSFER: f"check supply and wiring, and {_AGAIN}; {_TOOL}",
+    Stage.FLASH: _FILE,
+    Stage.START: f"switch the node off and on, and {_AGAIN}; {_TOOL}",
+    Stage.RETURN: "switch the node off and on, and boot again (what it says then decides); where it only needs longer, "
+    f"give a longer deadline in [nodes.N.program]; {_TOOL}",
+}
+_OTHER_PROGRAM = (
+    "compare what [nodes.N.program] expects with the program in the file (its maker says what it is), correct the one that is "
+    "wrong, and boot again"
+)
+# What else a program may be known by, where an object is missing.
+_OTHER_MARK = {
+    o.VERIFY_SOFTWARE: "give identification (what its 1F56h:01 says) instead of date_time",
+    o.PROGRAM_IDENTIFICATION: "give date_time (what its 1F52h says) instead of identification",
+}
+
+
+def line(state: ProgramState | None) -> str:
+    """Return the report's line; empty where no program is expected."""
+    if state is None:
+        return ""
+    if state.replaced:
+        return f"{state.now}: replaced, {state.loaded} bytes; it was {state.found}"
+    if state.found == state.expected:
+        return f"{state.found}, as expected"
+    found = "it does not say which it has" if state.found is None else str(state.found)
+    return f"{found}, NOT {state.expected}; left as it was found"
+
+
+def as_json(state: ProgramState | None) -> dict[str, Any] | None:
+    """Return the same as plain values; dates as ISO 8601 without a time zone, null where there is none."""
+    if state is None:
+        return None
+    return {
+        "expected": _plain(state.expected),
+        "found": _plain(state.found),
+        "now": _plain(state.now),
+        "replaced": state.replaced,
+        "bytes": state.loaded,
+        "stage": state.stage.name.lower(),
+        "flash": None if state.flash is None else state.flash.value,
+    }
+
+
+def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> BootError:
+    """Return the error of a boot-up that ended with one of ``LETTERS``; ``cause`` is the error of its last bad answer."""
+    assert outcome.program is not None
+    if outcome.letter is Letter.G:
+        what, observed, remedy = _inconsistent(outcome, outcome.program)
+    elif outcome.letter is Letter.H:
+        what, observed, remedy = _not_allowed(
+            outcome.program, node.program is not None and node.program.download
+        )
+    else:
+        what, observed, remedy = _failed(outcome, cause)
+    error = BootError(
+        f"node {node.node_id}{what}",
+        node=node.node_id,
+        step=outcome.step,
+        observed=observed,
+        remedy=remedy.replace("[nodes.N", f"[nodes.{node.node_id}"),
+    )
+    error.__cause__ = cause if outcome.letter is Letter.I else None
+    return error
+
+
+def _inconsistent(outcome: Outcome, state: ProgramState) -> tuple[str, str, str]:
+    if state.found is not None:
+        return (
+            ": its program is to be replaced, and there is no file with the new one",
+            _both(state),
+            'give file = "firmware.bin" in [nodes.N.program], or take download = true out',
+        )
+    index, subindex = outcome.address or (o.VERIFY_SOFTWARE, 1)
+    why = "it is no number" if outcome.abort is None else abort.describe(outcome.abort)
+    return (
+        f" does not say which program it has: {index:04X}h:{subindex:02X} cannot be read",
+        f"{why}; the cell file expects {state.expected}",
+        f"where the device has no {index:04X}h, {_OTHER_MARK[index]}, or take [nodes.N.program] out; where it has lost its program "
+        "(its boot loader answers, often under another name), load one with the maker's tool",
+    )
+
+
+def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
+    if download:
+        return (
+            " has another program than the expected one, which is not replaced while the machine runs",
+            _both(state),
+            "close the machine, and boot: axisbus boot with this cell file replaces it",
+        )
+    right = _toml(state.found)
+    keep = f"if the node's program is right, write {right} in [nodes.N.program]; " if right else ""
+    return (
+        " has another program than the expected one, and it may not be replaced",
+        _both(state),
+        f'{keep}to replace it by the expected one, give file = "firmware.bin" and download = true there '
+        "(the node must keep its supply until that is done)",
+    )
+
+
+def _failed(outcome: Outcome, cause: AxisbusError | None) -> tuple[str, str, str]:
+    state = outcome.program
+    assert state is not None
+    index, subindex = outcome.address or (o.PROGRAM_DATA, 1)
+    where = f"{index:04X}h:{subindex:02X}"
+    if state.stage in _ORDERS:
+        where += f" = {_ORDERS[state.stage].value}"
+    return (
+        f": its program could not be replaced; it failed while {state.stage.value} ({where})",
+        f"{_reason(outcome, state, cause)}; {_LEFT.get(state.stage, '')}",
+        _first(outcome, state),
+    )
+
+
+def _first(outcome: Outcome, state: ProgramState) -> str:
+    if state.stage is Stage.TRANSFER and outcome.abort is not None:
+        return _FILE
+    if state.stage is Stage.RETURN and outcome.got is not None:
+        return _OTHER_PROGRAM
+    return _FIRST.get(state.stage, _AGAIN)
+
+
+def _reason(outcome: Outcome, state: ProgramState, cause: AxisbusError | None) -> str:
+    if outcome.abort is not None:
+        return f"the node refuses: {abort.describe(outcome.abort)}"
+    if state.flash is not None and outcome.address == (o.FLASH_STATUS, NUMBER):
+        return f"its memory (1F57h) says {state.flash}"
+    if outcome.got is not None:
+        return f"expected {outcome.expected!s}, got {outcome.got!s}"
+    if cause is None or isinstance(cause, SdoAbort):
+        return f"no answer, {outcome.elapsed:.0f} s after its boot-up began"
+    broke_off = (
+        outcome.address == (o.PROGRAM_DATA, NUMBER) and getattr(cause, "index", None) == o.PROGRAM_DATA
+    )
+    silent = isinstance(cause, SdoTimeout) and not broke_off  # then what it was asked for last says nothing
+    told = "the node no longer answers" if silent else cause.message
+    return f"{told} ({cause.observed})" if cause.observed else told
+
+
+def _both(state: ProgramState) -> str:
+    objects = " and ".join(dict.fromkeys(f"{index:04X}h" for index, _ in state.expected.numbers))
+    return f"by {objects} it is {state.found}, the cell file expects {state.expected}"
+
+
+def _plain(mark: Mark | None) -> dict[str, Any] | None:
+    if mark is None:
+        return None
+    moment = None if mark.version is None else mark.version.moment
+    return {
+        "date_time": None if moment is None else moment.isoformat(),
+        "identification": mark.identification,
+    }
+
+
+def _toml(mark: Mark | None) -> str:
+    """Return the lines of the cell file that expect this program; empty where it is none."""
+    if mark is None or mark.version == (0, 0) or (mark.version is not None and mark.version.moment is None):
+        return ""
+    moment = None if mark.version is None else mark.version.moment
+    keys = [] if moment is None else [f"date_time = {moment.isoformat()}"]
+    keys += [] if mark.identification is None else [f"identification = 0x{mark.identification:08X}"]
+    return " and ".join(keys)
