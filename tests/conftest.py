@@ -11,8 +11,8 @@ import pytest
 from hypothesis import settings
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
-settings.register_profile("same", derandomize=True)
-settings.register_profile("fresh", print_blob=True)
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("fresh", print_blob=True, deadline=None)
 settings.load_profile(os.environ.get("AXISBUS_EXAMPLES", "same"))
 
 _MEMORY = (
