@@ -116,7 +116,10 @@ class Axis:
     # -- power and stopping ------------------------------------------------------------------------------------------
 
     def enable(self) -> Handle:
-        """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded."""
+        """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded.
+
+        Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
+        """
         return self._submit("enable()", c.Enable())
 
     def disable(self, *, coast: bool = False) -> Handle:

@@ -251,6 +251,13 @@ class AxisCore:
         if state is not None:
             self.state = state
 
+    def join(self, handle: Handle) -> None:
+        """Let ``handle`` end as the running command does: the same has been asked for again."""
+        running = self.handle
+        assert running is not None
+        handle.status = Status.ACTIVE
+        running.add_done_callback(lambda: self.finish(handle, running.error))
+
     def end_command(self, error: AxisbusError | None) -> None:
         """End the running command, keeping a set-point handshake that is under way."""
         handle = self.handle
