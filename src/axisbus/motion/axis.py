@@ -275,11 +275,17 @@ class Axis:
     def follow(self, trajectory: Trajectory) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
 
-        It must begin where the axis stands. Limits are checked in each cycle.
+        It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``) is held against the limits as a
+        whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where it would
+        leave the position limits, the axis is braked along it and stands within them.
+
+        Raises:
+            LimitError: it goes beyond ``position_limits`` or ``max_velocity``.
+            ArgumentError: the axis is not homed where it must be, or no deceleration is known to keep position limits with.
         """
         name = f"follow({type(trajectory).__name__}, {shown(trajectory.duration)} s)"
         self._require_homed(name)
-        self._request(name).finite("the trajectory's duration", trajectory.duration, "s")
+        self._request(name).trajectory(trajectory)
         return self._submit(name, c.FollowTrajectory(trajectory))
 
     # -- how a command is made ----------------------------------------------------------------------------------------

@@ -189,13 +189,13 @@ class AxisCore:
 
     # -- failure -----------------------------------------------------------------------------------------------------
 
-    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT) -> None:
-        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on."""
+    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT, follow: Follow | None = None) -> None:
+        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on, along ``follow`` if that is given."""
         self._trip(error)
         enrich(error, self.image, self.history)
         self.end_command(error)
         if self.touched and self.image.state in _MAY_BE_ENERGISED:
-            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message)
+            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message, follow=follow)
             return
         self.powered = False
         if self.order.goal is not None:
@@ -333,6 +333,9 @@ class AxisCore:
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message)
             return
         resetting = self.activity is not None and self.activity.clears_error
+        if isinstance(self.activity, Follow) and self.activity.brakes_along:
+            self.fail(error, Rung.HALT, self.activity)
+            return
         self.fail(error, Rung.QUICK_STOP if self._runs_on_targets else Rung.HALT)
         if resetting:
             self.tripped = (

@@ -125,6 +125,11 @@ class AxisParameters:
     node: int = 0
     scan_period: float = 0.01
 
+    @property
+    def path_deceleration(self) -> float | None:
+        """What a trajectory is braked with, in unit/s²; None where cell.toml gives nothing to do it with."""
+        return self.defaults.deceleration or self.defaults.acceleration or self.limits.acceleration
+
     def has(self, index: int) -> bool:
         """Whether the drive's dictionary has the object."""
         return index in self.objects
