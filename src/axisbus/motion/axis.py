@@ -89,11 +89,7 @@ class Axis:
     @property
     def torque(self) -> float:
         """Actual torque in N·m (in parts of rated torque without ``rated_torque``); raises StaleError when it is unknown."""
-        return (
-            self._known(self.snapshot.torque, "torque (6077h)")
-            / 1000.0
-            * (self._parameters.units.rated_torque or 1.0)
-        )
+        return self._parameters.units.torque(self._known(self.snapshot.torque, "torque (6077h)"))
 
     def _known(self, value: int | None, what: str) -> int:
         silent = self._scan.silent
