@@ -123,7 +123,7 @@ def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
             observed="its node is not operational"
             if not image.operational
             else "no fresh statusword (6041h)",
-            remedy="see why it is in ErrorStop (axis.error), and bring the node back first",
+            remedy="see why it is in ErrorStop (axis.error), bring the node back, then close the machine and open it again",
         )
     core.clear_error()
     core.finish(handle)

@@ -7,9 +7,10 @@ from contextlib import contextmanager
 
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Waiter
+from axisbus.cia402.port import Source, Waiter
 from axisbus.errors import ArgumentError, AxisbusError, StaleError
 from axisbus.motion import commands as c
+from axisbus.motion.activity import age_text
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingJob
 from axisbus.motion.parameters import AxisParameters
@@ -104,10 +105,19 @@ class Axis:
             raise StaleError(
                 f"{self.name}: its {what} is unknown",
                 axis=self.name,
-                observed="it does not travel, was never received, or the last one is too old",
-                remedy="map it into a TPDO (axisbus boot shows what travels how), and check that the node is there",
+                observed=self._why_unknown(what),
+                remedy="check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)",
             )
         return value
+
+    def _why_unknown(self, what: str) -> str:
+        name = what.partition(" ")[0]
+        if self._scan.axes[self.name].capabilities.inputs.get(name, Source.NONE) is Source.NONE:
+            return "it does not travel: no TPDO holds it, and it is not polled"
+        snapshot = self.snapshot
+        if name == "position":
+            return age_text(snapshot.now - snapshot.position_stamp)
+        return "it was never received, or the last one is too old"
 
     # -- power and stopping ------------------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.motion.diagnosis import join_remedies
 
 _OPEN_AGAIN = "mend the cause, and open the machine again"
+_MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"
 
 
 def refused_while_closing(what: str) -> StateError:
@@ -27,13 +28,17 @@ def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = Fals
     """
     if failure is None:
         return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
-    return ScanError(
+    error = ScanError(
         f"{what} was ended: the scan of the bus has failed",
         observed=in_a_line(failure),
         remedy=join_remedies(_SENT if quick_stop_sent else _NOT_SENT, remedy_of(failure)),
     )
+    error.__cause__ = failure  # whose traceback is then shown as well
+    return error
 
 
 def remedy_of(failure: BaseException) -> str:
     """Return what to do about whatever ended the scan."""
-    return failure.remedy if isinstance(failure, AxisbusError) and failure.remedy else _OPEN_AGAIN
+    if isinstance(failure, AxisbusError):
+        return failure.remedy or _OPEN_AGAIN
+    return _MISTAKE if isinstance(failure, Exception) else _OPEN_AGAIN

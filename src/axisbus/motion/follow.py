@@ -208,7 +208,8 @@ class Follow(Activity):
             raise LimitError(
                 f"{self._parameters.name}: the trajectory is faster than max_velocity",
                 observed=f"{self._speed:g} {units.unit}/s at {self.clock.t:.3f} s; allowed are {limit:g}",
-                remedy="slow the trajectory down, or raise max_velocity in cell.toml; the axis was stopped",
+                remedy=f"slow the trajectory down, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
+                "the axis was stopped",
             )
 
     def _arrived(self, image: Image) -> bool:

@@ -131,7 +131,7 @@ class Takeover:
             f"{name}: cannot be taken over in mode {modes.short(self.mode)} without a jump",
             observed=f"it was found enabled with {seen}" if seen else "its torque may be holding something",
             remedy="it has no profile position or profile velocity mode in which it could stand meanwhile: switch it off and on "
-            "(axis.disable(), then axis.enable())",
+            "(axis.disable(), axis.reset(), then axis.enable())",
         )
 
 
