@@ -61,7 +61,7 @@ def _enable(core: AxisCore, _: c.Enable, handle: Handle, gate: Gate) -> None:
 
 def _runs(core: AxisCore, activity: type[Activity]) -> bool:
     """Whether the same command is under way already: it goes on, and both handles end as it does."""
-    return isinstance(core.activity, activity) and core.handle is not None
+    return isinstance(core.activity, activity) and core.running.handle is not None
 
 
 def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:

@@ -283,9 +283,9 @@ class Scan:
     def _wake(self) -> None:
         ended = False
         for core in self.axes.values():
-            if core.has_ended:
+            if core.running.has_ended:
                 ended = True
-                core.has_ended = False
+                core.running.has_ended = False
         for group in self.groups.values():
             ended = group.take_ended() or ended
         if ended and self.waiter is not None:
