@@ -252,6 +252,8 @@ class Axis:
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of ``[axes.NAME.homing]``; ``timeout`` in seconds.
 
+        Asked for again while the axis is Homing, the second is refused and the first goes on.
+
         Raises:
             ArgumentError: no method is known, or one that moves has no speeds.
         """

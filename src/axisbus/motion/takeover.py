@@ -44,7 +44,7 @@ class Takeover:
         self.mode = mode
         self._parameters = parameters
         wanted = [index for index in (*_TARGETS, *sorted(OFFSETS)) if parameters.has(index)]
-        self._read = Transfers([(index, 0, None) for index in wanted], parameters, OFFSETS)
+        self._read = Transfers([(index, 0, None) for index in wanted], parameters, frozenset(wanted))
         self._position: int | None = None
 
     def step(self, image: Image, order: Order) -> bool:
