@@ -24,6 +24,7 @@ from axisbus.motion.parameters import Defaults, Limits, Units
 from axisbus.motion.policy import FaultPolicy
 from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
+from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 
 
@@ -388,6 +389,15 @@ def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
         group.move_linear((1.0, 2.0), velocity=0.0)
     with pytest.raises(ArgumentError):
         group.move_linear((1.0, math.nan), velocity=10.0)
+
+
+def test_a_line_leads_an_axis_back_that_stands_outside_its_limits():
+    outside = MotorParams(start_position=15_000)
+    r = rig("xy", motor=outside, each={"x": {"limits": Limits(position=(-10.0, 10.0))}}).enabled()
+    watch = Watch(r, "x")
+    r.groups["all"].move_linear((5.0, 20.0), velocity=50.0, acceleration=200.0).wait(5)
+    assert [device.drives[0].position for device in r.devices] == [5_000, 20_000]
+    assert watch.travel[1] <= 15_001
 
 
 def test_a_line_without_an_acceleration_takes_the_smallest_default_or_says_whose_is_missing():
