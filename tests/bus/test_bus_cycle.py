@@ -202,7 +202,7 @@ def test_a_quick_stop_repeats_the_last_frames_with_another_controlword(
     """Fully prebuilt frames would carry an old target; zeros would be a target too."""
     cycle = CanCycle(channel, ports)
     commanded(cycle, fake, ports)
-    cycle.quick_stop_all()
+    assert cycle.quick_stop_all()
     assert fake.sent == [
         target(5, 0x02, 1000),
         target(6, 0x02, 1000),
@@ -246,7 +246,7 @@ def test_a_quick_stop_reaches_the_other_nodes_when_one_frame_fails(
         return []
 
     fake.peers.append(refuse)
-    cycle.quick_stop_all()
+    assert not cycle.quick_stop_all()
     assert fake.frames(0x206) == [target(6, 0x02, 1000)[1]]
     assert fake.frames(0x605) == [sdo_stop(5)[1]]  # and the first node gets it by SDO
 
@@ -258,7 +258,7 @@ def test_a_quick_stop_gets_out_of_a_failed_channel(
     commanded(cycle, fake, ports)
     fake.fail_receiving(OSError("deaf"))
     eventually(lambda: channel.failure)
-    cycle.quick_stop_all()
+    assert cycle.quick_stop_all()
     assert target(5, 0x02, 1000) in fake.sent
 
 
@@ -272,7 +272,7 @@ def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
     scan = threading.Thread(target=cycle.commit, name="stuck scan")
     scan.start()
     eventually(lambda: channel._send_lock.locked())
-    cycle.quick_stop_all()
+    assert cycle.quick_stop_all()
     assert target(6, 0x02, 1000) in fake.sent
     assert target(5, 0x02, 1001) in fake.sent
     fake.stuck.set()
@@ -292,7 +292,7 @@ def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
 
     fake.peers.append(block)
     begin = time.monotonic()
-    cycle.quick_stop_all()
+    assert not cycle.quick_stop_all()
     assert time.monotonic() - begin < 5
     never.set()
 
@@ -307,7 +307,7 @@ def test_a_port_that_breaks_does_not_keep_the_others_from_stopping(
         raise ValueError("a fault of ours")
 
     monkeypatch.setattr(ports[0], "stop_frames", broken)
-    cycle.quick_stop_all()
+    assert not cycle.quick_stop_all()
     assert target(6, 0x02, 1000) in fake.sent
 
 

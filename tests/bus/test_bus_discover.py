@@ -10,7 +10,7 @@ import pytest
 from bus_peer import FakeBus, Slave
 
 from axisbus.bus.channel import Channel
-from axisbus.bus.discover import device_type_words, scan
+from axisbus.bus.discover import scan
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError
 
@@ -109,19 +109,3 @@ def test_nothing_stays_subscribed(channel: Channel, fake: FakeBus) -> None:
     scan(channel, ids=(3, 4), listen=0.05)
     assert channel._receivers == {}
     assert channel.on_failure == []
-
-
-@pytest.mark.parametrize(
-    ("device_type", "words"),
-    [
-        (0x00020192, "servo drive (CiA 402)"),
-        (0x00040192, "stepper drive (CiA 402)"),
-        (0x00010192, "frequency converter (CiA 402)"),
-        (0xFFFF0192, "drive (CiA 402)"),
-        (0x000F0191, "I/O module (CiA 401)"),
-        (0x00000000, "no standard profile"),
-        (0x00060912, "device (CiA 2322)"),
-    ],
-)
-def test_a_device_type_in_words(device_type: int, words: str) -> None:
-    assert device_type_words(device_type) == words

@@ -236,12 +236,6 @@ def test_a_direction_is_not_turned_twice(tmp_path: Path) -> None:
     assert "607Eh (polarity) is 80h after boot" in problem.observed
 
 
-def test_torque_that_the_master_cannot_turn_is_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("rated_torque = 2.0\nmodulo", "modulo"))
-    assert kit.serious(path) == []
-    assert kit.note(path, "axis y: its torque is shown").line == kit.line_of(path, 'invert = "master"')
-
-
 def test_whether_the_drive_turns_torque_is_noted_as_uncertain(tmp_path: Path) -> None:
     path = kit.write(tmp_path, ('invert = "master"', 'invert = "drive"'))
     assert kit.serious(path) == []

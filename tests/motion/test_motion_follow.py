@@ -15,6 +15,7 @@ from axisbus.errors import ArgumentError, DriveError, LimitError, MotionTimeout,
 from axisbus.motion.parameters import Defaults, Homing, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.sim.motor import MotorParams
 
 STEP = 100.0 * PERIOD  # degrees per period at 100 deg/s
 
@@ -28,6 +29,20 @@ class Sine:
 
     def position(self, t: float) -> float:
         return self.amplitude * (1.0 - math.cos(math.pi * t / self.duration))
+
+
+@dataclass(frozen=True)
+class Own:
+    """A user's own trajectory: nobody knows in advance how far and how fast it goes."""
+
+    path: Trapezoid | Sampled
+
+    @property
+    def duration(self) -> float:
+        return self.path.duration
+
+    def position(self, t: float) -> float:
+        return self.path.position(t)
 
 
 def targets(watch: Watch) -> list[float]:
@@ -238,11 +253,35 @@ def test_the_number_of_targets_is_the_number_of_executed_cycles():
 # Limits in each cycle.
 
 
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        (Trapezoid(0.0, 90.0, 100.0, 500.0), "velocity 100 deg/s is beyond the limit"),
+        (Trapezoid(0.0, -11.0, 50.0, 500.0), "leaves the position limits"),
+        (Sampled([0.0, 0.0, 5.0, 5.0], 0.06), "velocity 83.3333 deg/s is beyond the limit"),
+        (Sampled([0.0, 4.0, 12.0, 0.0, 0.0], 0.5), "leaves the position limits"),
+    ],
+)
+def test_a_trajectory_that_is_known_in_advance_is_refused_at_the_call(path, told):
+    r = rig(limits=Limits(position=(-10.0, 95.0 if "velocity" in told else 10.0), velocity=80.0)).enabled()
+    watch = Watch(r)
+    with pytest.raises(LimitError, match=told):
+        r.axis.follow(path)
+    r.run(0.3)
+    assert watch.modes == []
+    assert r.axis.state is AxisState.STANDSTILL
+
+
+def test_a_short_trapezoid_that_never_gets_fast_is_taken():
+    r = rig(limits=Limits(velocity=80.0)).enabled()
+    r.axis.follow(Trapezoid(0.0, 10.0, 100.0, 500.0)).wait(5)  # 70.7 deg/s at most
+
+
 def test_a_trajectory_faster_than_the_limit_is_stopped_by_quick_stop():
     r = rig(limits=Limits(velocity=80.0)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="faster than max_velocity"):
-        r.axis.follow(Trapezoid(0.0, 90.0, 100.0, 500.0)).wait(5)
+        r.axis.follow(Own(Trapezoid(0.0, 90.0, 100.0, 500.0))).wait(5)
     r.until(lambda: r.core.ladder is None)
     assert watch.speed <= 80_000 * 1.1
     assert r.axis.state is AxisState.ERRORSTOP
@@ -253,18 +292,132 @@ def test_a_trajectory_that_jumps_never_reaches_the_drive():
     r = rig(limits=Limits(velocity=400.0)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="faster than max_velocity"):
-        r.axis.follow(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD)).wait(5)
+        r.axis.follow(Own(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
     r.run(0.5)
     assert watch.displacement < 100
     assert max(targets(watch)) < 0.1
 
 
-def test_a_trajectory_that_leaves_the_position_limits_is_stopped_there():
-    r = rig(limits=Limits(position=(-10.0, 10.0), velocity=400.0)).enabled()
+# Position limits ahead.
+
+TEN = Limits(position=(-10.0, 10.0), velocity=400.0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("path", "braked_at"),
+    [
+        (Trapezoid(0.0, 20.0, 50.0, 500.0), 10.0 - 50.0**2 / (2 * 500)),  # in its constant part
+        (Trapezoid(0.0, 20.0, 400.0, 500.0), 5.0),  # while it speeds up, as hard as it is braked: half way
+    ],
+)
+def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_them(path, braked_at, sign):
+    r = rig(limits=TEN).enabled()
+    watch = Watch(r)
+    turned = Trapezoid(0.0, sign * path.end, path.velocity, path.acceleration)
+    handle = r.axis.follow(Own(turned))
+    r.until(lambda: not handle.busy)
+    failed = r.drive.position * sign / 1000
+    speed = abs(r.drive.axis.motor.velocity) / 1000
+    error = handle.exception()
+    assert isinstance(error, LimitError)
+    assert "leaves the position limits" in error.message
+    assert "allowed are -10 to 10" in error.observed
+    assert "deg/s, it would stop at" in error.observed
+    assert failed == pytest.approx(braked_at, abs=2.5 * speed * PERIOD)
+    r.until(lambda: r.core.ladder is None)
+    low, high = watch.travel
+    assert max(-low, high) <= 10_001
+    assert r.drive.position * sign >= 10_000 - 2.5 * speed * 1000 * PERIOD  # not too early either
+    assert watch.transitions == []  # braked along its path: no quick stop
+    assert watch.acceleration() <= 500_000 * 1.1
+    assert r.axis.state is AxisState.ERRORSTOP
+    assert abs(r.drive.axis.motor.velocity) < 1.0
+    r.axis.reset().wait(1)
+    r.axis.move_absolute(0.0).wait(5)
+
+
+def test_a_trajectory_that_brakes_in_time_by_itself_is_left_alone_however_hard_it_does():
+    r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=100.0)).enabled()
+    r.axis.follow(Own(Trapezoid(0.0, 10.0, 100.0, 2000.0))).wait(5)
+    assert r.drive.position == 10_000
+    r.axis.follow(Own(Trapezoid(10.0, -10.0, 100.0, 2000.0))).wait(5)
+    assert r.drive.position == -10_000
+
+
+@pytest.mark.parametrize(("amplitude", "leaves"), [(5.0, False), (5.2, True), (-5.0, False), (-5.2, True)])
+def test_a_path_that_turns_round_at_the_limit_is_told_from_one_that_goes_beyond(amplitude, leaves):
+    r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=20.0)).enabled()
+    watch = Watch(r)
+
+    class There:
+        """And back again: a full cosine, whose turning point is twice the amplitude away."""
+
+        duration = 2.0
+
+        def position(self, t: float) -> float:
+            return amplitude * (1.0 - math.cos(math.pi * t))
+
+    handle = r.axis.follow(There())
+    r.until(lambda: not handle.busy and r.core.ladder is None)
+    assert isinstance(handle.exception(), LimitError) is leaves
+    assert max(abs(end) for end in watch.travel) <= 10_001
+
+
+def test_a_path_that_jumps_beyond_the_limit_is_held_where_it_is():
+    r = rig(limits=Limits(position=(-10.0, 10.0))).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="leaves the position limits"):
-        r.axis.follow(Trapezoid(0.0, 20.0, 50.0, 500.0)).wait(5)
-    assert max(targets(watch)) <= 10.0
+        r.axis.follow(Own(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
+    r.run(0.5)
+    assert watch.displacement < 100
+
+
+def test_the_limits_count_in_the_user_s_own_count():
+    r = rig(limits=Limits(position=(490.0, 510.0))).enabled()
+    r.axis.set_position(500.0).wait(1)
+    watch = Watch(r)
+    handle = r.axis.follow(Own(Trapezoid(500.0, 520.0, 50.0, 500.0)))
+    r.until(lambda: not handle.busy and r.core.ladder is None)
+    assert 9_000 <= watch.travel[1] <= 10_001
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["own", "known"])
+def test_an_axis_that_stands_outside_its_limits_may_come_back_and_go_no_farther_out(own):
+    wrap = Own if own else lambda path: path
+    r = rig(limits=TEN, motor=MotorParams(start_position=15_000)).enabled()
+    watch = Watch(r)
+    with pytest.raises(LimitError, match="leaves the position limits"):
+        r.axis.follow(wrap(Trapezoid(15.0, 16.0, 50.0, 500.0))).wait(5)
+    r.until(lambda: r.core.ladder is None)
+    assert watch.travel[1] <= 15_001
+    r.axis.reset().wait(1)
+    r.axis.follow(wrap(Trapezoid(r.axis.position, 5.0, 50.0, 500.0))).wait(5)
+    assert r.drive.position == 5_000
+
+
+def test_without_a_deceleration_a_path_of_one_s_own_is_not_begun_within_position_limits():
+    r = rig(limits=TEN, defaults=Defaults(velocity=100.0)).enabled()
+    with pytest.raises(ArgumentError, match="acceleration is missing") as caught:
+        r.axis.follow(Own(Trapezoid(0.0, 5.0, 50.0, 500.0)))
+    assert "[axes.x.defaults]" in caught.value.remedy
+    r.axis.follow(Trapezoid(0.0, 5.0, 50.0, 500.0)).wait(5)  # known in advance: it is within them
+
+
+def test_the_other_axis_of_the_group_is_braked_along_its_own_path():
+    slow = {"defaults": Defaults(velocity=100.0, acceleration=100.0)}
+    r = rig("xy", limits=TEN, each={"y": slow | {"limits": Limits()}}).enabled()
+    watches = {name: Watch(r, name) for name in "xy"}
+    first = r.axes["x"].follow(Own(Trapezoid(0.0, 20.0, 50.0, 500.0)))
+    second = r.axes["y"].follow(Own(Trapezoid(0.0, -40.0, 80.0, 500.0)))
+    r.until(lambda: not first.busy)
+    r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))
+    assert watches["x"].travel[1] <= 10_001
+    assert isinstance(second.exception(), Stopped)
+    assert "leaves the position limits" in str(second.exception())
+    assert watches["y"].transitions == []
+    assert r.axes["y"].state is AxisState.STANDSTILL
+    assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
 
 
 @pytest.mark.parametrize("wrong", ["raises", "nan"])

@@ -24,6 +24,7 @@ from axisbus.motion.parameters import Defaults, Limits, Units
 from axisbus.motion.policy import FaultPolicy
 from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
+from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 
 
@@ -68,6 +69,81 @@ def test_all_axes_take_transition_4_in_the_same_sync():
     assert times[0] == times[1] == times[2]
     waited = seen["y"].stage_times(SWITCHED_ON)[0]
     assert times[0][0] - waited > 0.3  # y stood ready and waited for the slowest
+
+
+def test_a_group_enable_that_is_asked_for_again_goes_on_and_both_handles_end_as_it_does():
+    r = rig("xyz")
+    r.drive_of("y").dials.transition_delay[3] = 0.2
+    watches = [Watch(r, name) for name in "xyz"]
+    group = r.groups["all"]
+    first = group.enable()
+    r.run(0.1)  # x and z wait at the gate
+    second = group.enable()
+    r.run(0.05)
+    one = r.axes["x"].enable()  # nor does one axis jump the queue
+    second.wait(3)
+    assert first.done
+    assert one.done
+    assert [watch.transitions for watch in watches] == [[2, 3, 4]] * 3
+    assert len({tuple(watch.stage_times(ENABLED)) for watch in watches}) == 1  # still all in one SYNC
+
+
+def test_an_axis_that_is_being_enabled_by_itself_does_not_keep_its_group_waiting_for_ever():
+    r = rig("xy")
+    r.drive_of("x").dials.transition_delay[3] = 0.2
+    one = r.axes["x"].enable()
+    r.run(0.1)
+    r.groups["all"].enable().wait(3)
+    assert one.done
+    assert all(device.drives[0].power.stage == ENABLED for device in r.devices)
+
+
+def test_a_group_enable_that_was_asked_for_twice_and_fails_fails_for_both():
+    r = rig("xy")
+    r.drive_of("y").dials.transition_delay[3] = 1e9
+    first = r.groups["all"].enable()
+    r.run(0.5)
+    second = r.groups["all"].enable()
+    r.until(lambda: not second.busy)
+    assert second.exception() is first.exception()
+    assert "y" in str(first.exception())
+    r.run(1.0)
+    assert r.drive_of("x").power.stage != ENABLED
+
+
+@pytest.mark.parametrize("how", ["halt", "stop", "disable", "quick_stop", "reset"])
+def test_what_a_group_is_asked_for_twice_ends_well_for_both(how):
+    r = rig("xy").enabled()
+    for axis in r.axes.values():
+        axis.move_velocity(50.0)
+    r.run(0.3)
+    group = r.groups["all"]
+    if how == "reset":
+        r.drive.fault(0x4310)
+        r.run(1.0)
+    first = getattr(group, how)()
+    r.run(2 * PERIOD)
+    second = getattr(group, how)()
+    second.wait(5)
+    first.wait(1)
+    assert first.done
+    assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
+
+
+def test_a_halt_that_is_asked_for_again_stops_an_axis_that_has_begun_to_move_meanwhile():
+    r = rig("xy", each={"y": {"defaults": Defaults(velocity=100.0, acceleration=20.0)}}).enabled()
+    r.axes["y"].move_velocity(50.0)
+    r.run(1.0)
+    group = r.groups["all"]
+    first = group.halt()
+    r.run(0.2)  # y takes its time
+    moved = r.axes["x"].move_velocity(50.0)
+    r.run(0.2)
+    assert first.busy
+    group.halt().wait(5)
+    assert not moved.busy
+    assert first.done
+    assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)
 
 
 def test_enabling_a_group_of_which_one_is_enabled_already():
@@ -313,6 +389,15 @@ def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
         group.move_linear((1.0, 2.0), velocity=0.0)
     with pytest.raises(ArgumentError):
         group.move_linear((1.0, math.nan), velocity=10.0)
+
+
+def test_a_line_leads_an_axis_back_that_stands_outside_its_limits():
+    outside = MotorParams(start_position=15_000)
+    r = rig("xy", motor=outside, each={"x": {"limits": Limits(position=(-10.0, 10.0))}}).enabled()
+    watch = Watch(r, "x")
+    r.groups["all"].move_linear((5.0, 20.0), velocity=50.0, acceleration=200.0).wait(5)
+    assert [device.drives[0].position for device in r.devices] == [5_000, 20_000]
+    assert watch.travel[1] <= 15_001
 
 
 def test_a_line_without_an_acceleration_takes_the_smallest_default_or_says_whose_is_missing():

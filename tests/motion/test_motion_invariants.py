@@ -243,7 +243,9 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert not acknowledged, "a new edge before the old acknowledge has fallen"
             self.edge_at = self.now
         halted = self.ladder is not None and self.ladder.rung == 0
-        if before & 0x10 and not word & 0x10 and (halted or isinstance(self.core.activity, PositionMove)):
+        kept = word & 0x0F == 0x0F  # where the power is being taken down, the set-point is void
+        moves = halted or isinstance(self.core.activity, PositionMove)
+        if before & 0x10 and not word & 0x10 and kept and moves:
             assert acknowledged or self.now - self.edge_at > TIMES.acknowledge, (
                 "nobody knows if the edge was seen"
             )

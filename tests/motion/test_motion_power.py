@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from rig import PERIOD, rig
 from watch import (
@@ -82,15 +84,73 @@ def test_enable_twice_is_harmless():
     assert watch.words == [0x0F]
 
 
-def test_an_enable_under_way_is_replaced_by_a_second_one_and_the_walk_goes_on():
+@pytest.mark.parametrize("again_after", [PERIOD, 0.1, 0.2])
+def test_an_enable_that_is_asked_for_again_goes_on_and_both_handles_end_as_it_does(again_after):
+    r = rig()
+    r.drive.dials.transition_delay[3] = 0.2
+    watch = Watch(r)
+    first = r.axis.enable()
+    r.run(again_after)
+    assert r.drive.power.stage != ENABLED
+    second, third = r.axis.enable(), r.axis.enable()
+    third.wait(2)
+    assert first.done
+    assert second.done
+    assert r.drive.power.stage == ENABLED
+    assert watch.transitions == [2, 3, 4]
+
+
+def test_an_enable_that_was_asked_for_twice_and_fails_fails_for_both():
+    r = rig()
+    r.drive.dials.transition_delay[3] = 1e9
+    first = r.axis.enable()
+    r.run(0.5)
+    second = r.axis.enable()
+    r.until(lambda: not second.busy)
+    assert isinstance(first.exception(), TransitionError)
+    assert second.exception() is first.exception()
+    assert second.status is Status.ERROR
+
+
+def test_an_enable_that_was_asked_for_twice_and_is_taken_back_is_aborted_for_both():
     r = rig()
     r.drive.dials.transition_delay[3] = 0.2
     first = r.axis.enable()
     r.run(0.1)
     second = r.axis.enable()
-    second.wait(2)
+    r.run(PERIOD)
+    r.axis.disable().wait(3)
     assert first.aborted
-    assert r.drive.power.stage == ENABLED
+    assert second.aborted
+    assert isinstance(second.exception(), Stopped)
+    assert r.drive.power.stage == DISABLED
+
+
+def test_a_reset_that_is_asked_for_again_makes_no_second_edge():
+    r = rig().enabled()
+    r.drive.fault(0x4310)
+    r.run(1.0)
+    watch = Watch(r)
+    first = r.axis.reset()
+    r.run(PERIOD)
+    second = r.axis.reset()
+    second.wait(3)
+    assert first.done
+    assert watch.words.count(0x80) == 1
+    assert watch.transitions == [15]
+
+
+@pytest.mark.parametrize("what", [{}, {"coast": True}], ids=["by the ladder", "coasting"])
+def test_a_disable_that_is_asked_for_again_ends_with_the_first(what):
+    r = rig().enabled()
+    r.drive.dials.transition_delay[5] = r.drive.dials.transition_delay[9] = 0.1
+    first = r.axis.disable(**what)
+    r.run(2 * PERIOD)
+    assert first.active
+    second = r.axis.disable(**what)
+    second.wait(3)
+    assert first.done
+    assert r.drive.power.stage == DISABLED
 
 
 @pytest.mark.parametrize(
@@ -239,6 +299,27 @@ def test_enable_needs_to_know_where_the_axis_is():
     with pytest.raises(StaleError, match="6064h"):
         r.axis.enable().wait(3)
     assert r.drive.power.stage == DISABLED
+
+
+@pytest.mark.parametrize("blind_from", range(0, 14, 2))
+def test_a_position_that_comes_late_is_awaited_while_enabling(blind_from):
+    """For 0.6 s nothing is heard of 6064h, from a cycle of the way up on: it is enabled with a fresh one, and nothing jumps."""
+    r = rig()
+    r.run(0.5)
+    port = r.ports["x"]
+    read, since = port.read, r.now + blind_from * PERIOD
+
+    def blind(now):
+        inputs = read(now)
+        return inputs._replace(position=None, demand=None) if since <= now < since + 0.6 else inputs
+
+    port.read = blind
+    watch = Watch(r)
+    r.axis.enable().wait(3)
+    ways_up = [row.t for before, row in pairwise(watch.rows) if row.stage == ENABLED != before.stage]
+    assert len(ways_up) == 1
+    assert not since + 2 * PERIOD < ways_up[0] < since + 0.6
+    assert {row.position for row in watch.rows} == {watch.rows[0].position}
 
 
 def test_a_drive_that_shows_its_mode_only_when_enabled_is_enabled_all_the_same():

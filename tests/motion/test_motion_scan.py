@@ -205,7 +205,7 @@ def test_a_scan_that_dies_quick_stops_the_drives_and_tells_every_handle(call):
     with pytest.raises(ScanError) as caught:
         long.wait(5)
     assert "AdapterError: the adapter is gone" in caught.value.observed
-    assert "quick stop" in caught.value.remedy
+    assert "a quick stop was sent to every drive" in caught.value.remedy
     assert r.scan.ended
     assert isinstance(r.scan.failure, AdapterError)
     setattr(r.cycle.dials, call, None)

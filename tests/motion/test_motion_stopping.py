@@ -199,6 +199,41 @@ def test_quick_stop_with_an_option_that_disables_ends_disabled():
     assert watch.transitions == []  # nothing switches it on again
 
 
+@pytest.mark.parametrize("option", [0, 1, 2])
+def test_a_drive_that_takes_its_time_to_switch_off_after_a_quick_stop_is_waited_for(option):
+    """Transition 12 comes once its brake holds: that is the quick stop's end, and no power that was lost."""
+    r = turning()
+    r.device.write(0x605A, 0, option)
+    r.drive.dials.transition_delay[12] = 0.3
+    watch = Watch(r)
+    r.axis.quick_stop().wait(3)
+    assert watch.transitions == [11, 12]
+    assert r.axis.state is AxisState.DISABLED
+    r.run(1.0)
+    assert r.axis.error is None
+    r.axis.enable().wait(3)
+
+
+def test_a_drive_that_says_nothing_of_605ah_and_stays_in_quick_stop_is_held_there_after_its_time():
+    r = turning()
+    r.device.write(0x605A, 0, 6)
+    assert not r.core.parameters.quick_stop_holds
+    handle = r.axis.quick_stop()
+    taken = r.until(lambda: not handle.busy)
+    handle.wait()
+    assert taken == pytest.approx(r.core.parameters.stop_times.quick_stop, abs=0.05)
+    assert r.axis.state is AxisState.STOPPING
+    r.axis.enable().wait(3)
+
+
+def test_a_drive_that_is_known_to_hold_after_a_quick_stop_is_not_waited_for():
+    r = turning(quick_stop_holds=True)
+    r.device.write(0x605A, 0, 6)
+    handle = r.axis.quick_stop()
+    assert r.until(lambda: not handle.busy) < 0.5
+    assert r.axis.state is AxisState.STOPPING
+
+
 @pytest.mark.parametrize("option", [5, 6])
 def test_quick_stop_with_an_option_that_holds_stays_in_stopping_until_it_is_enabled_again(option):
     r = turning()

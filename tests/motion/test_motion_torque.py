@@ -10,9 +10,10 @@ from watch import Watch
 
 from axisbus.cia402.port import Source
 from axisbus.errors import ArgumentError, DriveError, LimitError, MotionTimeout, Stopped
-from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
+from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
+from axisbus.units import Scale
 
 # Rated torque is 10 N·m; friction 2 % of it, and viscous friction that stops the axis in some seconds.
 FREE = MotorParams(friction=20.0, rated_acceleration=200_000.0, coasting=1.0)
@@ -170,3 +171,23 @@ def test_a_torque_slope_that_the_drive_refuses_fails_before_any_torque():
         r.axis.torque_control(1.0, slope=1.0).wait(3)
     assert watch.displacement < 1.0
     assert max(map(abs, torques(watch))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("factor", "rated", "read"),
+    [(1000.0, 10.0, 3.0), (-1000.0, -10.0, -3.0), (1000.0, None, 0.3), (-1000.0, None, -0.3)],
+)
+def test_the_actual_torque_is_turned_where_the_master_turns_the_direction(factor, rated, read):
+    """300 in 6077h are 3 N·m of 10; without a rated torque, 0.3 of it: in the direction in which the axis counts."""
+    units = Units(
+        Scale.of(factor, "deg"),
+        Scale.of(factor, "deg/s"),
+        Scale.of(abs(factor), "deg/s²"),
+        ratio_known=True,
+        rated_torque=rated,
+    )
+    r = rig(units=units, motor=MotorParams(load=300.0), limits=Limits())
+    r.drive.start_enabled(1)
+    r.run(0.3)
+    assert r.core.snapshot().torque == 300
+    assert r.axis.torque == pytest.approx(read)

@@ -141,6 +141,39 @@ def test_enable_takes_a_moving_drive_over_by_braking_it_on_its_ramp(story, mode)
     assert abs(cell.where() - place) < 0.02
 
 
+OFFSET = 30_000  # position increments
+
+
+def with_offset(stage):
+    """A drive at rest in csp, whose position offset makes up for its target."""
+    make = found(stage, CSP, target_position=-OFFSET)
+
+    def made() -> dict[int, Device]:
+        devices = make()
+        devices[1].write(0x60B0, 0, OFFSET)
+        return devices
+
+    return made
+
+
+def test_enable_takes_a_drive_over_whose_position_offset_acts(story):
+    cell = story.simulated("x", devices=with_offset(story))
+    place = cell.where()
+    cell.x.enable().wait(3)
+    cell.run(0.5)
+    assert cell.stage() == ENABLED
+    assert abs(cell.where() - place) < 0.02
+    assert cell.device().read(0x60B0, 0) == 0
+
+
+def test_a_drive_that_cannot_be_taken_over_without_a_jump_is_left_where_it_stands(story, golden):
+    cell = story.simulated("x", devices=with_offset(story), axis='modes = ["csp"]')
+    place = cell.where()
+    golden("found_enabled_with_an_offset", cell.failure_of(cell.x.enable()))
+    cell.run(0.5)
+    assert abs(cell.where() - place) < 0.02
+
+
 @pytest.mark.nets("the stop ladder")
 def test_disable_stops_a_found_turning_drive(story):
     cell = turning(story)

@@ -6,7 +6,7 @@ import pytest
 from story_rig import ENABLED, OFF, QUICK_STOP, SCALE
 
 from axisbus.cia402.port import Source
-from axisbus.errors import DriveError, ModeError, StateError
+from axisbus.errors import DriveError, LimitError, ModeError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 
@@ -157,6 +157,30 @@ def test_a_trajectory_that_becomes_too_fast_is_stopped(story, golden):
     cell.must_stand(within=1.5, stages=(ENABLED, *OFF))
     cell.must_have_come("x", 420.0, (60.0, 120.0))  # with 1000 deg/s², the quick-stop ramp, 80 deg
     golden("csp_too_fast", cell.failure_of(handle))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_trajectory_that_runs_into_the_limit_is_braked_so_that_the_axis_stands_within(story, golden, way):
+    cell = story.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
+
+    class Onwards(Ramp):
+        def position(self, t: float) -> float:
+            return way * super().position(t)
+
+    handle = cell.x.follow(Onwards())
+    cell.until(lambda: way * cell.where() > 78.0)  # braking from 100 deg/s with 500 deg/s² takes 10 deg
+    cell.must_stand(within=1.0, stages=ENABLED)
+    assert 85.0 < way * cell.where() < 90.01
+    failed = cell.failure_of(handle)
+    if way > 0:
+        golden("csp_leaves_limits", failed)
+
+
+def test_a_trajectory_that_is_known_to_leave_the_limits_is_refused_at_the_call(story, golden):
+    cell = story.simulated("x", axis="position_limits = [-90.0, 90.0]").enabled()
+    with pytest.raises(LimitError) as caught:
+        cell.x.follow(Trapezoid(0.0, 91.0, 50.0, 500.0))
+    golden("csp_known_to_leave_limits", caught.value)
 
 
 # -- in mid-motion -------------------------------------------------------------------------------------------------------

@@ -200,24 +200,29 @@ class CanCycle:
                 self._guarding_due[cob_id] = now + period
                 self._channel.send_remote(cob_id)
 
-    def quick_stop_all(self) -> None:
+    def quick_stop_all(self) -> bool:
         """Send a quick stop to every axis that was ever commanded: by RPDO, one SYNC, then by SDO without awaiting an answer.
 
-        Never raises; returns within about half a second even when the adapter is stuck. A ``commit`` that is under way ends.
+        Return whether the adapter took all of its frames. Never raises; returns within about half a second even when the adapter is
+        stuck. A ``commit`` that is under way ends.
         """
         self._stopped = True
-        frames = self._quick_stop_frames()
+        frames, complete = self._quick_stop_frames()
         if not frames:
-            return
-        thread = threading.Thread(
-            target=self._channel.send_urgent, args=(frames,), name="axisbus quick stop", daemon=True
-        )
+            return complete
+        taken: list[int] = []
+
+        def send() -> None:
+            taken.append(self._channel.send_urgent(frames))
+
+        thread = threading.Thread(target=send, name="axisbus quick stop", daemon=True)
         try:
             thread.start()
         except RuntimeError:  # the interpreter is ending and makes no more threads
-            self._channel.send_urgent(frames)
-            return
-        thread.join(QUICK_STOP_PATIENCE)
+            send()
+        else:
+            thread.join(QUICK_STOP_PATIENCE)
+        return complete and taken == [len(frames)]
 
     def lateness(self) -> LatenessReport:
         """Return how late the cycles were so far."""
@@ -230,18 +235,21 @@ class CanCycle:
         if self._owns_channel:
             self._channel.close()
 
-    def _quick_stop_frames(self) -> list[Frame]:
+    def _quick_stop_frames(self) -> tuple[list[Frame], bool]:
+        """Return the frames, and whether they are those of every port."""
         by_pdo: list[Frame] = []
         by_sdo: list[Frame] = []
+        complete = True
         for port in self._ports:
             try:
                 pdo, sdo = port.stop_frames()
             except Exception as error:  # noqa: BLE001 - nothing may keep the other axes from being stopped
+                complete = False
                 self._channel.counters.errors.append(f"stop frames of node {port.node.node_id}: {error}")
             else:
                 by_pdo += pdo
                 by_sdo += sdo
-        return [*by_pdo, *self._sync_frame(bool(by_pdo)), *by_sdo]
+        return [*by_pdo, *self._sync_frame(bool(by_pdo)), *by_sdo], complete
 
     def _sync_frame(self, needed: bool) -> Iterable[Frame]:
         """One more SYNC, so that synchronous RPDOs take effect; another producer's goes on, or is not ours to replace."""

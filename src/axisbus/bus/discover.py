@@ -21,6 +21,7 @@ from axisbus.bus.sdo import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
+from axisbus.cia402.device_type import device_kind
 from axisbus.errors import SdoError
 
 PACE = 0.0015  # seconds between two frames
@@ -31,9 +32,6 @@ _DETAIL_TOTAL = 1.2
 _THREADS = 8
 _SEND_PATIENCE = 0.05
 _EXPEDITED_4 = b"\x43"
-
-# Kind of a drive by bits 16 to 23 of 1000h (CiA 402-1).
-DRIVES = {0x01: "frequency converter", 0x02: "servo drive", 0x04: "stepper drive", 0x08: "multi-axis drive"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +46,7 @@ class Found:
     @property
     def kind(self) -> str:
         """What its device type says in words, empty where it was not read."""
-        return "" if self.identity.device_type is None else device_type_words(self.identity.device_type)
-
-
-def device_type_words(device_type: int) -> str:
-    """Return the device type 1000h in words, such as ``servo drive (CiA 402)``; an unknown one by its numbers."""
-    profile = device_type & 0xFFFF
-    if profile == 0:
-        return o.DEVICE_PROFILES[0]
-    kind = o.DEVICE_PROFILES.get(profile, "device")
-    if profile == 402:
-        kind = DRIVES.get(device_type >> 16 & 0xFF, kind)
-    return f"{kind} (CiA {profile})"
+        return device_kind(self.identity.device_type)
 
 
 def scan(channel: Channel, ids: Iterable[int] = cob.NODE_IDS, listen: float = LISTEN) -> list[Found]:

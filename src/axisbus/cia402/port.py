@@ -154,10 +154,11 @@ class Cycle(Protocol):
     def heartbeat(self) -> None:
         """Send our own heartbeat when it is due."""
 
-    def quick_stop_all(self) -> None:
+    def quick_stop_all(self) -> bool:
         """Send the last committed frames once more with a quick stop in each controlword, and one SYNC.
 
-        Never raises; used when the scan has failed.
+        Return whether the bus took all of them; whether the drives obey is another matter. Never raises; used when the scan has
+        failed.
         """
 
     def close(self) -> None:

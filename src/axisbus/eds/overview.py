@@ -7,16 +7,13 @@ from dataclasses import dataclass
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds import values
 from axisbus.eds.dictionary import PROFILE_AREA
 from axisbus.eds.model import Eds, Identity, Object
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInfo] (DS 306 4.5)
-
-# Bits 16 to 18 of 1000h of a drive (CiA 402-1); a drive may set several.
-_DRIVES = {0: "frequency converter", 1: "servo drive", 2: "stepper drive"}
-_MULTIPLE = 0xFFFF  # high word of 1000h: several logical devices (CiA 301 7.5.2.1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,22 +87,6 @@ def overview(eds: Eds, node_id: int | None = None) -> Overview:
         tuple(rate for rate in BIT_RATES if values.plain(device.get(f"baudrate_{rate}", ""))),
         sum(len(entry.subs) for entry in eds),
     )
-
-
-def device_kind(device_type: int | None) -> str:
-    """Return the device type 1000h in words, such as ``servo drive (CiA 402)``; empty where it is not known."""
-    if device_type is None:
-        return ""
-    profile = device_type & 0xFFFF
-    if profile == 0:
-        return cia301.DEVICE_PROFILES[0]
-    kind = cia301.DEVICE_PROFILES.get(profile, "device")
-    high = device_type >> 16
-    if profile == cia402.PROFILE_NUMBER and high == _MULTIPLE:
-        kind = "drive with several axes"
-    elif profile == cia402.PROFILE_NUMBER:
-        kind = " and ".join(text for bit, text in _DRIVES.items() if high >> bit & 1) or kind
-    return f"{kind} (CiA {profile})"
 
 
 def axis_count(eds: Eds) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import gc
 import itertools
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -31,8 +30,8 @@ from axisbus.machine.pickup import Pickup, absent_axis
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
 from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
+from axisbus.machine.scanthread import ScanThread
 from axisbus.machine.standin import StandIn
-from axisbus.machine.supervisor import Supervisor
 from axisbus.motion.axes import Group
 from axisbus.motion.axis import Axis
 from axisbus.motion.core import AxisCore
@@ -41,12 +40,8 @@ from axisbus.motion.policy import LostNode
 from axisbus.motion.scan import PumpWaiter, Scan
 from axisbus.sim.device import Device
 
-_SWITCH_INTERVAL = (
-    0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
-)
 _CLOSE_MARGIN = 2.0
 _JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
-_HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
 _FIRST_VALUES = (
     1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
 )
@@ -84,9 +79,7 @@ class Machine:
         for node_id in runtime.nodes:
             self._watch_node(node_id)
         self._signals = ExitSignals(self.scan, Machine.__exit__, Machine.close, Machine._close)
-        self._thread: threading.Thread | None = None
-        self._supervisor: Supervisor | None = None
-        self._switch_interval = sys.getswitchinterval()
+        self._thread: ScanThread | None = None
         self._closed = False
 
     @classmethod
@@ -317,15 +310,8 @@ class Machine:
             self._signals.install(listen=False)
             return
         assert isinstance(self._waiter, ThreadWaiter)
-        sys.setswitchinterval(_SWITCH_INTERVAL)
-        gc.freeze()  # a full collection over the dictionaries takes several periods
-        self.scan.waiter = self._waiter
-        self._thread = threading.Thread(target=self.scan.run, name="axisbus scan", daemon=True)
-        patience = max(_HUNG, 20 * self.scan.period, _HUNG + (self.cell.bus.sync_timeout or 0.0))
-        self._supervisor = Supervisor(self.scan, self._thread, patience)
+        self._thread = ScanThread(self.scan, self._waiter, self.cell.bus.sync_timeout)
         self._thread.start()
-        self._waiter.scan_thread = self._thread.ident
-        self._supervisor.start()
         self._pickup.start()
         atexit.register(self._at_exit)
         self._signals.install(listen=True)
@@ -368,12 +354,8 @@ class Machine:
             if not self.scan.ended:
                 self.scan.end()
             return
-        if self._supervisor is not None:
-            self._supervisor.stop()
         if self._thread is not None:
-            self._thread.join(2.0)
-        sys.setswitchinterval(self._switch_interval)
-        gc.unfreeze()
+            self._thread.stop()
         atexit.unregister(self._at_exit)
 
     def _failures(self, rescued: list[Stopped]) -> list[AxisbusError]:

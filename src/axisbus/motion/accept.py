@@ -10,9 +10,10 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import accept_motion as motion
 from axisbus.motion import commands as c
+from axisbus.motion.activity import Activity
 from axisbus.motion.core import AxisCore
-from axisbus.motion.diagnosis import first_observation
-from axisbus.motion.enable import RESTING_MODES, Enable
+from axisbus.motion.diagnosis import first_observation, nmt_text
+from axisbus.motion.enable import KEPT_MODES, RESTING_MODES, Enable
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.handle import Handle
 from axisbus.motion.ladder import Rung, Then
@@ -20,6 +21,7 @@ from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.power import Coast, Reset
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stopping import StopKind
+from axisbus.motion.takeover import FOLLOWS_TARGETS, Takeover
 
 
 def accept(core: AxisCore, command: c.Command, handle: Handle, gate: Gate = OPEN) -> None:
@@ -45,21 +47,38 @@ def _enable(core: AxisCore, _: c.Enable, handle: Handle, gate: Gate) -> None:
         return
     if core.ladder is not None:
         raise StateError(f"{handle.name}: the axis is being stopped", remedy="wait until it stands")
+    if _runs(core, Enable):
+        core.join(handle)
+        return
     if not core.image.operational:
         raise StateError(
             f"{handle.name}: node {core.parameters.node} is not operational",
-            observed=f"NMT state {core.image.nmt}",
-            remedy="boot it: axisbus boot cell.toml",
+            observed=nmt_text(core.image),
+            remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
         )
-    core.begin(Enable(core.parameters, _resting_modes(core), gate), handle)
+    core.begin(Enable(core.parameters, _resting_modes(core), gate, _takeover(core)), handle)
+
+
+def _runs(core: AxisCore, activity: type[Activity]) -> bool:
+    """Whether the same command is under way already: it goes on, and both handles end as it does."""
+    return isinstance(core.activity, activity) and core.running.handle is not None
 
 
 def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
-    """A drive found enabled keeps its mode; else the first resting mode that it has."""
+    """The resting modes that the drive has; one found energised keeps its mode, if that holds it."""
     image = core.image
-    if image.state in ENERGISED and image.mode in RESTING_MODES:
-        return [ModeOfOperation(image.mode)]
+    if image.state in ENERGISED and image.mode in KEPT_MODES:
+        found = ModeOfOperation(image.mode)
+        return [found, *(mode for mode in RESTING_MODES if mode in core.parameters.modes and mode != found)]
     return [mode for mode in RESTING_MODES if mode in core.parameters.modes]
+
+
+def _takeover(core: AxisCore) -> Takeover | None:
+    """What must be found out of a drive that was found enabled in a mode that follows its targets."""
+    image = core.image
+    if image.state is not State.OPERATION_ENABLED or image.mode not in FOLLOWS_TARGETS:
+        return None
+    return Takeover(ModeOfOperation(image.mode), core.parameters)
 
 
 def _disable(core: AxisCore, command: c.Disable, handle: Handle, _: Gate) -> None:
@@ -78,6 +97,9 @@ def _coast(core: AxisCore, handle: Handle) -> None:
             f"{handle.name}: the axis holds a load and does not stand",
             remedy="halt it first: axis.halt()",
         )
+    if _runs(core, Coast):
+        core.join(handle)
+        return
     core.powered = False
     core.begin(Coast(core.parameters), handle)
     if core.state is not AxisState.ERRORSTOP:
@@ -88,6 +110,9 @@ def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
     image = core.image
     if core.ladder is not None:
         raise StateError(f"{handle.name}: the axis is still being stopped", remedy="wait until it stands")
+    if _runs(core, Reset):
+        core.join(handle)
+        return
     if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         fault = first_observation(core.error) if isinstance(core.error, DriveFault) else ""
         core.begin(Reset(core.parameters, fault), handle)
@@ -95,10 +120,10 @@ def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
     if core.state is AxisState.ERRORSTOP and (not image.operational or image.state is State.UNKNOWN):
         raise StateError(
             f"{handle.name}: nothing is known of the drive",
-            observed="its node is not operational"
+            observed=f"its node is not operational: {nmt_text(image)}"
             if not image.operational
             else "no fresh statusword (6041h)",
-            remedy="see why it is in ErrorStop (axis.error), and bring the node back first",
+            remedy="see why it is in ErrorStop (axis.error), bring the node back, then close the machine and open it again",
         )
     core.clear_error()
     core.finish(handle)

@@ -33,11 +33,11 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
     )
-    before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.set_point
+    before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
         PositionMove(target, profile, core.parameters, prepare, before), handle, AxisState.DISCRETE_MOTION
     )
-    core.set_point = None
+    core.running.set_point = None
     core.last_target = target
 
 

@@ -215,6 +215,11 @@ def object_text(index: int, subindex: int = 0) -> str:
     return f"{number} {name.lower()}".rstrip()
 
 
+def age_text(age: float) -> str:
+    """Return how old a value is that is not known any more, ``age`` in seconds (infinite: there never was one)."""
+    return f"the last one is {age:.3g} s old" if math.isfinite(age) else "it was never received"
+
+
 def require_position(image: Image, name: str, why: str) -> int:
     """Return the unwrapped actual position.
 
@@ -225,7 +230,9 @@ def require_position(image: Image, name: str, why: str) -> int:
         raise StaleError(
             f"{name}: the actual position (6064h) is unknown, and {why} needs it",
             axis=name,
-            observed="it was never received, or the last one is too old",
-            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows how it travels)",
+            observed=age_text(image.now - image.position_stamp),
+            remedy="map 6064h into a TPDO, and check that the drive sends it (axisbus boot shows how it travels)"
+            if image.position_stamp == -math.inf
+            else "check cable and bus load, and that the drive still sends the TPDO that holds it (axisbus monitor)",
         )
     return image.position

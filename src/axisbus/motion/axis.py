@@ -7,9 +7,10 @@ from contextlib import contextmanager
 
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Waiter
+from axisbus.cia402.port import Source, Waiter
 from axisbus.errors import ArgumentError, AxisbusError, StaleError
 from axisbus.motion import commands as c
+from axisbus.motion.activity import age_text
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingJob
 from axisbus.motion.parameters import AxisParameters
@@ -89,11 +90,7 @@ class Axis:
     @property
     def torque(self) -> float:
         """Actual torque in N·m (in parts of rated torque without ``rated_torque``); raises StaleError when it is unknown."""
-        return (
-            self._known(self.snapshot.torque, "torque (6077h)")
-            / 1000.0
-            * (self._parameters.units.rated_torque or 1.0)
-        )
+        return self._parameters.units.torque(self._known(self.snapshot.torque, "torque (6077h)"))
 
     def _known(self, value: int | None, what: str) -> int:
         silent = self._scan.silent
@@ -108,15 +105,27 @@ class Axis:
             raise StaleError(
                 f"{self.name}: its {what} is unknown",
                 axis=self.name,
-                observed="it does not travel, was never received, or the last one is too old",
-                remedy="map it into a TPDO (axisbus boot shows what travels how), and check that the node is there",
+                observed=self._why_unknown(what),
+                remedy="check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)",
             )
         return value
+
+    def _why_unknown(self, what: str) -> str:
+        name = what.partition(" ")[0]
+        if self._scan.axes[self.name].capabilities.inputs.get(name, Source.NONE) is Source.NONE:
+            return "it does not travel: no TPDO holds it, and it is not polled"
+        snapshot = self.snapshot
+        if name == "position":
+            return age_text(snapshot.now - snapshot.position_stamp)
+        return "it was never received, or the last one is too old"
 
     # -- power and stopping ------------------------------------------------------------------------------------------
 
     def enable(self) -> Handle:
-        """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded."""
+        """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded.
+
+        Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
+        """
         return self._submit("enable()", c.Enable())
 
     def disable(self, *, coast: bool = False) -> Handle:
@@ -243,6 +252,8 @@ class Axis:
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of ``[axes.NAME.homing]``; ``timeout`` in seconds.
 
+        Asked for again while the axis is Homing, the second is refused and the first goes on.
+
         Raises:
             ArgumentError: no method is known, or one that moves has no speeds.
         """
@@ -272,11 +283,17 @@ class Axis:
     def follow(self, trajectory: Trajectory) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
 
-        It must begin where the axis stands. Limits are checked in each cycle.
+        It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``) is held against the limits as a
+        whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where it would
+        leave the position limits, the axis is braked along it and stands within them.
+
+        Raises:
+            LimitError: it goes beyond ``position_limits`` or ``max_velocity``.
+            ArgumentError: the axis is not homed where it must be, or no deceleration is known to keep position limits with.
         """
         name = f"follow({type(trajectory).__name__}, {shown(trajectory.duration)} s)"
         self._require_homed(name)
-        self._request(name).finite("the trajectory's duration", trajectory.duration, "s")
+        self._request(name).trajectory(trajectory)
         return self._submit(name, c.FollowTrajectory(trajectory))
 
     # -- how a command is made ----------------------------------------------------------------------------------------

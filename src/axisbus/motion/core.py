@@ -23,18 +23,18 @@ from collections.abc import Callable
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveError, Interrupted, Replaced, Stopped
+from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped
 from axisbus.motion.activity import Activity
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
-from axisbus.motion.handle import Handle, Status, end_as
+from axisbus.motion.handle import Handle
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.setpoint import SetPoint
+from axisbus.motion.running import Running
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stopping import REMEDIES, StopKind, Stopping, stop_error
@@ -67,14 +67,16 @@ class AxisCore:
         self.powered = False
         self.touched = False
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
-        self.activity: Activity | None = None
-        self.handle: Handle | None = None
+        self.running = Running()
         self.last_target: int | None = None
         self.halted = False
-        self.set_point: SetPoint | None = None  # a handshake that an interrupted move has begun
         self._story: FaultStory | None = None
         self._stopped_for_sure = False
-        self.has_ended = False  # a handle has ended since the scan last looked
+
+    @property
+    def activity(self) -> Activity | None:
+        """What moves the axis, or brings it into another state; None when nothing does."""
+        return self.running.activity
 
     @property
     def ladder(self) -> StopLadder | None:
@@ -106,8 +108,8 @@ class AxisCore:
         order.halt = self.halted
         if self.ladder is None and self.activity is not None:
             self._step_activity(self.activity, image, order)
-        elif self.ladder is None and self.set_point is not None:
-            self._finish_handshake(self.set_point, image, order)
+        elif self.ladder is None:
+            self.running.finish_handshake(image, order)
         if self.ladder is not None:  # in the same cycle: in a cyclic mode one without a target is a jolt
             self._step_ladder(self.ladder, image, order)
         self.halted = order.halt
@@ -142,8 +144,8 @@ class AxisCore:
         handles = self.stopping.drop()
         if self._story is not None:
             handles += self._story.handles
-        if self.handle is not None:
-            handles.append(self.handle)
+        if self.running.handle is not None:
+            handles.append(self.running.handle)
         for handle in handles:
             self.finish(handle, ended(handle.name))
 
@@ -177,7 +179,7 @@ class AxisCore:
     def _let_go(self, image: Image) -> None:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
         if image.state is not State.OPERATION_ENABLED:
-            self.set_point = None  # what the drive had begun to take is void
+            self.running.set_point = None  # what the drive had begun to take is void
         goal = self.order.goal
         if goal not in ENERGISED or image.state is goal or isinstance(self.activity, Enable):
             return
@@ -189,13 +191,13 @@ class AxisCore:
 
     # -- failure -----------------------------------------------------------------------------------------------------
 
-    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT) -> None:
-        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on."""
+    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT, follow: Follow | None = None) -> None:
+        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on, along ``follow`` if that is given."""
         self._trip(error)
         enrich(error, self.image, self.history)
         self.end_command(error)
         if self.touched and self.image.state in _MAY_BE_ENERGISED:
-            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message)
+            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message, follow=follow)
             return
         self.powered = False
         if self.order.goal is not None:
@@ -214,14 +216,13 @@ class AxisCore:
     def _fault(self, image: Image) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
         story = FaultStory(self.parameters, image.now)
-        if self.handle is not None and self.handle.busy:
-            story.doing = f" during {self.handle.name}"
+        handle = self.running.drop(self.order)
+        if handle is not None:
+            story.doing = f" during {handle.name}" if handle.busy else ""
+            story.handles.append(handle)
         self._story = story
         self._trip(story.tell(image, self.history))
-        if self.handle is not None:
-            story.handles.append(self.handle)
         story.handles += self.stopping.drop()
-        self._drop_command()
         self.powered = False
         if self.touched:
             self.order.goal = State.SWITCH_ON_DISABLED
@@ -240,56 +241,50 @@ class AxisCore:
 
     def begin(self, activity: Activity, handle: Handle, state: AxisState | None = None) -> None:
         """Let ``activity`` take over; the running command, or the halt, ends as replaced."""
-        doing = self.handle.name if self.handle is not None else f"{self.parameters.name}'s motion"
+        ran = self.running.handle
+        doing = ran.name if ran is not None else f"{self.parameters.name}'s motion"
         self.end_command(Replaced(f"{doing} was replaced by {handle.name}"))
         if self.ladder is not None:
             self._end_stop(Replaced(f"{self.stopping.name} was replaced by {handle.name}"))
         self.touched = True
         self._stopped_for_sure = False
-        self.activity, self.handle = activity, handle
-        handle.status = Status.ACTIVE
+        self.running.begin(activity, handle)
         if state is not None:
             self.state = state
 
+    def join(self, handle: Handle) -> None:
+        """Let ``handle`` end as the running command does: the same has been asked for again."""
+        self.running.join(handle)
+
     def end_command(self, error: AxisbusError | None) -> None:
         """End the running command, keeping a set-point handshake that is under way."""
-        handle = self.handle
-        self._drop_command()
+        handle = self.running.drop(self.order)
         if handle is not None:
             self.finish(handle, error)
 
-    def _drop_command(self) -> None:
-        if isinstance(self.activity, PositionMove):
-            self.set_point = self.activity.in_flight
-        if self.activity is not None:
-            self.activity.cancel(self.order)
-        self.activity, self.handle = None, None
-
     def finish(self, handle: Handle, error: AxisbusError | None = None) -> None:
         """End a handle, well (no error) or with the reason."""
-        if handle.busy:
-            handle.finish(Status.DONE if error is None else end_as(error), error)
-            self.has_ended = True
+        self.running.finish(handle, error)
 
     def _step_activity(self, activity: Activity, image: Image, order: Order) -> None:
         if not isinstance(activity, PositionMove):
-            self.set_point = None  # another mode gives bit 4 another meaning
+            self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
             done = activity.step(image, order)
         except AxisbusError as error:
             self._activity_failed(error)
             return
-        if done and self.handle is not None and self.handle.busy:
+        if done and self.running.handle is not None and self.running.handle.busy:
             self._completed(activity)
 
     def _completed(self, activity: Activity) -> None:
         """The activity has ended well: set the state that follows it."""
-        handle, self.handle = self.handle, None
+        handle, self.running.handle = self.running.handle, None
         if handle is not None:
             self.finish(handle)
         if activity.goes_on:
             return  # until something else is wanted
-        self.activity = None
+        self.running.activity = None
         if activity.clears_error:
             self.supervision.lost = False  # a node that is lost still, or once more, is told again
         if activity.mode is ModeOfOperation.HOMING:
@@ -328,6 +323,9 @@ class AxisCore:
             self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message)
             return
         resetting = self.activity is not None and self.activity.clears_error
+        if isinstance(self.activity, Follow) and self.activity.brakes_along:
+            self.fail(error, Rung.HALT, self.activity)
+            return
         self.fail(error, Rung.QUICK_STOP if self._runs_on_targets else Rung.HALT)
         if resetting:
             self.tripped = (
@@ -364,19 +362,10 @@ class AxisCore:
         self.touched = True
 
     def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:
-        if self.set_point is not None and ladder.rung is Rung.HALT:
-            self._finish_handshake(self.set_point, image, order)
+        if ladder.rung is Rung.HALT:
+            self.running.finish_handshake(image, order)
         if ladder.step(image, order):
             self._stopped(ladder, image)
-
-    def _finish_handshake(self, set_point: SetPoint, image: Image, order: Order) -> None:
-        """Let a set-point handshake that was under way come to its end, under halt."""
-        try:
-            taken = set_point.step(image, order)
-        except DriveError:
-            taken = True  # the next move will find bit 12 as it is, and say so
-        if taken:
-            self.set_point = None
 
     def _stopped(self, ladder: StopLadder, image: Image) -> None:
         self.powered = ladder.confirmed and image.state in ENERGISED

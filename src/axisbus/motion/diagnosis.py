@@ -145,6 +145,12 @@ def remedy(code: int | None) -> str:
     )
 
 
+def nmt_text(image: Image) -> str:
+    """Say why a node does not count as operational: what it reports, or that it has fallen silent."""
+    silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
+    return "its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}"
+
+
 def _register(entry: emcy.Emcy) -> str:
     words = emcy.register_words(entry.register)
     return f" (error register: {', '.join(words)})" if words else ""
@@ -158,8 +164,7 @@ def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
         texts.append(f"mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})")
     texts += [f"EMCY {emcy.describe(entry.code)}" for entry in history.recent_emcy(image.now)[-2:]]
     if not image.operational and not isinstance(error, NodeError | BusOff):
-        silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
-        texts.append("its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}")
+        texts.append(nmt_text(image))
     age = image.now - image.statusword_stamp
     if 0.5 < age < 1e6:
         texts.append(f"last statusword {age:.3g} s ago")

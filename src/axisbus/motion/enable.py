@@ -15,6 +15,7 @@ from axisbus.motion.image import Image
 from axisbus.motion.interpolation import no_offsets
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.takeover import Takeover
 from axisbus.motion.walk import StateWalk, word_text
 
 # The mode that a drive is enabled in: the first that it has, from the one that stands still most surely.
@@ -25,7 +26,8 @@ RESTING_MODES = (
     ModeOfOperation.CYCLIC_SYNC_VELOCITY,
     ModeOfOperation.PROFILE_TORQUE,
 )
-
+# Those that a drive found energised stays in; one that was driven by a torque is brought into one that holds it.
+KEPT_MODES = frozenset(RESTING_MODES) - {ModeOfOperation.PROFILE_TORQUE}
 
 # In these the drive stands until a set-point, velocity or torque is given to it.
 _WAITS_FOR_COMMAND = frozenset(
@@ -53,16 +55,25 @@ class Enable(Activity):
     """
 
     def __init__(
-        self, parameters: AxisParameters, candidates: Sequence[ModeOfOperation], gate: Gate = OPEN
+        self,
+        parameters: AxisParameters,
+        candidates: Sequence[ModeOfOperation],
+        gate: Gate = OPEN,
+        takeover: Takeover | None = None,
     ) -> None:
-        """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other."""
+        """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other.
+
+        ``takeover``: of a drive found enabled in a mode that follows its targets.
+        """
         self._parameters = parameters
-        self._others = list(candidates)
-        self._mode = self._others.pop(0) if candidates else None
-        self._tried = list(candidates[:1])
+        self._takeover = takeover
+        self._taken_over = takeover is None
+        self._left = False  # the mode in which it was found
+        self._choose(candidates)
         self._walk = StateWalk(parameters)
         self._offsets = no_offsets(parameters)
         self._gate = gate
+        self._position_deadline: float | None = None
         self._mode_deadline: float | None = None
         self._confirm_deadline: float | None = None
         self._stand_deadline: float | None = None
@@ -70,9 +81,18 @@ class Enable(Activity):
         self._found_enabled: bool | None = None
         self._step = _EnableStep.MODE
 
+    def _choose(self, candidates: Sequence[ModeOfOperation]) -> None:
+        self._others = list(candidates)
+        self._mode = self._others.pop(0) if candidates else None
+        self._tried = list(candidates[:1])
+
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive is enabled, in the resting mode."""
         self._refuse(image)
+        if not self._taken_over and not self._found_out(image, order):
+            return False
+        if self._awaits_position(image, order):
+            return False
         self._preload(image, order)
         if self._found_enabled is None:
             self._found_enabled = image.state is State.OPERATION_ENABLED
@@ -118,14 +138,51 @@ class Enable(Activity):
                 remedy="reset first: axis.reset()",
             )
 
+    def _found_out(self, image: Image, order: Order) -> bool:
+        """Whether it is known what the drive was found doing; until then nothing is sent to it."""
+        assert self._takeover is not None
+        if image.state is State.OPERATION_ENABLED and not self._takeover.step(image, order):
+            return False
+        self._taken_over = True
+        if image.state is not State.OPERATION_ENABLED:  # somebody else has switched it off meanwhile
+            self._takeover.cancel(order)
+            self._takeover = None
+        else:
+            self._choose(self._takeover.choose(image, [*self._tried, *self._others]))
+        return True
+
+    def _awaits_position(self, image: Image, order: Order) -> bool:
+        """Whether the targets cannot follow the position just now; one that comes late is awaited, without a step towards power."""
+        if image.position is not None or image.state in ENERGISED or not self._needs_position:
+            self._position_deadline = None
+            return False
+        if self._position_deadline is None:
+            self._position_deadline = image.now + self._parameters.timing.transition
+        if image.now > self._position_deadline:
+            require_position(image, self._parameters.name, "enabling")
+        preload(order, None)
+        order.goal = image.state if image.state in TARGETS else None
+        self._walk.hold(image)
+        return True
+
     def _preload(self, image: Image, order: Order) -> None:
-        if image.state in ENERGISED:
+        if self._is_held(image):
+            assert self._takeover is not None
+            self._takeover.hold(image, order)
+        elif image.state in ENERGISED:
             preload(order, image.reference)
         elif self._needs_position:
             preload(order, require_position(image, self._parameters.name, "enabling"))
         else:
             preload(order, None)
         order.mode = self._mode
+
+    def _is_held(self, image: Image) -> bool:
+        """Whether the drive is still in the mode in which it was found, and its targets act."""
+        if self._takeover is None or image.state is not State.OPERATION_ENABLED:
+            return False
+        self._left = self._left or image.mode == self._mode != self._takeover.mode
+        return not self._left and self._takeover.holds_until(self._mode)
 
     @property
     def _needs_position(self) -> bool:
@@ -140,7 +197,7 @@ class Enable(Activity):
             self._mode_deadline = image.now + self._parameters.timing.mode
         if image.now <= self._mode_deadline:
             return False
-        if image.mode in (None, ModeOfOperation.NONE):
+        if image.mode in (None, ModeOfOperation.NONE) and self._takeover is None:
             return True
         if not self._others:
             raise self._mode_refused(image)
@@ -149,13 +206,20 @@ class Enable(Activity):
         return False
 
     def _offsets_settled(self, image: Image, order: Order) -> bool:
-        """A cyclic mode adds its offsets to the target from the first SYNC on: they are taken back before there is power."""
-        if self._mode not in _ADDS_OFFSETS or image.state in ENERGISED:
+        """A cyclic mode adds its offsets to the target from the first SYNC on: they are taken back before it can act on them.
+
+        That is before there is power; on a drive found enabled, in another mode than the one in which it added them.
+        """
+        if image.state is State.OPERATION_ENABLED:
+            return self._offsets.step(image, order) if self._left else True
+        if self._mode not in _ADDS_OFFSETS:
             return True
         return self._offsets.step(image, order)
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
+        if self._takeover is not None:
+            self._takeover.cancel(order)
         self._offsets.cancel(order)
 
     @property

@@ -6,6 +6,7 @@ from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.motion.diagnosis import join_remedies
 
 _OPEN_AGAIN = "mend the cause, and open the machine again"
+_MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"
 
 
 def refused_while_closing(what: str) -> StateError:
@@ -13,20 +14,31 @@ def refused_while_closing(what: str) -> StateError:
     return StateError(f"{what}: the machine is being closed", remedy="open it again")
 
 
-def ended(what: str, failure: BaseException | None) -> ScanError:
-    """The scan has ended, by ``failure`` or (None) because the machine was closed."""
+_SENT = (
+    "a quick stop was sent to every drive that this program had commanded, but nothing tells what they did: "
+    "make sure that they stand"
+)
+_NOT_SENT = "the quick stop could not be sent: TREAT EVERY DRIVE THAT THIS PROGRAM HAD COMMANDED AS MOVING: use the emergency stop"
+
+
+def ended(what: str, failure: BaseException | None, quick_stop_sent: bool = False) -> ScanError:
+    """The scan has ended, by ``failure`` or (None) because the machine was closed.
+
+    ``quick_stop_sent``: the bus has taken the quick stop of every drive that was commanded.
+    """
     if failure is None:
         return ScanError(f"{what} was ended: the machine was closed", remedy="open it again to go on")
-    return ScanError(
+    error = ScanError(
         f"{what} was ended: the scan of the bus has failed",
         observed=in_a_line(failure),
-        remedy=join_remedies(
-            "a quick stop was tried on every drive that this program had commanded: make sure that they stand",
-            remedy_of(failure),
-        ),
+        remedy=join_remedies(_SENT if quick_stop_sent else _NOT_SENT, remedy_of(failure)),
     )
+    error.__cause__ = failure  # whose traceback is then shown as well
+    return error
 
 
 def remedy_of(failure: BaseException) -> str:
     """Return what to do about whatever ended the scan."""
-    return failure.remedy if isinstance(failure, AxisbusError) and failure.remedy else _OPEN_AGAIN
+    if isinstance(failure, AxisbusError):
+        return failure.remedy or _OPEN_AGAIN
+    return _MISTAKE if isinstance(failure, Exception) else _OPEN_AGAIN

@@ -13,6 +13,7 @@ from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
 from axisbus.motion.interpolation import CyclicSetup
 from axisbus.motion.interpolation import interpolation_period as interpolation_period
+from axisbus.motion.lookahead import Excess, Known, excess, widened
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
@@ -24,7 +25,10 @@ _OVERSPEED = 1.02
 
 
 class Follow(Activity):
-    """One axis on a trajectory: 60C2h and the mode first, then a target in each cycle; holds the last target."""
+    """One axis on a trajectory: 60C2h and the mode first, then a target in each cycle; holds the last target.
+
+    ``brakes_along``: it has failed before it went too far, so that it is stopped along its path.
+    """
 
     mode = ModeOfOperation.CYCLIC_SYNC_POSITION
 
@@ -53,6 +57,9 @@ class Follow(Activity):
         self._running = False
         self._last: int | None = None
         self._arrive_by: float | None = None
+        self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
+        self._is_known = False  # in advance, and checked as a whole
+        self.brakes_along = False
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the trajectory's end."""
@@ -61,6 +68,7 @@ class Follow(Activity):
         if not self._running:
             self._start(image)
         elif self._own_clock:
+            self._look_ahead(self._trajectory)
             self.clock.advance(self._parameters.scan_period)
         order.halt = False
         order.target_position = self._target(image)
@@ -89,7 +97,7 @@ class Follow(Activity):
         if self._brake is not None:
             self._brake()
             return True
-        deceleration = self._deceleration
+        deceleration = self._parameters.path_deceleration
         if deceleration:
             self.clock.brake(partial(self._way, self._trajectory), deceleration)
         return self.clock.braking
@@ -103,11 +111,6 @@ class Follow(Activity):
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
         self._setup.cancel(order)
-
-    @property
-    def _deceleration(self) -> float | None:
-        defaults = self._parameters.defaults
-        return defaults.deceleration or defaults.acceleration or self._parameters.limits.acceleration
 
     def _way(self, trajectory: Trajectory, t: float) -> float:
         return self._position(trajectory, min(max(t, 0.0), trajectory.duration))
@@ -132,24 +135,55 @@ class Follow(Activity):
             )
         self._running = True
         self._last = reference
+        self._is_known = isinstance(self._trajectory, Known)
+        if self._parameters.limits.position is not None:
+            margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
+            start = units.to_units(reference - image.origin)
+            self._limits = widened(self._parameters.limits.position, start, margin)
+
+    def _look_ahead(self, trajectory: Trajectory) -> None:
+        """Raise LimitError where the axis could not be kept within its position limits any more if it went on.
+
+        The path is then braked from where it is (``brakes_along``). What is known in advance has been checked before.
+        """
+        deceleration = self._parameters.path_deceleration
+        if self._limits is None or self._is_known or self.clock.braking or not deceleration:
+            return
+        way = partial(self._way, trajectory)
+        found = excess(way, self.clock.t, self._parameters.scan_period, self._limits, deceleration)
+        if found is not None:
+            self.brakes_along = True
+            raise self._leaves(found)
 
     def _target(self, image: Image) -> int:
         assert self._trajectory is not None
         assert self._last is not None
-        units, limits = self._parameters.units, self._parameters.limits
+        units, limits = self._parameters.units, self._limits
         value = self._way(self._trajectory, self.clock.t)
-        if limits.position is not None and not limits.position[0] <= value <= limits.position[1]:
-            raise LimitError(
-                f"{self._parameters.name}: the trajectory leaves the position limits",
-                observed=f"{value:g} {units.position.unit} at {self.clock.t:.3f} s; allowed are {limits.position[0]:g} to "
-                f"{limits.position[1]:g}",
-                remedy="change the trajectory, or position_limits in cell.toml; the axis was stopped",
-            )
+        if limits is not None and not limits[0] <= value <= limits[1]:
+            raise self._leaves(None, value)
         target = units.position.to_increments(value) + image.origin
         self._speed = abs(units.position.to_units(target - self._last)) / self._parameters.scan_period
         self._check_speed()
         self._last = target
         return target
+
+    def _leaves(self, found: Excess | None, value: float = 0.0) -> LimitError:
+        name, unit = self._parameters.name, self._parameters.units.position.unit
+        limits = self._parameters.limits.position
+        assert limits is not None
+        seen = (
+            f"{value:g} {unit} at {self.clock.t:.3f} s"
+            if found is None
+            else f"at {found.here:g} {unit}, with {found.speed:g} {unit}/s, it would stop at {found.stop:g} {unit} if it went on; "
+            f"the trajectory is at {found.there:g} {unit} at {found.time:.3f} s"
+        )
+        how = "stopped" if found is None else "braked along it, to stand within them"
+        return LimitError(
+            f"{name}: the trajectory leaves the position limits",
+            observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
+        )
 
     def _position(self, trajectory: Trajectory, t: float) -> float:
         """Return the position at ``t``; a trajectory is the user's own code, and its mistake must not end the scan."""
@@ -174,7 +208,8 @@ class Follow(Activity):
             raise LimitError(
                 f"{self._parameters.name}: the trajectory is faster than max_velocity",
                 observed=f"{self._speed:g} {units.unit}/s at {self.clock.t:.3f} s; allowed are {limit:g}",
-                remedy="slow the trajectory down, or raise max_velocity in cell.toml; the axis was stopped",
+                remedy=f"slow the trajectory down, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
+                "the axis was stopped",
             )
 
     def _arrived(self, image: Image) -> bool:

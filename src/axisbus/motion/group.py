@@ -39,6 +39,7 @@ class MoveLinear:
 
 GroupCommand = ForEach | MoveLinear
 _STOPS = {c.Halt, c.Stop, c.QuickStop, c.Disable}
+_REPEATABLE = _STOPS | {c.Enable, c.Reset, c.Release}
 
 
 class GroupCore:
@@ -49,13 +50,17 @@ class GroupCore:
         self.axes = axes
         self._period = period
         self._handle: Handle | None = None
+        self._command: ForEach | None = None  # what it was given for, where it is one for each axis
         self._children: dict[str, Handle] = {}
         self._gate: Gate | None = None
         self._line: _Line | None = None
         self._ended = False
 
     def accept(self, command: GroupCommand, handle: Handle) -> None:
-        """Let a command take effect; the one before ends as its axes' commands end."""
+        """Let a command take effect.
+
+        One that is still under way ends: by another command as stopped or replaced, by the same one (``_repeats``) as that ends.
+        """
         try:
             _ACCEPT[type(command)](self, command, handle)
         except AxisbusError as error:
@@ -86,10 +91,24 @@ class GroupCore:
     def _for_each(self, command: ForEach, handle: Handle) -> None:
         gate = Gate() if command.together else OPEN
         kinds = {type(axis_command) for axis_command in command.commands.values()}
+        if self._repeats(command, kinds):
+            gate = self._hand_over(handle) or gate
         self._start(handle, gate, None, Stopped if kinds <= _STOPS else Replaced)
+        self._command = command
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, self._child(name, handle), gate)
         self._gather()
+
+    def _repeats(self, command: ForEach, kinds: set[type]) -> bool:
+        """Whether the same is asked for as is under way, and asking again means nothing more: enable, reset, all that stops."""
+        return self._handle is not None and self._command == command and kinds <= _REPEATABLE
+
+    def _hand_over(self, handle: Handle) -> Gate | None:
+        """Let the running command's handle end as ``handle`` will; return the gate at which its axes may be waiting."""
+        running, self._handle = self._handle, None
+        if running is not None:
+            handle.add_done_callback(lambda: self._finish(running, handle.error))
+        return self._gate
 
     def _move_linear(self, command: MoveLinear, handle: Handle) -> None:
         gate, line = Gate(), _Line(command)
@@ -120,6 +139,7 @@ class GroupCore:
             how = "stopped" if end is Stopped else "replaced"
             self._finish(self._handle, end(f"{self._handle.name} was {how} by {handle.name}"))
         self._handle, self._gate, self._children = handle, gate, {}
+        self._command = None
         self._line = line or self._line
         handle.status = Status.ACTIVE
 

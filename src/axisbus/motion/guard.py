@@ -64,7 +64,8 @@ class Guard:
         return LimitError(
             f"{self._parameters.name}: faster than max_velocity",
             observed=f"{speed:g} {units.unit}/s; allowed are {limit:g}",
-            remedy="lower the torque or velocity, or raise max_velocity in cell.toml; the axis was stopped",
+            remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
+            "the axis was stopped",
         )
 
     def _too_far(self, image: Image, velocity: float, ramp: float | None) -> LimitError | None:

@@ -143,11 +143,14 @@ class Image:
         elif stamp - self._anchor_stamp >= self._window:
             self.standstill = True
 
+    def unwrapped(self, raw: int) -> int | None:
+        """Return a position of the drive's own count as unwrapped increments; None while the actual position is unknown."""
+        if self.position is None or self._raw_position is None:
+            return None
+        return self.position + (raw - self._raw_position + INT32_HALF) % INT32_SPAN - INT32_HALF
+
     def _take_demand(self, raw: int | None) -> None:
-        if raw is None or self.position is None or self._raw_position is None:
-            self.demand = None
-        else:
-            self.demand = self.position + (raw - self._raw_position + INT32_HALF) % INT32_SPAN - INT32_HALF
+        self.demand = None if raw is None else self.unwrapped(raw)
 
 
 def _fresh(sample: Sample | None, oldest: float) -> int | None:

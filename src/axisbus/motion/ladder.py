@@ -207,7 +207,7 @@ class StopLadder:
             order.target_torque = 0  # a drive that does not hear the word would let its load fall
         self._by_sdo.send(order.word, image, order)
         if self.seen is State.QUICK_STOP_ACTIVE and (self._standing(image) or self._by_sdo.stands):
-            return self._stands(image, order)
+            return not self._about_to_leave(image) and self._stands(image, order)
         if not self._must_hold(image):
             return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
         if not self._expired(image):
@@ -215,6 +215,12 @@ class StopLadder:
         self.spared = True
         self.confirmed = self._standing(image)
         return True
+
+    def _about_to_leave(self, image: Image) -> bool:
+        """Whether the drive will take transition 12 by itself (605Ah 0 to 4, once its brake holds): that belongs to the stop."""
+        if self._parameters.quick_stop_holds or self._then is Then.DISABLE:
+            return False
+        return not self._expired(image)
 
     def _must_hold(self, image: Image) -> bool:
         """Whether cutting the power would let the load fall: what only the motor holds always, a brake while it moves."""

@@ -34,6 +34,16 @@ class Units:
     rated_torque: float | None = None
     modulo: float | None = None
 
+    def torque(self, raw: int) -> float:
+        """Return a torque of the drive (0.1 % of rated torque) in N·m, in parts of the rated torque where that is not known.
+
+        Either is turned where the master turns the direction: there ``rated_torque`` is negative, as the position's factor is.
+        """
+        rated = self.rated_torque
+        if rated is None:
+            rated = -1.0 if self.position.factor < 0 else 1.0
+        return raw / 1000.0 * rated
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -103,8 +113,9 @@ def no_explanation(_code: int, _details: Mapping[tuple[int, int], int]) -> list[
 class AxisParameters:
     """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
 
-    ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``position_window`` is in increments, None for
-    the derived one. ``explain_fault`` turns 603Fh and ``fault_objects`` into sentences (the make's table).
+    ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``quick_stop_holds``: the drive stays enabled
+    after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one. ``explain_fault`` turns 603Fh
+    and ``fault_objects`` into sentences (the make's table).
     """
 
     name: str
@@ -124,6 +135,11 @@ class AxisParameters:
     explain_fault: Explain = no_explanation
     node: int = 0
     scan_period: float = 0.01
+
+    @property
+    def path_deceleration(self) -> float | None:
+        """What a trajectory is braked with, in unit/s²; None where cell.toml gives nothing to do it with."""
+        return self.defaults.deceleration or self.defaults.acceleration or self.limits.acceleration
 
     def has(self, index: int) -> bool:
         """Whether the drive's dictionary has the object."""

@@ -23,6 +23,16 @@ class LineAxis:
         """Seconds from rest to rest."""
         return self.way.duration
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest position."""
+        return min(self.start, self.end), max(self.start, self.end)
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed in the axis's unit per s."""
+        return abs(self.end - self.start) * self.way.top_speed
+
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds."""
         return self.start + (self.end - self.start) * self.way.position(t)

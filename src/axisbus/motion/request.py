@@ -7,9 +7,13 @@ from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
+from axisbus.motion.lookahead import Known, widened
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import Profile
+from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale
+
+_ROUNDING = 1.000001  # what a speed that was computed from positions may be off
 
 
 def shown(value: object) -> str:
@@ -189,6 +193,35 @@ class Request:
         if default is None:
             raise self.missing(what, f"the default {what}", "defaults")
         return default
+
+    # -- trajectories ------------------------------------------------------------------------------------------------
+
+    def trajectory(self, trajectory: Trajectory) -> None:
+        """Check how long a trajectory takes, and how far and how fast it goes where that is known in advance."""
+        self.finite("the trajectory's duration", trajectory.duration, "s")
+        limits = self._parameters.limits
+        if isinstance(trajectory, Known):
+            if limits.position is not None:
+                self._check_span(trajectory.span, trajectory.position(0.0), limits.position)
+            if limits.velocity is not None and trajectory.top_speed > limits.velocity * _ROUNDING:
+                raise self._beyond(
+                    "velocity", trajectory.top_speed, f"{self._unit}/s", "max_velocity", limits.velocity
+                )
+        elif limits.position is not None and self._parameters.path_deceleration is None:
+            what = "the acceleration with which it is braked ahead of position_limits"
+            raise self.missing("acceleration", what, "defaults", in_call=False)
+
+    def _check_span(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
+        """Hold all of a trajectory against the limits; one that starts outside may come back."""
+        margin = abs(self._parameters.units.position.to_units(1))
+        low, high = widened(limits, start, margin)
+        if low <= span[0] and span[1] <= high:
+            return
+        raise LimitError(
+            f"{self.text}: the trajectory leaves the position limits",
+            observed=f"it goes from {span[0]:g} to {span[1]:g} {self._unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy=f"change the trajectory, or position_limits in [axes.{self._parameters.name}] of cell.toml",
+        )
 
     # -- helpers -----------------------------------------------------------------------------------------------------
 

@@ -92,6 +92,7 @@ class Scan:
         self._stops_begun = 0
         self._stopping: list[Handle] = []
         self._quitting = False
+        self._quick_stop_sent = False  # by the end of a scan that has failed
         self._refusing = False
         self._lock = threading.Lock()
 
@@ -192,7 +193,7 @@ class Scan:
     def end(self) -> None:
         """End every handle; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
         if self.failure is not None:
-            self.cycle.quick_stop_all()
+            self._quick_stop_sent = self.cycle.quick_stop_all()
         with self._lock:
             self.ended = True
             queued, self._queue = list(self._queue), deque()
@@ -213,7 +214,7 @@ class Scan:
         return self._ended(what) if self.ended else refused_while_closing(what)
 
     def _ended(self, what: str) -> AxisbusError:
-        return ended(what, self.failure)
+        return ended(what, self.failure, self._quick_stop_sent)
 
     def _wait(self, cycle: Cycle) -> float:
         """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
@@ -282,9 +283,9 @@ class Scan:
     def _wake(self) -> None:
         ended = False
         for core in self.axes.values():
-            if core.has_ended:
+            if core.running.has_ended:
                 ended = True
-                core.has_ended = False
+                core.running.has_ended = False
         for group in self.groups.values():
             ended = group.take_ended() or ended
         if ended and self.waiter is not None:

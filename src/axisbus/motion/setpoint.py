@@ -100,8 +100,8 @@ class SetPoint:
             observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
             f"acknowledge) stayed {1 - bit}; {word}",
             remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
-            "(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time"
+            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]"
             if bit
             else "see in the drive's manual when it takes bit 12 back (its buffer of set-points may be full); a slow drive needs a "
-            "longer acknowledge_time",
+            f"longer acknowledge_time in [axes.{self._name}]",
         )

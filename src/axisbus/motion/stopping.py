@@ -32,6 +32,14 @@ REMEDIES = {
 }
 
 
+# What a drive has not done when a time of [axes.NAME.stop] has passed, and the objects that say how it does it.
+_TOO_SLOW = {
+    "halt_time": "did not come to rest on a halt in time (605Dh, 6084h)",
+    "quick_stop_time": "did not come to rest on a quick stop in time (605Ah, 6085h)",
+    "disable_time": "did not switch off in time (605Bh, 605Ch, its brake)",
+}
+
+
 class Stopping:
     """Holds the ladder of the stop that is under way (None: there is none), its kind and reason, and the handles that wait."""
 
@@ -113,7 +121,8 @@ def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
             f"{name}: stands, but its drive did not do the quick stop",
             axis=name,
             observed=seen,
-            remedy=f"look why the drive does not obey, or raise quick_stop_time in [axes.{name}.stop]; it is still energised",
+            remedy=f"look why the drive {_TOO_SLOW['quick_stop_time']}, or raise quick_stop_time in "
+            f"[axes.{name}.stop]; it is still energised",
         )
     if not ladder.late:
         return None  # only the statusword was missing, and what had to happen has happened
@@ -121,7 +130,8 @@ def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
         f"{name}: stopped only by a harder stop than was asked for",
         axis=name,
         observed=seen,
-        remedy=f"look why the drive does not do it in time, or raise {' and '.join(ladder.late)} in [axes.{name}.stop]",
+        remedy=f"look why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or raise {' and '.join(ladder.late)} in "
+        f"[axes.{name}.stop]",
     )
 
 

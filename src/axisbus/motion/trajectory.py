@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 from axisbus.errors import ArgumentError
@@ -12,7 +13,11 @@ from axisbus.motion.profile import duration
 
 
 class Trajectory(Protocol):
-    """A position over time, in the axis's unit; ``duration`` in seconds. It must begin and end at rest."""
+    """A position over time, in the axis's unit; ``duration`` in seconds. It must begin and end at rest.
+
+    ``position`` may be asked for times ahead, and again: it depends on ``t`` alone. One that also has ``span`` and ``top_speed``
+    (``lookahead.Known``) is held against the limits as a whole before it starts.
+    """
 
     @property
     def duration(self) -> float:
@@ -49,6 +54,16 @@ class Trapezoid:
     def duration(self) -> float:
         """Seconds from rest to rest."""
         return duration(self.end - self.start, self.velocity, self.acceleration)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest position."""
+        return min(self.start, self.end), max(self.start, self.end)
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed: ``velocity`` where the way is long enough for it."""
+        return min(self.velocity, math.sqrt(abs(self.end - self.start) * self.acceleration))
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; before and after, the ends."""
@@ -93,6 +108,16 @@ class Sampled:
     def duration(self) -> float:
         """Seconds from the first to the last point."""
         return (len(self.positions) - 1) * self.step
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest position."""
+        return min(self.positions), max(self.positions)
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed between two points."""
+        return max(abs(b - a) for a, b in pairwise(self.positions)) / self.step
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; before and after, the ends."""

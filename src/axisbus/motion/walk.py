@@ -62,7 +62,7 @@ class StateWalk:
             f"path: {' > '.join(state.value for state in self.path[-8:])}",
             remedy="; ".join(statusword.hints(word))
             or "check enable inputs, safe torque off and supply of the drive; some drives need longer to release a brake "
-            "(raise transition_time)",
+            f"(raise transition_time in [axes.{name}])",
         )
 
 

@@ -82,13 +82,12 @@ class Recorder:
 def _values(parameters: AxisParameters, snapshot: Snapshot) -> list[float | str | None]:
     units = parameters.units
     position, velocity = units.position, units.velocity
-    rated = units.rated_torque or 1.0
     return [
         None
         if snapshot.position is None
         else round(position.to_units(snapshot.position - snapshot.origin), 6),
         None if snapshot.velocity is None else round(velocity.to_units(snapshot.velocity), 6),
-        None if snapshot.torque is None else round(snapshot.torque / 1000.0 * rated, 6),
+        None if snapshot.torque is None else round(units.torque(snapshot.torque), 6),
         None if snapshot.target is None else round(position.to_units(snapshot.target - snapshot.origin), 6),
         snapshot.state.value,
     ]

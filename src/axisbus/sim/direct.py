@@ -141,14 +141,15 @@ class DirectCycle:
             if not device.dials.dead:
                 device.heartbeat_of(self._master_id)
 
-    def quick_stop_all(self) -> None:
-        """Send the last controlwords once more as quick stops, and one SYNC; never raises."""
+    def quick_stop_all(self) -> bool:
+        """Send the last controlwords once more as quick stops, and one SYNC, and return whether that was possible; never raises."""
         for port in self.ports:
             port.quick_stop()
             port.latch()
         for device in self.devices:
             if device.operational and not device.dials.dead:
                 device.sync()
+        return not self.closed
 
     def close(self) -> None:
         """Release the bus: nothing can be sent any more, the plant goes on in ``wait_until``."""

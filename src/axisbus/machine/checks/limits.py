@@ -73,13 +73,6 @@ def invert(case: Case) -> Found:
                 f'invert = "master", and {own_title(drive, objects.POLARITY)} is {polarity:02X}h after boot',
                 f'write invert = "drive", or set 607E to 0 in [{axis.at.name}.objects]',
             )
-        if axis.invert == "master" and axis.rated_torque is None and axis.at.sound("rated_torque"):
-            yield case.note(
-                axis.at.of("invert"),
-                f"axis {axis.name}: its torque is shown as the drive counts it, not turned",
-                "the master turns torque together with its conversion to N·m, which needs rated_torque",
-                f"add rated_torque in N·m to [axes.{axis.name}]",
-            )
         if axis.invert == "drive" and axis.rated_torque is not None:
             yield case.note(
                 axis.at.of("invert"),

@@ -1,0 +1,83 @@
+"""Whether a trajectory stays within position limits: all of it where that is known in advance, else as far ahead as braking takes.
+
+Theory of operation
+-------------------
+A path is braked by slowing down its time (``PathClock``), so that from a speed v with a deceleration a no more than v²/2a of it are
+still gone, in at most v/a of its time. Before each period the stretch beyond its end is looked at. Where it leaves the limits, the
+path is braked at once, from the point before, whose own stretch had been found to lie within them. So the last target lies within
+the limits whatever the trajectory does, and one that itself brakes in time, however hard, is left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from axisbus.motion.profile import braking_distance
+
+Path = Callable[[float], float]
+
+
+@runtime_checkable
+class Known(Protocol):
+    """A trajectory that tells in advance how far and how fast it goes."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The lowest and the highest position."""
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed in unit/s."""
+
+
+class Excess(NamedTuple):
+    """How a path would leave the limits: ``here`` at ``speed`` it would only stop at ``stop``; it is at ``there`` at ``time``."""
+
+    here: float
+    speed: float
+    stop: float
+    there: float
+    time: float
+
+
+def excess(
+    path: Path, t: float, period: float, limits: tuple[float, float], deceleration: float
+) -> Excess | None:
+    """Return how the path would leave ``limits`` if it went on from ``t`` for one more period and was braked then; None if not.
+
+    ``path`` gives the position at any time (after its end, the end); ``deceleration`` in unit/s², above 0.
+    """
+    here, ahead = path(t), path(t + period)
+    step = ahead - here
+    speed = abs(step) / period
+    way = braking_distance(speed, deceleration)
+    stop = ahead + (way if step > 0 else -way)
+    if _within(ahead, limits) and _within(stop, limits):
+        return None
+    left = _leaves(path, t + period, period, limits, way, speed / deceleration)
+    return None if left is None else Excess(here, speed, stop, *left)
+
+
+def _leaves(
+    path: Path, t: float, period: float, limits: tuple[float, float], way: float, time: float
+) -> tuple[float, float] | None:
+    """Return where and when the path is first outside, within the next ``way`` and ``time`` of it."""
+    here = path(t)
+    end, gone = t + time, 0.0
+    while _within(here, limits):
+        if gone >= way or t >= end:
+            return None
+        t += period
+        before, here = here, path(t)
+        gone += abs(here - before)
+    return here, t
+
+
+def _within(position: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= position <= limits[1]
+
+
+def widened(limits: tuple[float, float], start: float, margin: float) -> tuple[float, float]:
+    """Return limits that a motion from ``start`` keeps: one from outside may come back, but go no farther out."""
+    return min(limits[0], start) - margin, max(limits[1], start) + margin
