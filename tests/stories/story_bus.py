@@ -16,7 +16,7 @@ from story_rig import SCALE, STAGE_NAMES, cell_text
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
-from axisbus.errors import StateError
+from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 from axisbus.sim.build import device_from_eds
@@ -124,8 +124,10 @@ def enable(axis: Axis) -> None:
     for _ in range(10):
         try:
             axis.enable().wait(10)
-        except StateError:
+        except AxisbusError:
             time.sleep(0.3)
+            if axis.error is not None:
+                axis.reset().wait(10)
         else:
             return
     axis.enable().wait(10)

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 
 import can
 import pytest
-from story_bus import Line, turning, until
+from story_bus import Line, enable, turning, until
 from story_nets import NETS
 from story_rig import ENABLED, OFF
 
@@ -145,7 +145,7 @@ def test_a_drive_without_a_watchdog_is_stopped_as_soon_as_the_bus_is_back_and_se
         assert x.state is AxisState.ERRORSTOP
         assert isinstance(ends_of([x.enable()])[0], AxisbusError)
         until(lambda: ends_of([x.reset()]) == [None])
-        x.enable().wait(10)
+        enable(x)
         line.must_stand(stages=ENABLED)
         x.move_relative(5.0).wait(10)
         assert machine.bus_events[-1].restarted
@@ -162,7 +162,7 @@ def test_a_second_bus_off_is_told_as_the_first(tmp_path, monkeypatch):
             x = machine["x"]
             until(lambda: machine.node(1).nmt is NmtState.OPERATIONAL)
             until(lambda x=x: ends_of([x.reset()]) == [None])
-            x.enable().wait(10)
+            enable(x)
             handles = [x.move_relative(1e5, velocity=90.0)]
             until(lambda: line.speed() > 20.0)
 
@@ -186,5 +186,5 @@ def test_a_drive_that_is_pre_operational_when_it_is_heard_again_needs_the_machin
             machine.close()
         with line.open() as again:
             again["x"].reset().wait(10)
-            again["x"].enable().wait(10)
+            enable(again["x"])
             again["x"].move_relative(5.0).wait(10)

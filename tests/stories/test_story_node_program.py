@@ -6,7 +6,7 @@ import json
 import sys
 
 import pytest
-from story_bus import Line, until
+from story_bus import Line, enable, until
 from story_rig import ENABLED
 
 from axisbus import eds
@@ -72,7 +72,7 @@ def test_a_program_is_replaced_once_and_the_drive_then_used(tmp_path):
         assert device.read(0x6065) == device.dictionary.defaults[0x6065 << 8]
         with line.open() as machine:
             assert machine.reports[0].outcome.program.found.version == NEW
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             machine["x"].move_relative(2.0).wait(10)
         assert device.loader.orders == [0, 3, 1]
     assert (

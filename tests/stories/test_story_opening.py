@@ -7,7 +7,7 @@ import threading
 import time
 
 import pytest
-from story_bus import Line
+from story_bus import Line, enable
 from story_rig import GENERIC, OFF, cell_text
 
 from axisbus import eds
@@ -134,13 +134,13 @@ def test_a_node_that_comes_up_while_it_is_awaited_is_booted(tmp_path):
         line.devices["x"].dials.dead = True
         threading.Timer(0.8, lambda: setattr(line.devices["x"].dials, "dead", False)).start()
         with line.open() as machine:
-            machine["x"].enable().wait(10)
+            enable(machine["x"])
             machine["x"].move_relative(2.0).wait(10)
 
 
 def test_heartbeats_that_are_late_but_not_too_late_disturb_nobody(tmp_path):
     with Line(tmp_path, heartbeat="400ms") as line, line.open() as machine:
-        machine["x"].enable().wait(10)
+        enable(machine["x"])
         monitor = machine.node(1)._require_bus().nmt
         handle = machine["x"].move_relative(150.0)
         for _ in range(2):
