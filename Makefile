@@ -28,7 +28,7 @@ flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py
 
 explore: $(READY)         ## the tests of properties with fresh examples, others in each run
-	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 3 --dist loadfile -m hypothesis
+	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 4 --dist loadfile -m hypothesis
 
 format: $(READY)
 	$(BIN)/ruff check --fix src tests examples
