@@ -28,7 +28,7 @@ def main() -> int:
     for number in range(1, rounds + 1):
         start = time.monotonic()
         ran = subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "-n", "4", "--dist", "loadfile"],
+            [sys.executable, "-m", "pytest", "-n", "4", "--dist", "loadfile"],
             capture_output=True,
             text=True,
             check=False,
