@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
-from bus_peer import FakeBus, Slave
 
 from axisbus.bus import nmt_confirm
 from axisbus.bus.channel import Channel
@@ -21,19 +18,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nmt_confirm, "LISTEN", 0.1)
     monkeypatch.setattr(nmt_confirm, "PATIENCE", 0.6)
     monkeypatch.setattr(nmt_confirm, "BOOT_PATIENCE", 0.6)
-
-
-@pytest.fixture
-def slave(fake: FakeBus) -> Slave:
-    slave = Slave(5)
-    fake.peers.append(slave)
-    return slave
-
-
-@pytest.fixture
-def node(channel: Channel, slave: Slave) -> Iterator[Node]:
-    with Node(channel, 5) as node:
-        yield node
 
 
 def give(channel: Channel, node: Node, command: NmtCommand) -> nmt_confirm.Outcome:
