@@ -14,6 +14,7 @@ from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
+from axisbus.machine.roster import Roster
 from axisbus.motion.handle import NOBODY, Handle
 
 
@@ -113,13 +114,13 @@ def test_a_signal_within_the_handler_of_another_makes_it_a_quick_stop_too(story)
 
 def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_path, monkeypatch):
     """Nobody has the machine yet who could close it."""
-    machines = []
+    machines, begin = [], Machine._begin
 
-    def interrupted(machine: Machine) -> bool:
-        machines.append(machine)
+    def interrupted(_: Roster) -> bool:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Machine, "_has_values", interrupted)
+    monkeypatch.setattr(Machine, "_begin", lambda machine: machines.append(machine) or begin(machine))
+    monkeypatch.setattr(Roster, "has_values", interrupted)
     with Line(tmp_path) as line:
         with pytest.raises(KeyboardInterrupt):
             line.open()

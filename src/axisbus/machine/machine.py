@@ -7,10 +7,9 @@ import gc
 import itertools
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 
@@ -25,10 +24,11 @@ from axisbus.machine.check import check_cell
 from axisbus.machine.direct import build_direct
 from axisbus.machine.exit import ExitSignals
 from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Stopped, partings, scan_failure
-from axisbus.machine.pickup import Pickup, absent_axis
+from axisbus.machine.parting import Stopped, scan_failure
+from axisbus.machine.pickup import Pickup
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
+from axisbus.machine.roster import Roster, members
 from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
 from axisbus.machine.scanthread import ScanThread
 from axisbus.machine.standin import StandIn
@@ -41,7 +41,6 @@ from axisbus.motion.scan import PumpWaiter, Scan
 from axisbus.sim.device import Device
 
 _CLOSE_MARGIN = 2.0
-_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
 _FIRST_VALUES = (
     1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
 )
@@ -68,14 +67,12 @@ class Machine:
             runtime.ports,
             cores,
             cell.bus.scan_period,
-            self._members(set(cores)),
+            members(cell, cores),
             LostNode(cell.bus.on_lost_node),
         )
         self._pickup = Pickup(runtime.late, self._join)
         self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan, self._pickup.look)
-        self._axes = {name: Axis(core.parameters, self.scan, self._waiter) for name, core in cores.items()}
-        self._groups: dict[str, Group] = {}
-        self._make_groups()
+        self._roster = Roster(cell, runtime.booted, self.scan, self._waiter)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
         self._signals = ExitSignals(self.scan, Machine.__exit__, Machine.close, Machine._close)
@@ -117,7 +114,7 @@ class Machine:
             runtime.ready()
             machine = cls(cell, runtime, realtime)
         except BaseException:
-            _leave(runtime)
+            runtime.leave()
             raise
         try:
             machine._begin()
@@ -129,13 +126,13 @@ class Machine:
     # -- what is in it -----------------------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Axis]:
-        return iter(self._axes.values())
+        return iter(self._roster.axes.values())
 
     def __len__(self) -> int:
-        return len(self._axes)
+        return len(self._roster.axes)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._axes
+        return name in self._roster.axes
 
     def __getitem__(self, name: str) -> Axis:
         """Return the axis ``name``.
@@ -143,11 +140,7 @@ class Machine:
         Raises:
             StateError: the cell has no such axis.
         """
-        if name not in self._axes and name in self.cell.axes:
-            raise absent_axis(name, self._runtime.booted[self.cell.axes[name].node])
-        if name not in self._axes:
-            raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(self._axes)}")
-        return self._axes[name]
+        return self._roster[name]
 
     def group(self, *names: str) -> Group:
         """Return the group of this name in cell.toml, or a group of the axes named, in this order.
@@ -155,21 +148,7 @@ class Machine:
         Raises:
             StateError: no such group or axis.
         """
-        if len(names) == 1 and names[0] in self._groups:
-            return self._groups[names[0]]
-        if not names:
-            raise StateError(
-                "a group needs a name or axes", observed=f"groups: {', '.join(self._groups) or 'none'}"
-            )
-        if len(names) == 1 and names[0] in self.cell.groups:
-            names = self.cell.groups[names[0]].axes  # one of them is not there: say which
-        for name in names:
-            self[name]
-        title = "+".join(names)
-        if title not in self._groups:
-            self.scan.add_group(title, list(names))
-            self._groups[title] = self._make_group(title, list(names))
-        return self._groups[title]
+        return self._roster.group(names)
 
     def node(self, node_id: int) -> NodeAccess:
         """Return direct access to a node; raises StateError where the cell has no such node."""
@@ -226,35 +205,12 @@ class Machine:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
         self._waiter.wait(lambda: False, seconds)
 
-    def _members(self, there: set[str]) -> dict[str, list[str]]:
-        """The groups of the cell, each with those of its axes that are there."""
-        members = {
-            name: [axis for axis in group.axes if axis in there] for name, group in self.cell.groups.items()
-        }
-        return {name: axes for name, axes in members.items() if axes}
-
-    def _make_groups(self) -> None:
-        """Make the groups of the cell whose axes are all there."""
-        for name, group in self.cell.groups.items():
-            if name not in self._groups and all(axis in self._axes for axis in group.axes):
-                self._groups[name] = self._make_group(name, list(group.axes))
-
     def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
         """Take in an optional node that has come later; what it has to say stands in ``reports``."""
         self._runtime.booted[node_id] = booted
         self._watch_node(node_id)
-        if not booted.report.ok:
-            return
-        axes = dict(self._axes)
-        for name, parameters in booted.parameters.items():
-            core = AxisCore(parameters, ports[name].capabilities)
-            axes[name] = Axis(parameters, self.scan, self._waiter)
-            self.scan.add_axis(name, ports[name], core, self._members(set(axes)))
-        self._waiter.wait(
-            lambda: self.scan.ended or all(name in self.scan.snapshots for name in axes), _JOIN_TIME
-        )
-        self._axes = axes
-        self._make_groups()
+        if booted.report.ok:
+            self._roster.join(booted, ports)
 
     def _watch_node(self, node_id: int) -> None:
         """A node without axes has nobody else who acts when it is lost."""
@@ -271,9 +227,6 @@ class Machine:
                     remedy='look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on',
                 )
             )
-
-    def _make_group(self, name: str, axes: list[str]) -> Group:
-        return Group(name, {axis: self._axes[axis] for axis in axes}, self.scan, self._waiter)
 
     # -- running and closing -----------------------------------------------------------------------------------------
 
@@ -306,7 +259,7 @@ class Machine:
         if not self._realtime:
             assert isinstance(self._waiter, PumpWaiter)
             self._waiter.pump()
-            self._waiter.wait(self._has_values, _FIRST_VALUES)
+            self._waiter.wait(self._roster.has_values, _FIRST_VALUES)
             self._signals.install(listen=False)
             return
         assert isinstance(self._waiter, ThreadWaiter)
@@ -315,13 +268,7 @@ class Machine:
         self._pickup.start()
         atexit.register(self._at_exit)
         self._signals.install(listen=True)
-        self._waiter.wait(self._has_values, _FIRST_VALUES)
-
-    def _has_values(self) -> bool:
-        """Whether every axis has been heard of since the scan began (or the scan has ended)."""
-        snapshots = self.scan.snapshots
-        heard = [snapshots[name].statusword is not None for name in self._axes if name in snapshots]
-        return self.scan.ended or (len(heard) == len(self._axes) and all(heard))
+        self._waiter.wait(self._roster.has_values, _FIRST_VALUES)
 
     def _close(self, reason: str) -> list[AxisbusError]:
         if self._closed:
@@ -337,7 +284,7 @@ class Machine:
             if self.scan.failure is not None:
                 touched = [name for name, core in self.scan.axes.items() if core.touched]
                 rescued = self._runtime.rescue(touched)
-            _leave(self._runtime, self.scan.axes, rescued)
+            self._runtime.leave(self.scan.axes, rescued)
             self._signals.restore()
         return self._failures(rescued)
 
@@ -404,7 +351,7 @@ def boot(
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:
-        _leave(runtime)
+        runtime.leave()
 
 
 def _checked(path: str | Path) -> CellConfig:
@@ -414,17 +361,6 @@ def _checked(path: str | Path) -> CellConfig:
     if cell is None or wrong:
         raise config.as_exception(wrong)
     return cell
-
-
-def _leave(
-    runtime: Runtime, cores: Mapping[str, AxisCore] | None = None, rescued: Iterable[Stopped] = ()
-) -> None:
-    """Leave the nodes as is right for each, and release everything, whatever fails on the way."""
-    how = partings(runtime.booted, cores or {}, rescued)
-    works: list[Callable[[], None]] = [partial(runtime.let_go, how), *runtime.release]
-    for work in works:
-        with suppress(AxisbusError, OSError):
-            work()
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:

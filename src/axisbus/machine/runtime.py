@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 
 from axisbus.bus.controller import ControllerEvent
 from axisbus.cia402.port import Cycle, Port
 from axisbus.eds import load
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Eds
+from axisbus.errors import AxisbusError
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Parting, Stopped
+from axisbus.machine.parting import Parting, Stopped, partings
 from axisbus.machine.pickup import Late
 from axisbus.machine.standin import StandIn
+from axisbus.motion.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -57,6 +61,16 @@ class Runtime:
         """The parameters of every axis whose node came up, by name."""
         up = [booted for booted in self.booted.values() if booted.report.ok]
         return {name: value for booted in up for name, value in booted.parameters.items()}
+
+    def leave(self, cores: Mapping[str, AxisCore] | None = None, rescued: Iterable[Stopped] = ()) -> None:
+        """Leave the nodes as is right for each, and release everything, whatever fails on the way; as ``parting.partings``."""
+        works: list[Callable[[], None]] = [
+            partial(self.let_go, partings(self.booted, cores or {}, rescued)),
+            *self.release,
+        ]
+        for work in works:
+            with suppress(AxisbusError, OSError):
+                work()
 
 
 def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:

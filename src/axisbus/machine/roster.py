@@ -1,0 +1,91 @@
+"""The axes and groups of a machine by name; those of optional nodes may come later."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from axisbus.cia402.port import Port, Waiter
+from axisbus.errors import StateError
+from axisbus.machine.boot import Booted
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.pickup import absent_axis
+from axisbus.motion.axes import Group
+from axisbus.motion.axis import Axis
+from axisbus.motion.core import AxisCore
+from axisbus.motion.scan import Scan
+
+_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+
+
+def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
+    """Return the groups of the cell, each with those of its axes that are there."""
+    present = set(there)
+    found = {name: [axis for axis in group.axes if axis in present] for name, group in cell.groups.items()}
+    return {name: axes for name, axes in found.items() if axes}
+
+
+class Roster:
+    """Holds the axes that are there, and the groups of them that have been asked for or that the cell names."""
+
+    def __init__(self, cell: CellConfig, booted: Mapping[int, Booted], scan: Scan, waiter: Waiter) -> None:
+        """Begin with the axes that the scan has."""
+        self.axes = {name: Axis(core.parameters, scan, waiter) for name, core in scan.axes.items()}
+        self._groups: dict[str, Group] = {}
+        self._cell = cell
+        self._booted = booted
+        self._scan = scan
+        self._waiter = waiter
+        self._make_groups()
+
+    def __getitem__(self, name: str) -> Axis:
+        """Return an axis; raises StateError where it is not there, with the reason."""
+        if name in self.axes:
+            return self.axes[name]
+        if name in self._cell.axes:
+            raise absent_axis(name, self._booted[self._cell.axes[name].node])
+        raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(self.axes)}")
+
+    def group(self, names: tuple[str, ...]) -> Group:
+        """Return the group of this name in cell.toml, or one of the axes named, in this order; raises StateError."""
+        if len(names) == 1 and names[0] in self._groups:
+            return self._groups[names[0]]
+        if not names:
+            raise StateError(
+                "a group needs a name or axes", observed=f"groups: {', '.join(self._groups) or 'none'}"
+            )
+        if len(names) == 1 and names[0] in self._cell.groups:
+            names = self._cell.groups[names[0]].axes  # one of them is not there: say which
+        for name in names:
+            self[name]
+        title = "+".join(names)
+        if title not in self._groups:
+            self._scan.add_group(title, list(names))
+            self._groups[title] = self._make_group(title, names)
+        return self._groups[title]
+
+    def join(self, booted: Booted, ports: Mapping[str, Port]) -> None:
+        """Take in the axes of an optional node that has come later; blocks until the scan has done a cycle with them."""
+        axes = dict(self.axes)
+        for name, parameters in booted.parameters.items():
+            core = AxisCore(parameters, ports[name].capabilities)
+            axes[name] = Axis(parameters, self._scan, self._waiter)
+            self._scan.add_axis(name, ports[name], core, members(self._cell, axes))
+        scan = self._scan
+        self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in axes), _JOIN_TIME)
+        self.axes = axes
+        self._make_groups()
+
+    def has_values(self) -> bool:
+        """Whether every axis has been heard of since the scan began (or the scan has ended)."""
+        snapshots = self._scan.snapshots
+        heard = [snapshots[name].statusword is not None for name in self.axes if name in snapshots]
+        return self._scan.ended or (len(heard) == len(self.axes) and all(heard))
+
+    def _make_groups(self) -> None:
+        """Make the groups of the cell whose axes are all there."""
+        for name, group in self._cell.groups.items():
+            if name not in self._groups and all(axis in self.axes for axis in group.axes):
+                self._groups[name] = self._make_group(name, group.axes)
+
+    def _make_group(self, name: str, axes: Iterable[str]) -> Group:
+        return Group(name, {axis: self.axes[axis] for axis in axes}, self._scan, self._waiter)
