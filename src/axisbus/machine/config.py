@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from axisbus.machine.cell import (
     StopConfig,
 )
 from axisbus.machine.problem import Problem, errors
-from axisbus.machine.schema import Keys
+from axisbus.machine.tables import Fields, Tables, name_of
 from axisbus.machine.toml import Document
 from axisbus.machine.tomllines import KeyPath
 
@@ -119,20 +118,11 @@ def as_exception(wrong: list[Problem]) -> ConfigError:
     )
 
 
-# -- walking ---------------------------------------------------------------------------------------------------------
-
-Fields = dict[str, Any]
-
-_NAME = re.compile(r"[\w-]{1,64}")
 _PDO_NAME = re.compile(r"([rt])pdo([1-9]\d{0,2})")
 
 
-class _Reading:
-    """One walk through a document; holds the problems found so far."""
-
-    def __init__(self, document: Document) -> None:
-        self._document = document
-        self.problems: list[Problem] = []
+class _Reading(Tables):
+    """One walk through the tables of a cell file."""
 
     def cell(self) -> CellConfig:
         top = self._document.data
@@ -223,7 +213,7 @@ class _Reading:
             except values.Unfit as unfit:
                 self._unfit((*path, key), raw, unfit)
                 continue
-            found.append(ObjectSetting(key, value, self._document.line((*path, key)), _name(path)))
+            found.append(ObjectSetting(key, value, self._document.line((*path, key)), name_of(path)))
         return tuple(found)
 
     def _axes(self, table: Fields) -> list[AxisConfig]:
@@ -262,117 +252,8 @@ class _Reading:
             found.append(GroupConfig(name, **self._fields(path, self._table(path, raw), schema.GROUP)))
         return found
 
-    # -- the walk ----------------------------------------------------------------------------------------------------
-
-    def _sub(self, path: KeyPath, table: Mapping[str, Any], key: str, keys: Keys) -> Fields:
-        path = (*path, key)
-        return self._fields(path, self._table(path, table.get(key, {})), keys)
-
-    def _fields(
-        self, path: KeyPath, table: Fields, keys: Keys, tables: Mapping[str, Keys | None] | None = None
-    ) -> Fields:
-        """Read the keys of one table; what is missing or wrong is reported and left out, so that the default stands."""
-        tables = tables or {}
-        self._unknown(path, table, (*keys, *tables), "key", tables)
-        fields: Fields = {}
-        faulty = set()
-        for name, key in keys.items():
-            if name in table:
-                try:
-                    fields[name] = key.read(table[name])
-                except values.Unfit as unfit:
-                    self._unfit((*path, name), table[name], unfit)
-                    faulty.add(name)
-            elif key.missing:
-                self._error(path, f"{name} is missing in [{_name(path)}]", remedy=f"add {key.missing}")
-                faulty.add(name)
-        lines = {name: self._document.line((*path, name)) for name in table}
-        fields["at"] = Place(_name(path), self._document.line(path), lines, frozenset(faulty))
-        return fields
-
-    def _table(self, path: KeyPath, raw: Any) -> Fields:
-        if isinstance(raw, dict):
-            return raw
-        double = isinstance(raw, list) and raw and isinstance(raw[0], dict)
-        remedy = (
-            f"write [{_name(path)}] in single brackets"
-            if double
-            else f"write [{_name(path)}] on a line of its own"
-        )
-        self._error(path, f"{_name(path)} must be a table", f"it is {values.told(raw)}", remedy)
-        return {}
-
-    def _named(self, path: KeyPath, name: str) -> bool:
-        if _NAME.fullmatch(name):
-            return True
-        self._error(path, f"{name[:80]!r} is no name", remedy="a name is made of letters, digits, _ and -")
-        return False
-
-    def _unknown(
-        self,
-        path: KeyPath,
-        table: Fields,
-        known: tuple[str, ...],
-        what: str,
-        tables: Mapping[str, Keys | None] | None = None,
-    ) -> None:
-        for key in table:
-            if key in known:
-                continue
-            where = f"[{_name(path)}]" if path else "a cell file"
-            remedy = _advice(key, path, known, tables or {})
-            self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy)
-
-    def _unfit(self, path: KeyPath, raw: Any, unfit: values.Unfit) -> None:
-        key = path[-1]
-        message = f"{key} in [{_name(path[:-1])}] cannot be used"
-        observed = f"it is {values.told(raw)}; expected {unfit.expected}"
-        self._error(path, message, observed, unfit.remedy or f"correct {key}")
-
-    def _error(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
-        self._add(Severity.ERROR, path, message, observed, remedy)
-
-    def _warning(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
-        self._add(Severity.WARNING, path, message, observed, remedy)
-
-    def _add(self, severity: Severity, path: KeyPath, message: str, observed: str, remedy: str) -> None:
-        line = self._document.line(path)
-        self.problems.append(Problem(severity, self._document.file, line, message, observed, remedy))
-
-
-def _name(path: KeyPath) -> str:
-    return ".".join(str(part) for part in path)
-
 
 def _node_id(key: str) -> int | None:
     if not re.fullmatch(r"[1-9]\d{0,2}", key, re.ASCII) or int(key) > 127:
         return None
     return int(key)
-
-
-# Keys of other files and former habits -> what is meant here.
-_ELSEWHERE = {
-    "period": "scan_period",
-    "cycle_time": "scan_period",
-    "baudrate": "bitrate",
-    "node_id": "node",
-    "max_speed": "max_velocity",
-    "speed": "velocity",
-    "limits": "position_limits",
-    "inverted": "invert",
-    "direction": "invert",
-}
-
-
-def _advice(key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]) -> str:
-    """Return where an unknown key belongs, or the known one that it resembles, or all known ones."""
-    for name, keys in tables.items():
-        if keys and key in keys:
-            return f"it belongs in [{_name((*path, name))}]"
-    if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
-        return f"it belongs in [{_name(path[:2])}], before its sub-tables"
-    near = get_close_matches(key.lower(), known, n=1, cutoff=0.6)
-    meant = near[0] if near else _ELSEWHERE.get(key.lower(), "")
-    if meant in known:
-        return f"did you mean {meant}?"
-    return f"known are {', '.join(known)}"

@@ -1,0 +1,136 @@
+"""Reading the tables of a cell file by what ``schema`` knows of each: values fitted, and everything wrong with them collected."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from axisbus.eds.model import Severity
+from axisbus.machine import schema, values
+from axisbus.machine.cell import Place
+from axisbus.machine.problem import Problem
+from axisbus.machine.schema import Keys
+from axisbus.machine.toml import Document
+from axisbus.machine.tomllines import KeyPath
+
+Fields = dict[str, Any]
+
+_NAME = re.compile(r"[\w-]{1,64}")
+
+
+class Tables:
+    """A walk through a document; holds the problems found so far. It never stops at one."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self.problems: list[Problem] = []
+
+    def _sub(self, path: KeyPath, table: Mapping[str, Any], key: str, keys: Keys) -> Fields:
+        path = (*path, key)
+        return self._fields(path, self._table(path, table.get(key, {})), keys)
+
+    def _fields(
+        self, path: KeyPath, table: Fields, keys: Keys, tables: Mapping[str, Keys | None] | None = None
+    ) -> Fields:
+        """Read the keys of one table; what is missing or wrong is reported and left out, so that the default stands."""
+        tables = tables or {}
+        self._unknown(path, table, (*keys, *tables), "key", tables)
+        fields: Fields = {}
+        faulty = set()
+        for name, key in keys.items():
+            if name in table:
+                try:
+                    fields[name] = key.read(table[name])
+                except values.Unfit as unfit:
+                    self._unfit((*path, name), table[name], unfit)
+                    faulty.add(name)
+            elif key.missing:
+                self._error(path, f"{name} is missing in [{name_of(path)}]", remedy=f"add {key.missing}")
+                faulty.add(name)
+        lines = {name: self._document.line((*path, name)) for name in table}
+        fields["at"] = Place(name_of(path), self._document.line(path), lines, frozenset(faulty))
+        return fields
+
+    def _table(self, path: KeyPath, raw: Any) -> Fields:
+        if isinstance(raw, dict):
+            return raw
+        double = isinstance(raw, list) and raw and isinstance(raw[0], dict)
+        remedy = (
+            f"write [{name_of(path)}] in single brackets"
+            if double
+            else f"write [{name_of(path)}] on a line of its own"
+        )
+        self._error(path, f"{name_of(path)} must be a table", f"it is {values.told(raw)}", remedy)
+        return {}
+
+    def _named(self, path: KeyPath, name: str) -> bool:
+        if _NAME.fullmatch(name):
+            return True
+        self._error(path, f"{name[:80]!r} is no name", remedy="a name is made of letters, digits, _ and -")
+        return False
+
+    def _unknown(
+        self,
+        path: KeyPath,
+        table: Fields,
+        known: tuple[str, ...],
+        what: str,
+        tables: Mapping[str, Keys | None] | None = None,
+    ) -> None:
+        for key in table:
+            if key in known:
+                continue
+            where = f"[{name_of(path)}]" if path else "a cell file"
+            remedy = _advice(key, path, known, tables or {})
+            self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy)
+
+    def _unfit(self, path: KeyPath, raw: Any, unfit: values.Unfit) -> None:
+        key = path[-1]
+        message = f"{key} in [{name_of(path[:-1])}] cannot be used"
+        observed = f"it is {values.told(raw)}; expected {unfit.expected}"
+        self._error(path, message, observed, unfit.remedy or f"correct {key}")
+
+    def _error(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
+        self._add(Severity.ERROR, path, message, observed, remedy)
+
+    def _warning(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:
+        self._add(Severity.WARNING, path, message, observed, remedy)
+
+    def _add(self, severity: Severity, path: KeyPath, message: str, observed: str, remedy: str) -> None:
+        line = self._document.line(path)
+        self.problems.append(Problem(severity, self._document.file, line, message, observed, remedy))
+
+
+def name_of(path: KeyPath) -> str:
+    """Return the key of a table or value as it is written in the file."""
+    return ".".join(str(part) for part in path)
+
+
+# Keys of other files and former habits -> what is meant here.
+_ELSEWHERE = {
+    "period": "scan_period",
+    "cycle_time": "scan_period",
+    "baudrate": "bitrate",
+    "node_id": "node",
+    "max_speed": "max_velocity",
+    "speed": "velocity",
+    "limits": "position_limits",
+    "inverted": "invert",
+    "direction": "invert",
+}
+
+
+def _advice(key: str, path: KeyPath, known: tuple[str, ...], tables: Mapping[str, Keys | None]) -> str:
+    """Return where an unknown key belongs, or the known one that it resembles, or all known ones."""
+    for name, keys in tables.items():
+        if keys and key in keys:
+            return f"it belongs in [{name_of((*path, name))}]"
+    if path[:1] == ("axes",) and len(path) == 3 and key in schema.AXIS:
+        return f"it belongs in [{name_of(path[:2])}], before its sub-tables"
+    near = get_close_matches(key.lower(), known, n=1, cutoff=0.6)
+    meant = near[0] if near else _ELSEWHERE.get(key.lower(), "")
+    if meant in known:
+        return f"did you mean {meant}?"
+    return f"known are {', '.join(known)}"
