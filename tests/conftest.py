@@ -22,7 +22,9 @@ _MEMORY = (
 if sys.platform == "linux":
     import resource
 
-    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    _soft, _hard = resource.getrlimit(resource.RLIMIT_AS)
+    if _soft == resource.RLIM_INFINITY or _soft > _MEMORY:
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
 _used: set[str] = set()
 _kept: set[str] = set()
