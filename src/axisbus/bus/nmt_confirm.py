@@ -23,7 +23,7 @@ from axisbus.bus.node import Node
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
-from axisbus.errors import SdoAbort, SdoError
+from axisbus.errors import SdoError
 
 LISTEN = 1.2  # seconds: the usual heartbeat of 1 s fits in
 PATIENCE = 2.0
@@ -135,7 +135,7 @@ def _reaches(node: Node, state: NmtState, way: Way, reports: int, begin: float) 
     if way.by is Confirmation.GUARDING:
         return _until(lambda: _guarded(node) is state, deadline)
     serves = state is not NmtState.STOPPED
-    if _until(lambda: _answers(node) is serves, deadline):
+    if _until(lambda: node.answers_sdo(_SDO_TIMEOUT) is serves, deadline):
         node.nmt.assume(state)
         return True
     return False
@@ -146,16 +146,6 @@ def _guarded(node: Node) -> NmtState | None:
     asked = node.nmt.reports
     node.channel.send_remote(cob.HEARTBEAT + node.node_id)
     return node.nmt.state if node.nmt.wait_report(asked, _GUARD_WAIT) else None
-
-
-def _answers(node: Node) -> bool:
-    try:
-        node.sdo.upload(o.DEVICE_TYPE, timeout=_SDO_TIMEOUT, tries=1)
-    except SdoAbort:
-        return True
-    except SdoError:
-        return False
-    return True
 
 
 def _until(done: Callable[[], bool], deadline: float) -> bool:

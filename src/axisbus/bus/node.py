@@ -111,14 +111,14 @@ class Node:
         """Send an NMT command and wait until it is confirmed; blocks, raises as ``nmt.command``."""
         return nmt.command(self.channel, self.nmt, wanted, timeout=timeout, answers_sdo=self.answers_sdo)
 
-    def answers_sdo(self) -> bool:
-        """Try once whether the SDO server answers, a refusal included; blocks up to 0.5 s.
+    def answers_sdo(self, timeout: float = _PROBE_TIMEOUT) -> bool:
+        """Try once whether the SDO server answers, a refusal included; blocks up to ``timeout`` seconds.
 
         Raises:
             AdapterError: the channel failed.
         """
         try:
-            self.sdo.upload(o.DEVICE_TYPE, timeout=_PROBE_TIMEOUT, tries=1)
+            self.sdo.upload(o.DEVICE_TYPE, timeout=timeout, tries=1)
         except SdoAbort:
             return True
         except SdoError:

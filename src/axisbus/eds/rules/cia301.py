@@ -9,7 +9,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import is_synchronous
 from axisbus.eds.model import ObjectType, Severity
 from axisbus.eds.rules import pdo, standard
-from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, number_of, start_key, start_value
+from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, an, number_of, start_key, start_value
 
 _AREA = range(0x1000, 0x1030)
 _SYNC_PRODUCER = 1 << 30
@@ -64,7 +64,7 @@ def wrong_object_type(
     if entry.object_type is not wanted and not (
         wanted is ObjectType.VAR and entry.object_type is ObjectType.DOMAIN
     ):
-        text = f"[{head.name}] is {_an(entry.object_type)}, {standard_name} has {_an(wanted)}"
+        text = f"[{head.name}] is {an(entry.object_type)}, {standard_name} has {an(wanted)}"
         yield sheet.at(head, "objecttype", text, index, severity=severity)
 
 
@@ -215,10 +215,6 @@ def no_store_format(sheet: Sheet) -> Iterator[Hit]:
 def _named(index: int) -> str:
     whole = standard.communication_objects().get(index)
     return f"{index:04X} ({whole.name})" if whole is not None else f"{index:04X}"
-
-
-def _an(kind: ObjectType) -> str:
-    return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"
 
 
 LOOKS: Looks = {

@@ -10,7 +10,7 @@ from axisbus.eds import values
 from axisbus.eds.compact import MAX_ENTRIES
 from axisbus.eds.model import Number, Object, ObjectType, Severity
 from axisbus.eds.rules.objects import is_communication, is_mapping
-from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+from axisbus.eds.rules.sheet import Hit, Looks, Sheet, an, short
 from axisbus.eds.text import Section
 
 _STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
@@ -178,7 +178,7 @@ def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
         for subindex, section in sheet.subs.get(entry.index, {}).items():
             given = values.plain(section.entries.get("objecttype", ""))
             if given in (ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT):
-                text = f"[{section.name}] is a sub-index, and cannot be {_an(ObjectType(given))}"
+                text = f"[{section.name}] is a sub-index, and cannot be {an(ObjectType(given))}"
                 yield sheet.at(section, "objecttype", text, entry.index, subindex)
 
 
@@ -198,11 +198,7 @@ def _compact(head: Section) -> bool:
 
 
 def _article(entry: Object) -> str:
-    return _an(entry.object_type)
-
-
-def _an(kind: ObjectType) -> str:
-    return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"
+    return an(entry.object_type)
 
 
 LOOKS: Looks = {

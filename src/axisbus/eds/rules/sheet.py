@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from axisbus.eds import values
 from axisbus.eds.build import ACCESS_TYPES
-from axisbus.eds.model import Eds, Number, Object, Severity, Variable
+from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
 from axisbus.eds.reader import Reading
 from axisbus.eds.text import Document, Section
 
@@ -192,3 +192,8 @@ def number(section: Section | None, key: str) -> int | None:
 def short(text: str, length: int = 40) -> str:
     """Return a text from a file, cut to a length that fits into a message."""
     return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def an(kind: ObjectType) -> str:
+    """Return an object type with its article, as a message has it."""
+    return f"an {kind.name}" if kind is ObjectType.ARRAY else f"a {kind.name}"
