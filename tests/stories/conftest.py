@@ -6,8 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 import story_golden
-import story_rig
-from story_nets import PlantMoves, cut
+from story_nets import cut
+
+from kit.cell import Stage
+from kit.probe import PlantMoves
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -65,6 +67,6 @@ def golden(tmp_path):
 
 @pytest.fixture
 def story(tmp_path):
-    """Make simulated cells in virtual time; see ``story_rig.simulated``. They are let go afterwards, whatever became of them."""
-    with story_rig.Stage(tmp_path) as stage:
+    """Make simulated cells in virtual time; see ``kit.cell.Stage``. They are let go afterwards, whatever became of them."""
+    with Stage(tmp_path) as stage:
         yield stage

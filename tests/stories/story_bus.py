@@ -9,10 +9,10 @@ import itertools
 import os
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
-from story_nets import PlantMoves, patience
-from story_rig import SCALE, STAGE_NAMES, cell_text
+from story_nets import patience
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
@@ -21,7 +21,10 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
+from axisbus.sim.drive import Drive
 from axisbus.sim.network import StandIns
+from kit.cell import SCALE, cell_text
+from kit.probe import PlantProbe, RealTime
 
 _CHANNELS = itertools.count(1)
 # Slow enough that a busy computer's own delays are not taken for a silence of the drives.
@@ -29,7 +32,7 @@ SLOW = {"period": "20ms", "heartbeat": "200ms"}
 STOP = 6.0  # seconds that a stop may take on a busy computer; the stops themselves take tenths
 
 
-class Line:
+class Line(RealTime, PlantProbe):
     """A channel with a drive for each letter of ``names``, and the cell file that fits it."""
 
     def __init__(
@@ -66,47 +69,32 @@ class Line:
 
     # -- the plant -------------------------------------------------------------------------------------------------------
 
-    def speed(self, name: str = "x") -> float:
-        """The motor's speed in degrees/s."""
-        with self.stand_ins.lock:
-            return abs(self.devices[name].drive.axis.motor.velocity) / SCALE
+    def drive(self, name: str = "x") -> Drive:
+        """The drive behind an axis."""
+        return self.devices[name].drive
 
-    def where(self, name: str = "x") -> float:
-        """The motor's position in degrees."""
-        with self.stand_ins.lock:
-            return self.devices[name].drive.axis.motor.position / SCALE
+    def scale_of(self, name: str) -> float:
+        """Increments per unit of an axis."""
+        return SCALE
 
-    def stage(self, name: str = "x") -> int:
-        """The state of the power stage, by the stand-in's number."""
-        return int(self.devices[name].drive.power.stage)
-
-    def told(self, name: str = "x") -> str:
-        """The plant of an axis in words."""
-        return f"{name} turns at {self.speed(name):g} deg/s, {STAGE_NAMES[self.stage(name)]}"
-
-    def must_move(self, name: str = "x") -> None:
-        """Make sure that the story begins in motion."""
-        assert self.speed(name) > 20.0, self.told(name)
+    @property
+    def lock(self) -> AbstractContextManager[object]:
+        """What keeps the plants from moving meanwhile."""
+        return self.stand_ins.lock
 
     def must_stand(
-        self, name: str = "x", *, stages: int | tuple[int, ...], within: float = STOP, for_good: float = 0.4
-    ) -> None:
-        """Wait until the motor stands in one of ``stages``, and see that it stays so.
-
-        Raises:
-            PlantMoves: it does not.
-        """
-        wanted = (stages,) if isinstance(stages, int) else stages
-        deadline = time.monotonic() + patience(within)
-        while self.speed(name) > 0.0 or self.stage(name) not in wanted:
-            if time.monotonic() > deadline:
-                raise PlantMoves(f"after {within:g} s: {self.told(name)}")
-            time.sleep(0.005)
-        until = time.monotonic() + for_good
-        while time.monotonic() < until:
-            if self.speed(name) > 0.0 or self.stage(name) not in wanted:
-                raise PlantMoves(f"after it stood: {self.told(name)}")
-            time.sleep(0.005)
+        self,
+        name: str = "x",
+        *,
+        stages: int | tuple[int, ...],
+        within: float = STOP,
+        for_good: float = 0.4,
+        wander: float = 0.05,
+    ) -> float:
+        """As every probe's, with a computer's patience."""
+        return super().must_stand(
+            name, within=patience(within), stages=stages, for_good=for_good, wander=wander
+        )
 
 
 def turning(machine: Machine, line: Line, velocity: float = 90.0) -> None:

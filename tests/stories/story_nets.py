@@ -15,10 +15,6 @@ from axisbus.motion.ladder import StopLadder
 from axisbus.sim.direct import DirectCycle
 
 
-class PlantMoves(AssertionError):
-    """The plant did not come to rest as the story promises; raised by nothing but the look at the plant itself."""
-
-
 def _says_it_stands(ladder: StopLadder, _image: object, _order: object) -> bool:
     ladder.confirmed = True
     return True

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from story_nets import PlantMoves
-from story_rig import OFF, STAGE_NAMES, cell_text
+from kit.cell import cell_text
+from kit.probe import OFF, STAGE_NAMES, PlantMoves
 
 HERE = Path(__file__).parent
 LONGEST = 120.0  # seconds after which a program that hangs is killed; it needs a few

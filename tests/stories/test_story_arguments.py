@@ -6,10 +6,10 @@ import math
 from unittest.mock import patch
 
 import pytest
-from story_rig import SCALE
 
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.motion.trajectory import Trapezoid
+from kit.cell import SCALE
 
 LIMITED = "position_limits = [-90.0, 90.0]\nmax_torque = 2.0\nrated_torque = 5.0\nmax_acceleration = 3000.0"
 
@@ -183,6 +183,6 @@ def test_a_trajectory_that_breaks_in_mid_way_stops_its_axis_and_its_mates_only(s
 
 
 def story_text(story, *, max_velocity: float = 400.0, axis: str = "") -> str:
-    from story_rig import cell_text
+    from kit.cell import cell_text
 
     return cell_text("x", axis=axis).replace("max_velocity = 400.0", f"max_velocity = {max_velocity}")

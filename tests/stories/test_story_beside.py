@@ -11,7 +11,6 @@ import can
 import pytest
 from story_bus import Line, turning, until
 from story_nets import patience
-from story_rig import ENABLED, OFF, QUICK_STOP
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli.common import run
@@ -19,6 +18,7 @@ from axisbus.cli.main import cli
 from axisbus.machine import node_stop
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit.probe import ENABLED, OFF, QUICK_STOP
 
 STOPPED = (QUICK_STOP, *OFF)
 BESIDE = pytest.mark.nets("the stop beside", "the stop ladder", "the drive's watchdog")

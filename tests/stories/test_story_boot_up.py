@@ -11,7 +11,6 @@ from contextlib import suppress
 
 import pytest
 from story_bus import Line, enable, until
-from story_rig import ENABLED, GENERIC, OFF
 
 from axisbus import eds
 from axisbus.cia301.nmt import NmtCommand, NmtState
@@ -24,6 +23,8 @@ from axisbus.machine.machine import Machine, boot
 from axisbus.machine.stopping import Watchdog
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
+from kit.cell import GENERIC
+from kit.probe import ENABLED, OFF
 from lossy_line import LossyLine
 
 

@@ -9,12 +9,12 @@ import can
 import pytest
 from story_bus import Line, enable, turning, until
 from story_nets import NETS
-from story_rig import ENABLED, OFF
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AxisbusError, BusOff, StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit.probe import ENABLED, OFF
 
 CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/uapi/linux/can/error.h
 

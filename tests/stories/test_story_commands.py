@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 
 import pytest
-from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 
 from axisbus import wait
 from axisbus.errors import AxisbusError, MotionTimeout, Replaced, StateError, TransitionError
 from axisbus.motion.handle import Status
 from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
+from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 
 def test_a_second_move_aborts_the_first_and_the_axis_goes_on_to_the_new_target(story, golden):

@@ -10,10 +10,10 @@ from contextlib import contextmanager
 import can
 import pytest
 from story_bus import Line, turning, until
-from story_rig import OFF, QUICK_STOP, SWITCH_ON_DISABLED
 
 from axisbus.errors import AxisbusError, ScanError
 from axisbus.machine.machine import Machine
+from kit.probe import OFF, QUICK_STOP, SWITCH_ON_DISABLED
 
 NO_DEVICE = OSError(errno.ENODEV, "No such device")
 

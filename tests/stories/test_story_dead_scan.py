@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from story_rig import OFF, SWITCH_ON_DISABLED
 
 from axisbus.errors import AdapterError, ScanError
+from kit.probe import OFF, SWITCH_ON_DISABLED
 
 NETS = pytest.mark.nets("the quick stop of a dead scan", "the drive's watchdog")
 PLACES = ("read", "write", "commit", "sync", "heartbeat", "wait")

@@ -8,14 +8,13 @@ import time
 
 import pytest
 from story_bus import Line, enable, turning, until
-from story_nets import PlantMoves
-from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.roster import Roster
 from axisbus.motion.handle import NOBODY, Handle
+from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
 
 
 def let_go(cell, name: str = "x") -> None:

@@ -6,11 +6,12 @@ The oracle is what the drive itself sees: the target position beside each rising
 from __future__ import annotations
 
 import pytest
-from story_rig import ENABLED, OFF, SCALE
 
 from axisbus.cia402.port import Source
 from axisbus.errors import Replaced, SetPointError
 from axisbus.sim.dials import NEVER
+from kit.cell import SCALE
+from kit.probe import ENABLED, OFF
 
 PP = 1
 PERIOD = 0.01

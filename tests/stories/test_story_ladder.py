@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from story_nets import PlantMoves
-from story_rig import ENABLED, GENERIC, OFF, QUICK_STOP, SWITCH_ON_DISABLED
 
 from axisbus import eds
 from axisbus.cia301.nmt import NmtState
@@ -15,6 +13,8 @@ from axisbus.errors import DriveError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
+from kit.cell import GENERIC
+from kit.probe import ENABLED, OFF, QUICK_STOP, SWITCH_ON_DISABLED, PlantMoves
 
 TIMES = 'halt_time = "500ms"\nquick_stop_time = "400ms"\ndisable_time = "600ms"'
 LOAD = 300.0  # ‰ of the rated torque, downwards

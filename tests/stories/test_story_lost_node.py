@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from story_rig import ENABLED, OFF
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import DriveError, NodeError, StateError, Stopped
 from axisbus.motion.states import AxisState
+from kit.probe import ENABLED, OFF
 
 
 @pytest.mark.nets("the stop ladder")

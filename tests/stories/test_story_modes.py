@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from story_rig import ENABLED, OFF, QUICK_STOP, SCALE
 
 from axisbus.cia402.port import Source
 from axisbus.errors import DriveError, LimitError, ModeError, StateError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
+from kit.cell import SCALE
+from kit.probe import ENABLED, OFF, QUICK_STOP
 
 PP, PV, HM, CSP = 1, 3, 6, 8  # values of 6060h (CiA 402-2 8.4.9)
 HOLDING = (ENABLED,)

@@ -7,7 +7,6 @@ import sys
 
 import pytest
 from story_bus import Line, enable, until
-from story_rig import ENABLED
 
 from axisbus import eds
 from axisbus.cia301.bootplan import Letter
@@ -19,6 +18,7 @@ from axisbus.errors import BootError
 from axisbus.machine import pickup, wire
 from axisbus.machine.machine import Machine, boot
 from axisbus.sim.build import device_from_eds
+from kit.probe import ENABLED
 from loader_eds import OLD, loader_eds, program
 
 NEW = (15_400, 43_200_000)  # 2026-03-01 12:00:00, by hand

@@ -8,7 +8,6 @@ import time
 
 import pytest
 from story_bus import Line, enable
-from story_rig import GENERIC, OFF, cell_text
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
@@ -16,6 +15,8 @@ from axisbus.errors import BootError, ConfigError
 from axisbus.machine import wire
 from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
+from kit.cell import GENERIC, cell_text
+from kit.probe import OFF
 
 PNG = (
     b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x10\x00\x00\x00\x10\x08\x06\x00\x00\x00\x1f\xf3\xffa"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
-from story_rig import ENABLED, OFF
 
 from axisbus.cia402.port import Source
 from axisbus.errors import StaleError
+from kit.probe import ENABLED, OFF
 
 EVENT = Source.EVENT_PDO
 # How the inputs of a drive may travel. Without an event timer silence says nothing: the bus then polls 6041h and 6064h by SDO.

@@ -16,9 +16,10 @@ import pytest
 from story_bridge import Bridge
 from story_bus import Line, until
 from story_program import Program
-from story_rig import ENABLED, OFF, SCALE
 
 from axisbus.errors import AxisbusError, NodeError, StaleError
+from kit.cell import SCALE
+from kit.probe import ENABLED, OFF
 
 if sys.platform == "win32":
     pytest.skip("suspending a process is a matter of POSIX", allow_module_level=True)

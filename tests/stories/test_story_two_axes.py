@@ -6,10 +6,11 @@ import re
 
 import pytest
 from story_bus import Line
-from story_rig import ENABLED, OFF, SWITCH_ON_DISABLED, cell_text
 from story_two_axes import two_axis_eds
 
 from axisbus.errors import DriveFault, Stopped
+from kit.cell import cell_text
+from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 
 def two_axes(folder, **changes: str) -> str:

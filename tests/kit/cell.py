@@ -1,13 +1,12 @@
-"""The stage of the stories: a cell of stand-ins in virtual time, the motors behind it, and the look at whether they stand."""
+"""Cells of stand-ins for tests, in virtual time or in real time on a private bus; each is a plant probe."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from unittest.mock import patch
-
-from story_nets import PlantMoves
 
 from axisbus.errors import AxisbusError
 from axisbus.machine import direct
@@ -18,23 +17,10 @@ from axisbus.motion.handle import Handle
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.drive import Drive
+from kit.probe import PlantProbe
 
 SCALE = 100  # increments per degree
 GENERIC, MODULE = "builtin:generic-cia402", "builtin:gim6010-8"
-
-# The stand-in's own numbers of its power-stage states (figure of CiA 402-2 7.2).
-NOT_READY, SWITCH_ON_DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, REACTION, FAULT = range(8)
-OFF = (SWITCH_ON_DISABLED, READY, SWITCHED_ON, FAULT)  # the motor is not energised
-STAGE_NAMES = (
-    "not ready to switch on",
-    "switch on disabled",
-    "ready to switch on",
-    "switched on",
-    "operation enabled",
-    "quick stop active",
-    "fault reaction active",
-    "fault",
-)
 
 BUS = """\
 [bus]
@@ -103,14 +89,21 @@ def _without_first(text: str, key: str) -> str:
     return head + table + "".join(lines)
 
 
-class Cell:
-    """A simulated machine in virtual time with its plant; ``x`` is its first axis."""
+class Cell(PlantProbe):
+    """A simulated machine with its plant, in virtual time or in real time on a private bus; ``x`` is its first axis."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        cycle = machine.scan.cycle
+        self.is_virtual = isinstance(machine.scan.cycle, DirectCycle)
+        for axis in machine:
+            self.record(axis.name)
+
+    @property
+    def cycle(self) -> DirectCycle:
+        """The bus of a cell in virtual time, with its dials."""
+        cycle = self.machine.scan.cycle
         assert isinstance(cycle, DirectCycle)
-        self.cycle = cycle
+        return cycle
 
     @property
     def x(self) -> Axis:
@@ -135,14 +128,27 @@ class Cell:
         """How an axis reaches its drive."""
         return next(port for port in self.cycle.ports if port.drive is self.drive(name))
 
+    def scale_of(self, name: str) -> float:
+        """Increments per unit of an axis."""
+        return self.machine.scan.axes[name].parameters.units.position.factor
+
+    @property
+    def lock(self) -> AbstractContextManager[object]:
+        """What keeps the plants from moving meanwhile."""
+        return next(iter(self.machine._runtime.stand_ins.values())).lock
+
     @property
     def now(self) -> float:
-        return self.cycle.now()
+        """Virtual seconds, or those of the monotonic clock."""
+        return self.cycle.now() if self.is_virtual else time.monotonic()
 
     # -- time ------------------------------------------------------------------------------------------------------------
 
     def run(self, seconds: float) -> None:
         """Let time pass for the plant; the scan runs along while it lives."""
+        if not self.is_virtual:
+            time.sleep(seconds)
+            return
         end = self.now + seconds
         while self.now < end - 1e-9:
             if self.machine.scan.ended:
@@ -200,73 +206,6 @@ class Cell:
             self.must_move(axis.name)
         return handles
 
-    # -- looks at the plant ----------------------------------------------------------------------------------------------
-
-    def speed(self, name: str = "x") -> float:
-        """The motor's speed in degrees/s."""
-        return abs(self.drive(name).axis.motor.velocity) / SCALE
-
-    def where(self, name: str = "x") -> float:
-        """The motor's position in degrees."""
-        return self.drive(name).axis.motor.position / SCALE
-
-    def stage(self, name: str = "x") -> int:
-        """The state of the power stage, by the stand-in's number."""
-        return int(self.drive(name).power.stage)
-
-    def must_move(self, name: str = "x", faster_than: float = 20.0) -> None:
-        """Make sure that the story begins (or goes on) in motion."""
-        assert self.speed(name) > faster_than, f"{name} does not move: {self.speed(name):g} deg/s"
-
-    def must_stand(
-        self, name: str = "x", *, within: float, stages: int | tuple[int, ...], for_good: float = 1.0
-    ) -> float:
-        """Let time pass until the motor stands in one of ``stages``, and ``for_good`` seconds more, in which both must stay so.
-
-        Return the seconds that it took.
-
-        Raises:
-            PlantMoves: it does not.
-        """
-        wanted = (stages,) if isinstance(stages, int) else stages
-        start = self.now
-        while self.speed(name) > 0.0 or self.stage(name) not in wanted:
-            if self.now - start > within:
-                raise PlantMoves(f"after {within:g} s: {self.told(name)}")
-            self.run(0.01)
-        took, place = self.now - start, self.where(name)
-        self.run(for_good)
-        if self.speed(name) > 0.0 or self.stage(name) not in wanted or abs(self.where(name) - place) > 0.05:
-            raise PlantMoves(f"{for_good:g} s after it stood at {place:g}: {self.told(name)}")
-        return took
-
-    def must_be(self, stages: int | tuple[int, ...], name: str = "x") -> None:
-        """Make sure that the power stage is in one of ``stages`` now.
-
-        Raises:
-            PlantMoves: it is not.
-        """
-        if self.stage(name) not in ((stages,) if isinstance(stages, int) else stages):
-            raise PlantMoves(self.told(name))
-
-    def must_have_come(self, name: str, start: float, between: tuple[float, float]) -> None:
-        """Make sure that a motor that stands now has braked on a ramp: how far it came from ``start``, in degrees.
-
-        Raises:
-            PlantMoves: it stopped with a jolt, or too late.
-        """
-        if not between[0] <= abs(self.where(name) - start) <= between[1]:
-            raise PlantMoves(
-                f"{name} came from {start:g} deg to rest at {self.where(name):g} deg, not {between} deg away"
-            )
-
-    def told(self, name: str = "x") -> str:
-        """The plant of an axis in words."""
-        return (
-            f"{name} turns at {self.speed(name):g} deg/s at {self.where(name):g} deg, "
-            f"{STAGE_NAMES[self.stage(name)]}"
-        )
-
 
 class Stage:
     """Makes cells in a folder; lets them all go at its end."""
@@ -280,8 +219,12 @@ class Stage:
 
     def __exit__(self, *_: object) -> None:
         for machine in self._cells:
-            machine._signals.restore()
-            machine.scan.ended = True
+            if isinstance(machine.scan.cycle, DirectCycle):
+                machine._signals.restore()
+                machine.scan.ended = True
+            else:
+                with suppress(Exception):  # a story has told what becomes of it
+                    machine.close()
 
     def file(self, text: str) -> Path:
         """Write a cell file."""
@@ -310,5 +253,11 @@ class Stage:
                     )
                 )
             machine = Machine.simulated(path, devices() if devices else None)
+        self._cells.append(machine)
+        return Cell(machine)
+
+    def real(self, names: str = "x", *, text: str | None = None, **changes: str) -> Cell:
+        """Open a cell whose stand-ins run in real time on a private virtual bus; ``changes``: see ``cell_text``."""
+        machine = Machine.open(self.file(text if text is not None else cell_text(names, **changes)))
         self._cells.append(machine)
         return Cell(machine)
