@@ -29,6 +29,8 @@
     │   ├── ModeError                it does not take the mode of operation
     │   ├── SetPointError            it does not take the set-point
     │   ├── MotionTimeout            it does not arrive in time (also TimeoutError)
+    │   ├── FollowingError           the axis is too far from where it is led
+    │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
     │   └── StaleError               a value that the command needs is too old or was never received
     └── Interrupted                  the command ended because something else was wanted
@@ -262,6 +264,14 @@ class SetPointError(DriveError):
 
 class MotionTimeout(DriveError, TimeoutError):
     """The motion did not arrive by its deadline."""
+
+
+class FollowingError(DriveError):
+    """The axis is farther from where it is being led than a lag explains."""
+
+
+class UncommandedMotion(DriveError):
+    """The axis is enabled and moves, or is pulled elsewhere, while no command runs."""
 
 
 class HomingError(DriveError):

@@ -21,6 +21,7 @@ class PositionMove(Activity):
     """A move in profile position mode: prepare, set-point handshake, arrival; holds its deadline and its progress."""
 
     mode = ModeOfOperation.PROFILE_POSITION
+    ends_at_rest = True
 
     def __init__(
         self,

@@ -139,6 +139,8 @@ def _seen(ladder: StopLadder) -> str:
     texts = ["stop ladder: " + " > ".join(rung.text for rung in ladder.path)]
     if ladder.late:
         texts.append(f"passed: {', '.join(ladder.late)}")
+    if ladder.unseen:
+        texts.append(ladder.unseen)
     if ladder.spared:
         texts.append("its power was left on because it holds a load")
     texts.append(f"state {ladder.seen.value!r}")
