@@ -238,6 +238,8 @@ class AxisConfig:
     modulo: float | None = None
     position_window: float | None = None
     standstill_velocity: float | None = None
+    standstill_window: float | None = None
+    following_error: float | None = None
     modes: tuple[str, ...] | None = None
     holds_load: str | None = None
     transition_time: float | None = None

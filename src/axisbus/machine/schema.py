@@ -93,6 +93,8 @@ AXIS: Keys = {
     "modulo": _positive,
     "position_window": _positive,
     "standstill_velocity": _positive,
+    "standstill_window": _positive,
+    "following_error": _positive,
     "modes": Key(v.names([facts.short for facts in FACTS.values()], "modes")),
     "holds_load": Key(v.never_true(None, v.words("brake", "torque"))),
     "transition_time": _step_time,

@@ -153,7 +153,8 @@ def _quick_stop(core: AxisCore, _: c.QuickStop, handle: Handle, __: Gate) -> Non
 def _stop_if_powered(core: AxisCore, handle: Handle, kind: StopKind, rung: Rung) -> None:
     """Where the motor is not driven there is nothing to stop, and that is success; an enable under way is taken back.
 
-    A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it stands.
+    A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it
+    stands.
     """
     reason = f"{handle.name} was asked for"
     if core.image.state in ENERGISED or core.image.state is State.UNKNOWN or core.run_down.under_way:

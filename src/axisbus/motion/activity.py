@@ -23,9 +23,9 @@ class Activity(ABC):
     """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
 
     ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the axis
-    goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only when the axis
-    is seen to stand. ``ramp`` is what a halt brakes it with, in position increments per s² (None: not known). ``behind`` is how many
-    increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
+    goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only when the
+    axis is seen to stand. ``ramp`` is what a halt brakes it with, in position increments per s² (None: not known). ``behind`` is
+    how many increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
     ``led_speed`` the speed that was asked for, in increments per s.
     """
 

@@ -46,7 +46,8 @@ class Arrival:
         return MotionTimeout(
             f"{name}: does not come to rest",
             axis=name,
-            observed=f"the drive has reported the end of the motion {time:g} s ago, but the axis was not seen to stand since: {why}",
+            observed=f"the drive has reported the end of the motion {time:g} s ago, but the axis was not seen to "
+            f"stand since: {why}",
             remedy=f"look whether it oscillates (tuning), is driven by its load, or is held by something; standstill_velocity and "
             f"standstill_window in [axes.{name}] say what counts as standing",
         )

@@ -30,12 +30,13 @@ from axisbus.motion.arrival import Arrival
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
-from axisbus.motion.handle import Handle
+from axisbus.motion.handle import Handle, Status
 from axisbus.motion.image import WITHOUT_POSITION_DEMAND, Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.restwait import RestWait
 from axisbus.motion.rundown import RunDown
 from axisbus.motion.running import Running
 from axisbus.motion.snapshot import Snapshot
@@ -44,6 +45,7 @@ from axisbus.motion.stopping import REMEDIES, StopKind, Stopping, stop_error
 from axisbus.motion.supervision import Supervision
 
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {State.UNKNOWN}
 
 
@@ -75,6 +77,7 @@ class AxisCore:
         self.halted = False
         self._story: FaultStory | None = None
         self._arrival = Arrival(parameters)
+        self._rest_waits: list[RestWait] = []
         self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
 
@@ -111,6 +114,8 @@ class AxisCore:
         self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
+        if self._rest_waits:
+            self._step_rest_waits(image)
         order.halt = self.halted
         if self.ladder is None and self.activity is not None:
             self._step_activity(self.activity, image, order)
@@ -162,6 +167,7 @@ class AxisCore:
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every handle, with the error that ``ended`` makes for its name: the scan has ended."""
         handles = self.stopping.drop()
+        handles += [waiting.handle for waiting in self._rest_waits]
         if self._story is not None:
             handles += self._story.handles
         if self.running.handle is not None:
@@ -283,6 +289,27 @@ class AxisCore:
         handle = self.running.drop(self.order)
         if handle is not None:
             self.finish(handle, error)
+
+    def at_rest(self, handle: Handle, then: Callable[[], None]) -> None:
+        """Let something be done at rest: now, where the axis is seen to stand now, else as soon as it is."""
+        image = self.image
+        if image.standstill and image.now - image.position_stamp <= _NOW and not self.run_down.under_way:
+            then()
+            self.finish(handle)
+            return
+        self._rest_waits.append(RestWait(self.parameters, handle, then, image.now))
+        handle.status = Status.ACTIVE
+
+    def _step_rest_waits(self, image: Image) -> None:
+        for waiting in list(self._rest_waits):
+            try:
+                if not waiting.step(image):
+                    continue
+                waiting.then()
+                self.finish(waiting.handle)
+            except AxisbusError as error:
+                self.finish(waiting.handle, error)
+            self._rest_waits.remove(waiting)
 
     def finish(self, handle: Handle, error: AxisbusError | None = None) -> None:
         """End a handle, well (no error) or with the reason."""

@@ -2,8 +2,8 @@
 
 Theory of operation
 -------------------
-In the position modes what leads the axis is 6062h, and in csp the target that was sent; in profile velocity it is the ramped command,
-integrated (``Behind``). A drive may lag: by its filters, by a scan or two, by an inhibit time. So the error may be
+In the position modes what leads the axis is 6062h, and in csp the target that was sent; in profile velocity it is the ramped
+command, integrated (``RampedWay``). A drive may lag: by its filters, by a scan or two, by an inhibit time. So the error may be
 ``standstill_window`` and the way of 0.25 s at the highest speed that was commanded in the last 0.5 s (or ``following_error``).
 More than that, in two samples in a row, is a jam, a limit of the drive, a slipping coupling or a drive that does not listen.
 """
@@ -73,7 +73,7 @@ class Following:
             self._misses = 0
             return None
         top = self._peak.note(speed, image.now)
-        allowed = self._parameters.lag_allowed(top)
+        allowed = self._parameters.lag_allowed(top, by_position=activity.behind is None)
         if abs(way) <= allowed + top * self._skew(image):
             self._misses, self._since = 0, math.inf
             return None
@@ -82,7 +82,7 @@ class Following:
         self._stamp = image.position_stamp
         self._misses += 1
         self._since = min(self._since, image.now)
-        if self._misses < _TWICE or image.now < self._since + self._parameters.following_time:
+        if self._misses < _TWICE or image.now < self._since + self._parameters.drive_following_time:
             return None
         return self._failed(image, activity, way, allowed)
 
@@ -122,12 +122,14 @@ class Following:
         hints = list(sw.hints(image.statusword)) if image.statusword is not None else []
         if image.statusword is not None and activity.mode == _M.CYCLIC_SYNC_POSITION:
             hints += [] if image.statusword & sw.FOLLOWS_COMMAND else [_IGNORES]
-        seen = f"at {where:g} {units.unit} it is {off:g} {units.unit} from where it should be by now; {abs(units.to_units(allowed)):g} are allowed"
+        seen = f"at {where:g} {units.unit} it is {off:g} {units.unit} from where it should be by now; "
+        seen += f"{abs(units.to_units(allowed)):g} are allowed"
         return FollowingError(
             f"{name}: does not follow what is asked of it",
             axis=name,
             observed="; ".join([seen, *hints]),
-            remedy="look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, 607Fh, "
+            remedy="look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or "
+            "velocity (6072h, 607Fh, "
             f"6080h); keep clear: what is held may leap when it comes free; following_error in [axes.{name}] sets the lag allowed",
         )
 

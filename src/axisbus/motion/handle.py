@@ -35,8 +35,8 @@ class Handle:
     """One command under way.
 
     ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise what ended the command. A handle that
-    failed and was never looked at is reported by name when it is dropped. ``note`` says what is to be known of an end that is otherwise
-    well: of a stop, by what less than its position the axis was seen to stand.
+    failed and was never looked at is reported by name when it is dropped. ``note`` says what is to be known of an end that is
+    otherwise well: of a stop, by what less than its position the axis was seen to stand.
     """
 
     __slots__ = ("__weakref__", "_callbacks", "_looked", "_waiter", "error", "name", "note", "status")

@@ -31,9 +31,9 @@ class Image:
     """The decoded inputs of one axis; holds state: the unwrapped position and the anchor of the standstill test.
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments (they go on past
-    the wrap of INTEGER32). ``origin`` is the position that the user calls 0 (set by ``set_position``). ``led_to`` is the target that
-    was sent last in a cyclic position mode (None: there was none in this one), ``set_point`` the last one in profile position mode;
-    ``shows_target``: the drive's 6062h jumps to the
+    the wrap of INTEGER32). ``origin`` is the position that the user calls 0 (set by ``set_position``). ``led_to`` is the target
+    that was sent last in a cyclic position mode (None: there was none in this one), ``set_point`` the last one in profile position
+    mode; ``shows_target``: the drive's 6062h jumps to the
     target of a move at once, so that it says nothing of where the axis is being led now.
     """
 
@@ -144,7 +144,8 @@ class Image:
 
     @property
     def pull(self) -> int | None:
-        """How far the drive's controller is led from where the axis is, in increments; None where nobody knows, or nothing leads it.
+        """How far the drive's controller is led from where the axis is, in increments; None where nobody knows, or nothing leads
+        it.
 
         That is 6062h, and in a cyclic position mode the target that was sent, whichever is farther. In the modes without a position
         controller 6062h has no meaning, and without power nothing pulls.

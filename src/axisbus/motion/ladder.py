@@ -60,6 +60,7 @@ _HOLDING_MODES = (
     ModeOfOperation.CYCLIC_SYNC_POSITION,
     ModeOfOperation.PROFILE_VELOCITY,
 )
+_MAY_DRIVE = ENERGISED | {State.UNKNOWN}
 _NMT_STOP_TIME = 0.1
 # The entry of [axes.NAME.stop] that gives each rung its time.
 _TIMES = {Rung.HALT: "halt_time", Rung.QUICK_STOP: "quick_stop_time", Rung.DISABLE_VOLTAGE: "disable_time"}
@@ -129,7 +130,9 @@ class StopLadder:
         self._stands_now = self._standing.seen(image)
         ended = self._step(image, order, run_down)
         if ended:
-            self.witness = self._standing.witness
+            self.witness = self._standing.witness if self.seen in ENERGISED else ""
+            if not self.confirmed and image.position is not None and self.seen in _MAY_DRIVE:
+                self.unseen = self._standing.why_not(image)
             self._by_sdo.cancel(order)
             self._end_relief(order)
         return ended
@@ -283,7 +286,7 @@ class StopLadder:
         if self._expired(image):
             key = "disable_time" if self._disabling else _TIMES[self.rung]
             self.late += [] if key in self.late else [key]
-            if not self._disabling:
+            if not self._disabling and rung <= Rung.DISABLE_VOLTAGE:
                 self.unseen = self._standing.why_not(image)
             self._go(rung, image)
         return False

@@ -45,7 +45,9 @@ class ModeWatch:
         return ModeError(
             f"{self._name}: the drive has left mode {int(mode)} ({modes.short(mode)}) by itself",
             axis=self._name,
-            observed=f"6061h shows {shown} ({modes.short(ModeOfOperation(shown))}) in the middle of a motion, and nobody here has asked for it",
-            remedy="look for a commissioning tool or another master that writes 6060h, and in the drive's manual for what makes it change "
+            observed=f"6061h shows {shown} ({modes.short(ModeOfOperation(shown))}) in the middle of a motion, and "
+            f"nobody here has asked for it",
+            remedy="look for a commissioning tool or another master that writes 6060h, and in the drive's manual for "
+            "what makes it change "
             "its mode (a limit, an input, a lost reference); the axis was stopped",
         )

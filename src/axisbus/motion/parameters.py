@@ -118,8 +118,8 @@ class AxisParameters:
     """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
 
     ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``quick_stop_holds``: the drive stays enabled
-    after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are ``standstill_window`` and
-    ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh
+    after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are ``standstill_window``
+    and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh
     and ``fault_objects`` into sentences (the make's table).
     """
 
@@ -137,7 +137,10 @@ class AxisParameters:
     position_window: int | None = None
     standstill_window: int | None = None  # position increments
     following_error: int | None = None  # position increments
-    following_time: float = 0.0  # seconds that it must last (6066h)
+    drive_following_error: int | None = (
+        None  # position increments: the drive's own 6065h, for the position modes
+    )
+    drive_following_time: float = 0.0  # seconds: the drive's own 6066h
     standstill_speed: float | None = None  # position increments per second
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain_fault: Explain = no_explanation
@@ -163,10 +166,15 @@ class AxisParameters:
         speed = self.limits.velocity or self.defaults.velocity or 0.0
         return max(_LEAST_PULL, _PULL_TIME * speed * abs(self.units.position.factor))
 
-    def lag_allowed(self, speed: float) -> float:
-        """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s."""
-        own = _LAG_TIME * speed if self.following_error is None else float(self.following_error)
-        return self.pull_window + own
+    def lag_allowed(self, speed: float, *, by_position: bool = True) -> float:
+        """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s.
+
+        ``by_position``: it is led by positions, which the drive's own following error window is for.
+        """
+        own = self.following_error
+        if own is None and by_position:
+            own = self.drive_following_error
+        return self.pull_window + (_LAG_TIME * speed if own is None else float(own))
 
     @property
     def path_deceleration(self) -> float | None:

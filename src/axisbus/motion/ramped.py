@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-The commanded velocity goes up by the profile acceleration and down by the deceleration, from the velocity that the axis had. Its way
-is integrated from position to position, and what was made is taken off. An exact integral would grow for ever by a speed
-that is one increment off, so the difference decays, and the slower the axis is to turn the longer it takes: an axis that makes less than
-half of the way it should is found out, in about 1.4 times ``window / speed + 0.25 s``; one that makes more is not.
+The commanded velocity goes up by the profile acceleration and down by the deceleration, from the velocity that the axis had. Its
+way is integrated from position to position, and what was made is taken off. An exact integral would grow for ever by a speed
+that is one increment off, so the difference decays, and the slower the axis is to turn the longer it takes: an axis that makes
+less than half of the way it should is found out, in about 1.4 times ``window / speed + 0.25 s``; one that makes more is not.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""The end of a stop in profile position mode where 6062h is not to be had: a set-point where the axis stands, so that nothing pulls.
+"""The end of a stop in profile position mode without 6062h: a set-point where the axis stands, so that nothing pulls.
 
-A drive that was halted on its way keeps its old target. Nobody sees whether its controller leads the motor there (something may hold it),
-so it is given a new one: the position that it has now, at the lowest velocity. The halt stays set all the time; a drive that takes no
-set-point then is stopped harder.
+Theory of operation
+-------------------
+A drive that was halted on its way keeps its old target. Nobody sees whether its controller leads the motor there (something may
+hold it), so it is given a new one: the position that it has now, at the lowest velocity. The halt stays set all the time; a drive
+that takes no set-point then is stopped harder.
 """
 
 from __future__ import annotations

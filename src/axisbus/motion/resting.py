@@ -35,7 +35,7 @@ class Resting:
         self._stamp = image.position_stamp
         if self._place is None:
             self._place = position
-        allowed = self._parameters.lag_allowed(0.0)
+        allowed = self._parameters.lag_allowed(0.0, by_position=False)
         pull = image.pull or 0
         if abs(position - self._place) <= allowed and abs(pull) <= allowed:
             self._misses = 0
@@ -61,7 +61,8 @@ class Resting:
             axis=name,
             observed=f"no command runs, and it went from {units.to_units(place - image.origin):g} to "
             f"{units.to_units(position - image.origin):g} {units.unit}{moving}{mode}",
-            remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a load that the motor "
+            remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a "
+            "load that the motor "
             f"cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
         )
 

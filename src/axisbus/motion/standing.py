@@ -2,15 +2,16 @@
 
 Theory of operation
 -------------------
-A stop that was asked for is not a stop that happened. An axis *stands* when three things have been seen since a moment (the beginning
-of a command, or of a rung of the stop ladder):
+A stop that was asked for is not a stop that happened. An axis *stands* when three things have been seen since a moment (the
+beginning of a command, or of a rung of the stop ladder):
 
 1. Positions received after that moment lie within the tolerance of one place for the whole ``standstill_time``. What was received
    before says nothing, however fresh it may count: an event-driven position may be half a second old.
 2. Nothing pulls: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
-   ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is let go.
-3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is less, and
-   ``witness`` says so.
+   ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is
+   let go.
+3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is
+   less, and ``witness`` says so.
 
 The same definition serves the stop ladder, halt, stop, enable, moves, homing and ``set_position``.
 """
