@@ -47,10 +47,21 @@ class Peak:
 class Following:
     """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off."""
 
-    __slots__ = ("_activity", "_led", "_led_stamp", "_misses", "_parameters", "_peak", "_since", "_stamp")
+    __slots__ = (
+        "_activity",
+        "_led",
+        "_led_stamp",
+        "_misses",
+        "_parameters",
+        "_peak",
+        "_since",
+        "_stamp",
+        "_window",
+    )
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
+        self._window = parameters.pull_window  # within it there is nothing to be computed
         self._forget(None)
 
     def _forget(self, activity: Activity | None) -> None:
@@ -73,6 +84,9 @@ class Following:
             self._misses = 0
             return None
         top = self._peak.note(speed, image.now)
+        if -self._window <= way <= self._window:
+            self._misses, self._since = 0, math.inf
+            return None
         allowed = self._parameters.lag_allowed(top, by_position=activity.behind is None)
         if abs(way) <= allowed + top * self._skew(image):
             self._misses, self._since = 0, math.inf

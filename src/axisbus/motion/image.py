@@ -150,10 +150,15 @@ class Image:
         That is 6062h, and in a cyclic position mode the target that was sent, whichever is farther. In the modes without a position
         controller 6062h has no meaning, and without power nothing pulls.
         """
-        if self.position is None or self.state not in ENERGISED or self.mode in WITHOUT_POSITION_DEMAND:
+        position = self.position
+        if position is None or self.state not in ENERGISED or self.mode in WITHOUT_POSITION_DEMAND:
             return None
-        ways = [led - self.position for led in (self.demand, self.led_to) if led is not None]
-        return max(ways, key=abs, default=None)
+        demand, led_to = self.demand, self.led_to
+        if led_to is None:
+            return None if demand is None else demand - position
+        if demand is None or abs(led_to - position) > abs(demand - position):
+            return led_to - position
+        return demand - position
 
     @property
     def reference(self) -> int | None:

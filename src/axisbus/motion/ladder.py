@@ -60,6 +60,7 @@ _HOLDING_MODES = (
     ModeOfOperation.CYCLIC_SYNC_POSITION,
     ModeOfOperation.PROFILE_VELOCITY,
 )
+_UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
 _MAY_DRIVE = ENERGISED | {State.UNKNOWN}
 _NMT_STOP_TIME = 0.1
 # The entry of [axes.NAME.stop] that gives each rung its time.
@@ -88,6 +89,7 @@ class StopLadder:
         self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
         self._stands_now = False
+        self._stood_before = False  # at the beginning of the stop
         self.rung = start
         self.path: list[Rung] = [start]
         self.seen = State.UNKNOWN  # by PDO, else by SDO
@@ -96,6 +98,8 @@ class StopLadder:
         self.blind = False  # the statusword was gone when a halt was asked for
         self.spared = False  # the power was left on because of the load
         self.unseen = ""  # what was missing for standstill when a time passed
+        self.running_down = ""  # the same, of a motor without power
+        self.held = False  # something held the axis while its drive pulled (or may have)
         self.witness = ""  # by what less than its position the axis was seen to stand
 
     @property
@@ -106,7 +110,7 @@ class StopLadder:
     @property
     def descended(self) -> bool:
         """Whether it came further down than was asked for, or (for the load's sake) not as far as it should have."""
-        return bool(self.late) or self.blind or self.spared
+        return bool(self.late) or self.blind or self.spared or self.held
 
     @property
     def takes_power(self) -> bool:
@@ -126,6 +130,7 @@ class StopLadder:
         ``run_down``: whether the motor may still turn without power.
         """
         if self._deadline is None:
+            self._stood_before = image.standstill and len(self.path) == 1
             self._begin_rung(image)
         self._stands_now = self._standing.seen(image)
         ended = self._step(image, order, run_down)
@@ -156,12 +161,12 @@ class StopLadder:
     def _unpowered(self, image: Image, order: Order, run_down: RunDown) -> bool:
         order.goal = State.SWITCH_ON_DISABLED
         if run_down.under_way or (image.state is State.UNKNOWN and self._by_sdo.may_turn):
-            self.unseen = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
+            self.running_down = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
             if self._rest_by is None:
                 self._rest_by = image.now + self._parameters.stop_times.disable
             return image.now > self._rest_by
         self.confirmed = True
-        self.unseen = ""
+        self.running_down = ""
         if self._then is Then.HOLD or self.seen in (State.SWITCH_ON_DISABLED, State.FAULT):
             return True
         return self._expired(image)
@@ -193,12 +198,19 @@ class StopLadder:
         return self._stands_now
 
     def _relieved(self, image: Image, order: Order) -> bool:
-        """Whether nothing is left of an interrupted move that may pull; a drive that stays powered is given a new target for it."""
+        """Whether nothing is left of an interrupted move that may pull; a drive that stays powered is given a new target for it.
+
+        An axis that stood in the middle of its move, before it was halted, was held by something: only without power is it safe.
+        """
         if self._then is Then.DISABLE:
             return True  # that takes away whatever pulls
         if self._relief is None:
             if not needs_relief(image, self._parameters) or image.position is None:
                 return True
+            if self._stood_before:
+                self.held, self.unseen = True, _UNSEEN_PULL
+                self._go(Rung.QUICK_STOP, image)
+                return False
             self._relief = Relief(image.position, self._parameters)
         if self._relief.step(image, order):
             self._end_relief(order)
@@ -288,6 +300,7 @@ class StopLadder:
             self.late += [] if key in self.late else [key]
             if not self._disabling and rung <= Rung.DISABLE_VOLTAGE:
                 self.unseen = self._standing.why_not(image)
+                self.held = self.held or self._standing.is_held(image)
             self._go(rung, image)
         return False
 

@@ -61,6 +61,10 @@ class Standing:
         pull = image.pull
         return pull is not None and abs(pull) > self._parameters.pull_window
 
+    def is_held(self, image: Image) -> bool:
+        """Whether it stands only because something holds it."""
+        return image.position is not None and self._still.still and self.pulls(image)
+
     def why_not(self, image: Image) -> str:
         """Say what is missing, for the error of a stop that was not seen."""
         units = self._parameters.units.position
