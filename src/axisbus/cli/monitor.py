@@ -10,6 +10,7 @@ from axisbus.bus.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.cli.options import beside_option
 from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 
@@ -19,9 +20,10 @@ from axisbus.motion.axis import Axis
 @click.option("--every", default=1.0, show_default=True, help="Seconds between two looks.")
 @click.option("--count", type=int, help="How many looks; without, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
-def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
+@beside_option
+def command(cell: Path, every: float, count: int | None, as_json: bool, beside: bool) -> int:
     """Boot CELL and show its axes; energises nothing."""
-    with Machine.open(cell) as machine:
+    with Machine.open(cell, beside=beside) as machine:
         looks, told = 0, set[str]()
         for line in [] if as_json else histories(machine):
             say(line)
