@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import time
 
 import pytest
@@ -283,6 +284,21 @@ def test_a_tool_alone_is_told_as_what_it_did(golden):
 def test_it_listens_for_two_heartbeats_and_two_cycles_at_most_half_a_second(heartbeat, scan, seconds):
     assert listening_time(BusConfig(heartbeat=heartbeat, scan_period=scan)) == pytest.approx(seconds)
     assert seconds <= LONGEST
+
+
+def test_ctrl_c_while_it_listens_leaves_nothing_behind(tmp_path, monkeypatch):
+    def interrupted(_: float) -> None:
+        raise KeyboardInterrupt
+
+    before = set(threading.enumerate())
+    with Line(tmp_path, "x", present="") as line, Ear(line.channel) as ear:
+        with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+            patched.setattr(alone.time, "sleep", interrupted)
+            line.open()
+        ear.take()
+        assert ear.heard == []
+        left = [thread for thread in threading.enumerate() if thread not in before]
+        assert not [thread for thread in left if "receive" in thread.name]
 
 
 def test_a_quiet_bus_costs_no_more_than_that(tmp_path):

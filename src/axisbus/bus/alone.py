@@ -49,8 +49,8 @@ def refusal(name: str, heard: Iterable[Heard], begin: float, seconds: float) -> 
     remedy = [
         "close the other program, and open again",
         *devices,
-        "to open all the same: --beside, Machine.open(..., beside=True) or beside = true in [bus]; then both command the same",
-        "drives, each undoes what the other asks for, and whichever closes takes them from both",
+        "to open all the same, as where it is a device that sends them: --beside, Machine.open(..., beside=True) or beside = true",
+        "in [bus]; beside a master both command the same drives, each undoes what the other asks, and whichever closes takes them",
     ]
     return SecondMasterError(
         f"another master, or a tool that acts as one, is on the bus {name}; we sent nothing",

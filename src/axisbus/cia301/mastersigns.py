@@ -10,6 +10,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
 
 _FUNCTION, _NODE = 0x780, 0x7F
+_MEASURED = 3  # frames that a period is told of
 _STATE = 0x7F  # of a heartbeat's byte, without the toggle bit of node guarding; 0 is a boot-up message
 
 
@@ -23,6 +24,9 @@ class Sign(Enum):
     SDO = "SDO requests"
     GUARDING = "node guarding requests (remote frames)"
     LSS = "LSS requests"
+
+
+_CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that says something
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +76,10 @@ class Heard:
 
     @property
     def period(self) -> float | None:
-        """The mean time in seconds from one to the next, None of fewer than three."""
-        return (self.last - self.first) / (self.count - 1) if self.count > 2 else None
+        """The mean time in seconds from one to the next; None of what comes as it comes, and of too few."""
+        if self.sign not in _CYCLIC or self.count < _MEASURED:
+            return None
+        return (self.last - self.first) / (self.count - 1)
 
 
 @dataclass(slots=True)
