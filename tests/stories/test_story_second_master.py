@@ -25,7 +25,9 @@ from kit.cell import cell_text
 from kit.probe import ENABLED, OFF
 
 ALL = {**others.SIGNS, **others.MASTERS}
-QUICK = {"heartbeat": "50ms"}
+QUICK = {
+    "heartbeat": "100ms"
+}  # it listens for 0.2 s; where a machine then runs, it is as slow as every story's
 
 
 @pytest.fixture
@@ -133,7 +135,7 @@ def test_our_own_node_id_is_a_masters_whatever_it_is(tmp_path):
 @pytest.mark.parametrize("what", others.HARMLESS)
 def test_slaves_and_listeners_are_no_master(tmp_path, what):
     with (
-        Line(tmp_path, "x", **QUICK) as line,
+        Line(tmp_path, "x") as line,
         OtherMaster(line.channel, others.HARMLESS[what]),
         line.open() as machine,
     ):
@@ -159,7 +161,7 @@ def test_a_drive_of_the_cell_with_id_127_is_no_master(tmp_path):
 def test_the_sync_of_another_device_is_none_where_the_cell_says_so(tmp_path):
     bus = 'sync_producer = "external"'
     with (
-        Line(tmp_path, "x", bus=bus, **QUICK) as line,
+        Line(tmp_path, "x", bus=bus) as line,
         OtherMaster(line.channel, (Says(0x80),), 0.02),
         line.open() as machine,
     ):
@@ -206,7 +208,7 @@ BOOTING = {"boot": (), "move": ("x=5", "--relative"), "home": (), "reset": (), "
 
 @pytest.mark.parametrize("command", BOOTING)
 def test_commands_that_boot_are_refused_and_with_beside_are_not(tmp_path, axisbus, command):
-    with Line(tmp_path, "x", **QUICK) as line, OtherMaster(line.channel, others.SIGNS["a heartbeat of 127"]):
+    with Line(tmp_path, "x") as line, OtherMaster(line.channel, others.SIGNS["a heartbeat of 127"]):
         before = line.where()
         code, _, told = axisbus(command, line.file, *BOOTING[command])
         assert code == 3
