@@ -12,6 +12,7 @@
     ├── BusError                     the adapter, the wire or a node's communication
     │   ├── AdapterError             the CAN adapter cannot be opened, refuses to send, or stopped receiving
     │   │   └── BusOff               its controller has left the bus; it may come back
+    │   ├── SecondMasterError        another master, or a tool that acts as one, was heard before our first frame
     │   ├── NodeError                a node: no answer, lost, rebooted
     │   │   └── NodeTimeout          (also TimeoutError)
     │   ├── SdoError                 an SDO transfer that failed
@@ -113,6 +114,16 @@ class AdapterError(BusError):
 
 class BusOff(AdapterError):
     """The CAN controller is bus-off (ISO 11898-1): nothing is sent or received until it is restarted."""
+
+
+class SecondMasterError(BusError):
+    """Another master, or a tool that acts as one, is on the bus; nothing was sent. ``heard`` says in words what gave it away."""
+
+    def __init__(
+        self, message: str, *, heard: tuple[str, ...] = (), observed: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.heard = heard
 
 
 class NodeError(BusError):
