@@ -113,6 +113,15 @@ def no_explanation(_code: int, _details: Mapping[tuple[int, int], int]) -> list[
     return []
 
 
+def pull_window(standstill_window: float | None, position_window: float | None, speed: float) -> float:
+    """Return the window of ``AxisParameters.pull_window``; all in increments, ``speed`` the highest of the axis, per s."""
+    if standstill_window is not None:
+        return float(standstill_window)
+    if position_window is not None:
+        return max(_LEAST_PULL, 10.0 * position_window)
+    return max(_LEAST_PULL, _PULL_TIME * speed)
+
+
 @dataclass(frozen=True, slots=True)
 class AxisParameters:
     """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
@@ -159,12 +168,8 @@ class AxisParameters:
         Where cell.toml does not say it: ten position windows, else 10 ms at ``max_velocity`` (at the default velocity where that is
         missing), and never less than what a quiet encoder wanders.
         """
-        if self.standstill_window is not None:
-            return float(self.standstill_window)
-        if self.position_window is not None:
-            return max(_LEAST_PULL, 10.0 * self.position_window)
-        speed = self.limits.velocity or self.defaults.velocity or 0.0
-        return max(_LEAST_PULL, _PULL_TIME * speed * abs(self.units.position.factor))
+        speed = (self.limits.velocity or self.defaults.velocity or 0.0) * abs(self.units.position.factor)
+        return pull_window(self.standstill_window, self.position_window, speed)
 
     def lag_allowed(self, speed: float, *, by_position: bool = True) -> float:
         """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s.
