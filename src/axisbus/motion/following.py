@@ -133,9 +133,7 @@ class Following:
         assert image.position is not None
         where = units.to_units(image.position - image.origin)
         off = abs(units.to_units(way))
-        hints = list(sw.hints(image.statusword)) if image.statusword is not None else []
-        if image.statusword is not None and activity.mode == _M.CYCLIC_SYNC_POSITION:
-            hints += [] if image.statusword & sw.FOLLOWS_COMMAND else [_IGNORES]
+        hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
         seen = f"at {where:g} {units.unit} it is {off:g} {units.unit} from where it should be by now; "
         seen += f"{abs(units.to_units(allowed)):g} are allowed"
         return FollowingError(
@@ -146,6 +144,3 @@ class Following:
             "velocity (6072h, 607Fh, "
             f"6080h); keep clear: what is held may leap when it comes free; following_error in [axes.{name}] sets the lag allowed",
         )
-
-
-_IGNORES = "bit 12 is 0: the drive says that it does not follow its targets"
