@@ -98,7 +98,7 @@ class Following:
         self._since = min(self._since, image.now)
         if self._misses < _TWICE or image.now < self._since + self._parameters.drive_following_time:
             return None
-        return self._failed(image, activity, way, allowed)
+        return self._failed(image, way, allowed)
 
     def _off(self, image: Image, activity: Activity) -> tuple[float | None, float]:
         """Return how far the axis is behind what leads it (None: nobody knows), and the speed at which it is led."""
@@ -116,19 +116,16 @@ class Following:
         return abs(image.position_stamp - image.demand_stamp)
 
     def _speed(self, image: Image) -> float:
-        led = image.led_to if image.led_to is not None else image.demand
-        before, stamp = self._led, self._led_stamp
+        led, when = image.led_to, image.now
         if led is None:
-            return 0.0
-        when = image.now if image.led_to is not None else image.demand_stamp
-        if before is None or when <= stamp:
-            if before is None:
-                self._led, self._led_stamp = led, when
+            led, when = image.demand, image.demand_stamp
+        before, stamp = self._led, self._led_stamp
+        if led is None or (before is not None and when <= stamp):
             return 0.0
         self._led, self._led_stamp = led, when
-        return abs(led - before) / (when - stamp)
+        return 0.0 if before is None else abs(led - before) / (when - stamp)
 
-    def _failed(self, image: Image, activity: Activity, way: float, allowed: float) -> FollowingError:
+    def _failed(self, image: Image, way: float, allowed: float) -> FollowingError:
         name, units = self._parameters.name, self._parameters.units.position
         assert image.position is not None
         where = units.to_units(image.position - image.origin)
@@ -140,7 +137,7 @@ class Following:
             f"{name}: does not follow what is asked of it",
             axis=name,
             observed="; ".join([seen, *hints]),
-            remedy="look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or "
-            "velocity (6072h, 607Fh, "
-            f"6080h); keep clear: what is held may leap when it comes free; following_error in [axes.{name}] sets the lag allowed",
+            remedy="look whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, "
+            "607Fh, 6080h); keep clear: what is held may leap when it comes free; following_error in "
+            f"[axes.{name}] sets the lag allowed",
         )
