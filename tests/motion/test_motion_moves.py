@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
@@ -153,7 +154,7 @@ def test_a_move_of_zero_length_ends_on_an_event_driven_drive_too():
     events = dict.fromkeys(
         ("statusword", "mode", "position", "velocity", "torque", "demand"), Source.EVENT_PDO
     )
-    r = rig(port={"inputs": events, "max_age": dict.fromkeys(events, 1e9)}).enabled()
+    r = rig(port={"inputs": events, "max_age": dict.fromkeys(events, math.inf)}).enabled()
     r.axis.move_absolute(20.0).wait(5)
     r.run(0.5)
     r.axis.move_absolute(20.0).wait(2)

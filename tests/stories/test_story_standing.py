@@ -398,3 +398,20 @@ def test_what_less_than_a_position_saw_the_stop_is_said(story):
     handle = cell.x.halt().wait(5)
     assert "velocity (606Ch) is 0" in handle.note
     assert "not known" in repr(handle)
+
+
+@pytest.mark.parametrize("way", ["stop", "halt"])
+def test_a_demand_from_before_the_jam_does_not_count(story, way):
+    """6062h polled every quarter of a second: the last one is of when the axis still went along with it."""
+    cell = story.simulated("x", eds=MODULE, port=POLLED_DEMAND, axis="following_error = 1000.0").enabled()
+    going(cell, "pp")
+    cell.until(lambda: cell.now - cell.core().image.demand_stamp < 0.011)
+    cell.jam()
+    cell.run(0.1)
+    cell.end_of(getattr(cell.x, way)())
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+
+
+POLLED_DEMAND = {"inputs": {"demand": Source.SDO}, "max_age": {"demand": 0.8}, "sdo_poll": 0.25}

@@ -44,6 +44,7 @@ class Image:
         "_still",
         "bus",
         "demand",
+        "demand_repeats",
         "demand_stamp",
         "emcy",
         "gap",
@@ -95,6 +96,7 @@ class Image:
         self.torque: int | None = None
         self.demand: int | None = None
         self.demand_stamp = -math.inf
+        self.demand_repeats = math.isfinite(self._max_age[5])  # else its silence says that it has not changed
         self.led_to: int | None = None
         self.set_point: int | None = None
         self.shows_target = False

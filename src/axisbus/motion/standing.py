@@ -49,7 +49,8 @@ class Standing:
         """Take this cycle's values; return whether the axis stands."""
         if image.position is not None:
             self._by = ""
-            return self._still.feed(image.position, image.position_stamp) and not self.pulls(image)
+            still = self._still.feed(image.position, image.position_stamp)
+            return still and self._knows_demand(image) and not self.pulls(image)
         if image.velocity is not None:
             self._by = "its velocity (606Ch) is 0; where it stands is not known"
             return self._rests(image)
@@ -60,6 +61,12 @@ class Standing:
         """Whether the controller leads the axis to somewhere else than where it is."""
         pull = image.pull
         return pull is not None and abs(pull) > self._parameters.pull_window
+
+    def _knows_demand(self, image: Image) -> bool:
+        """Whether 6062h was received since the axis came to rest: one that is polled may be of when it still moved."""
+        if image.demand is None or image.pull is None or not image.demand_repeats:
+            return True
+        return image.demand_stamp >= self._still.rested_since
 
     def is_held(self, image: Image) -> bool:
         """Whether it stands only because something holds it."""

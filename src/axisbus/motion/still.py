@@ -33,6 +33,11 @@ class Still:
             self.still = True
         return self.still
 
+    @property
+    def rested_since(self) -> float:
+        """When the value was first received at the place where it is (-inf: never)."""
+        return self._anchor_stamp
+
     def forget(self) -> None:
         """Begin anew: the value is unknown, or counts from another place now."""
         self._anchor, self.still = None, False
