@@ -275,10 +275,13 @@ class Axis:
         """Call the actual position ``position`` from now on (MC_SetPosition).
 
         The master keeps the difference; the drive's own position and limits do not change.
+
+        Raises:
+            LimitError: beyond what a position object holds, so that no move could ever be told from there.
+            ArgumentError: not finite.
         """
         name = f"set_position({shown(position)} {self.unit})"
-        position = self._request(name).finite("position", position)
-        return self._submit(name, c.SetPosition(self._parameters.units.position.to_increments(position)))
+        return self._submit(name, c.SetPosition(self._request(name).place(position)))
 
     def follow(self, trajectory: Trajectory) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
@@ -299,9 +302,7 @@ class Axis:
     # -- how a command is made ----------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:
-        handle = Handle(f"{self.name}.{name}", self._waiter)
-        self._scan.submit(self.name, command, handle)
-        return handle
+        return self._scan.submit(self.name, command, Handle(f"{self.name}.{name}", self._waiter))
 
     def _move_by(
         self,

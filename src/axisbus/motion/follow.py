@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import ArgumentError, LimitError, MotionTimeout
+from axisbus.errors import LimitError, MotionTimeout
 from axisbus.motion.activity import Activity, ModeSwitch, require_position
 from axisbus.motion.gate import Gate
+from axisbus.motion.guarded import Guarded
 from axisbus.motion.image import Image
 from axisbus.motion.interpolation import CyclicSetup
 from axisbus.motion.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.lookahead import Excess, Known, excess, widened
+from axisbus.motion.lookahead import Excess, excess, widened
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
@@ -44,7 +44,7 @@ class Follow(Activity):
 
         ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
         """
-        self._trajectory = trajectory
+        self._trajectory = None if trajectory is None else Guarded(trajectory, parameters.name)
         self._parameters = parameters
         self._gate = gate
         self._brake = brake
@@ -58,11 +58,12 @@ class Follow(Activity):
         self._last: int | None = None
         self._arrive_by: float | None = None
         self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
-        self._is_known = False  # in advance, and checked as a whole
+        self._stepped = False
         self.brakes_along = False
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the trajectory's end."""
+        self._stepped = True
         if not self._prepare(image, order) or self._trajectory is None:
             return False
         if not self._running:
@@ -88,7 +89,12 @@ class Follow(Activity):
 
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
-        self._trajectory = trajectory
+        self._trajectory = Guarded(trajectory, self._parameters.name)
+
+    def take_stepped(self) -> bool:
+        """Return whether it was stepped, by its axis's command or stop, since the last call."""
+        stepped, self._stepped = self._stepped, False
+        return stepped
 
     def begin_braking(self) -> bool:
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
@@ -112,8 +118,8 @@ class Follow(Activity):
         """Take back what is queued."""
         self._setup.cancel(order)
 
-    def _way(self, trajectory: Trajectory, t: float) -> float:
-        return self._position(trajectory, min(max(t, 0.0), trajectory.duration))
+    def _way(self, trajectory: Guarded, t: float) -> float:
+        return trajectory.position(min(max(t, 0.0), trajectory.duration))
 
     def _prepare(self, image: Image, order: Order) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
@@ -125,7 +131,7 @@ class Follow(Activity):
         assert self._trajectory is not None
         units = self._parameters.units.position
         reference = self.reference(image)
-        first = units.to_increments(self._position(self._trajectory, 0.0)) + image.origin
+        first = units.to_increments(self._trajectory.position(0.0)) + image.origin
         if abs(first - reference) > START_TOLERANCE:
             raise LimitError(
                 f"{self._parameters.name}: the trajectory does not begin where the axis stands",
@@ -135,19 +141,18 @@ class Follow(Activity):
             )
         self._running = True
         self._last = reference
-        self._is_known = isinstance(self._trajectory, Known)
         if self._parameters.limits.position is not None:
             margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
             start = units.to_units(reference - image.origin)
             self._limits = widened(self._parameters.limits.position, start, margin)
 
-    def _look_ahead(self, trajectory: Trajectory) -> None:
+    def _look_ahead(self, trajectory: Guarded) -> None:
         """Raise LimitError where the axis could not be kept within its position limits any more if it went on.
 
         The path is then braked from where it is (``brakes_along``). What is known in advance has been checked before.
         """
         deceleration = self._parameters.path_deceleration
-        if self._limits is None or self._is_known or self.clock.braking or not deceleration:
+        if self._limits is None or trajectory.is_known or self.clock.braking or not deceleration:
             return
         way = partial(self._way, trajectory)
         found = excess(way, self.clock.t, self._parameters.scan_period, self._limits, deceleration)
@@ -183,21 +188,6 @@ class Follow(Activity):
             f"{name}: the trajectory leaves the position limits",
             observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
-        )
-
-    def _position(self, trajectory: Trajectory, t: float) -> float:
-        """Return the position at ``t``; a trajectory is the user's own code, and its mistake must not end the scan."""
-        try:
-            value = trajectory.position(t)
-            if math.isfinite(value):
-                return value
-            seen = f"it gave {value}"
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command with its name
-            seen = f"{type(error).__name__}: {error}"
-        raise ArgumentError(
-            f"{self._parameters.name}: the trajectory gives no position at {t:.3f} s",
-            observed=seen,
-            remedy="mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped",
         )
 
     def _check_speed(self) -> None:
