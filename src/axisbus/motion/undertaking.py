@@ -25,6 +25,8 @@ from axisbus.motion.handle import NOBODY, Handle, Status, end_as
 from axisbus.motion.line import Line
 from axisbus.motion.states import AxisState
 
+_TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"
+
 
 class Undertaking:
     """Holds the command's handle, its children by axis, the gate, and the line where it is one."""
@@ -111,7 +113,7 @@ class Undertaking:
         what = "stopped on its line" if self.gate.is_open else "not started"
         reason = f"{self._handle.name}: {what}, because {cause.message}"
         if isinstance(cause, Interrupted):
-            self._reason = type(cause)(reason)
+            self._reason = type(cause)(reason, remedy=_TOGETHER)
         self._called_off = True
         self.gate.shut()
         for axis in self._own():
