@@ -83,7 +83,8 @@ def test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_st
     for thread in threads:
         thread.start()
     time.sleep(1.5)
-    cell.must_move("x")
+    if ENDLESS[what].life is not None:  # a motion that is replaced in each cycle has never begun
+        cell.must_move("x")
     halt = cell["y"].halt()
     cell.must_stand("y", within=1.5, stages=ENABLED, for_good=0.3)
     share = (scan.lateness.cycles - cycles) * scan.period / (time.monotonic() - begin)
