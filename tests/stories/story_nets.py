@@ -15,7 +15,7 @@ from axisbus.motion.ladder import StopLadder
 from axisbus.sim.direct import DirectCycle
 
 
-def _says_it_stands(ladder: StopLadder, _image: object, _order: object) -> bool:
+def _says_it_stands(ladder: StopLadder, *_: object) -> bool:
     ladder.confirmed = True
     return True
 
