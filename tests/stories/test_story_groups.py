@@ -477,6 +477,17 @@ def test_what_a_trajectory_raises_in_the_scan_s_thread_does_not_end_the_scan(sto
     must_still_work(cell, "x")
 
 
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, RuntimeError])
+def test_what_a_callback_raises_in_the_scan_s_thread_does_not_end_the_scan(story, kind, caplog):
+    cell = story.real("x", axis=AXIS).enabled()
+    handle = cell.x.move_relative(5.0)
+    handle.add_done_callback(raising(kind))
+    handle.wait(5)
+    cell.run(0.1)
+    assert "a callback of x.move_relative(5 deg) failed" in caplog.text
+    must_still_work(cell, "x")
+
+
 # -- absurd numbers (reproduction 14) ----------------------------------------------------------------------------------
 
 

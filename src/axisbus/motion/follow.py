@@ -13,7 +13,7 @@ from axisbus.motion.guarded import Guarded
 from axisbus.motion.image import Image
 from axisbus.motion.interpolation import CyclicSetup
 from axisbus.motion.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.lookahead import Excess, excess, widened
+from axisbus.motion.lookahead import Excess, Known, excess, widened
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
@@ -45,7 +45,7 @@ class Follow(Activity):
 
         ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
         """
-        self._trajectory = None if trajectory is None else Guarded(trajectory, parameters.name)
+        self._trajectory: Trajectory | None = None
         self._parameters = parameters
         self._gate = gate
         self._brake = brake
@@ -59,8 +59,11 @@ class Follow(Activity):
         self._last: int | None = None
         self._arrive_by: float | None = None
         self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
+        self._is_known = False  # in advance, and checked as a whole
         self._stepped = False
         self.brakes_along = False
+        if trajectory is not None:
+            self.begin(trajectory)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the trajectory's end."""
@@ -119,7 +122,7 @@ class Follow(Activity):
         """Take back what is queued."""
         self._setup.cancel(order)
 
-    def _way(self, trajectory: Guarded, t: float) -> float:
+    def _way(self, trajectory: Trajectory, t: float) -> float:
         return trajectory.position(min(max(t, 0.0), trajectory.duration))
 
     def _prepare(self, image: Image, order: Order) -> bool:
@@ -142,18 +145,19 @@ class Follow(Activity):
             )
         self._running = True
         self._last = reference
+        self._is_known = isinstance(self._trajectory, Known)
         if self._parameters.limits.position is not None:
             margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
             start = units.to_units(reference - image.origin)
             self._limits = widened(self._parameters.limits.position, start, margin)
 
-    def _look_ahead(self, trajectory: Guarded) -> None:
+    def _look_ahead(self, trajectory: Trajectory) -> None:
         """Raise LimitError where the axis could not be kept within its position limits any more if it went on.
 
         The path is then braked from where it is (``brakes_along``). What is known in advance has been checked before.
         """
         deceleration = self._parameters.path_deceleration
-        if self._limits is None or trajectory.is_known or self.clock.braking or not deceleration:
+        if self._limits is None or self._is_known or self.clock.braking or not deceleration:
             return
         way = partial(self._way, trajectory)
         found = excess(way, self.clock.t, self._parameters.scan_period, self._limits, deceleration)

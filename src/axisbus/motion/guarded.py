@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from axisbus.errors import ArgumentError, in_a_line
 from axisbus.motion.broken import is_own
-from axisbus.motion.lookahead import Known
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
 
 
 class Guarded:
-    """Holds a trajectory, its ``duration`` as it was told once, and whether all of it ``is_known`` in advance."""
+    """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself it tells as before."""
 
-    __slots__ = ("_name", "_trajectory", "duration", "is_known")
+    __slots__ = ("_name", "_trajectory", "duration")
 
     def __init__(self, trajectory: Trajectory, name: str) -> None:
         """``name``: the axis.
@@ -29,7 +29,9 @@ class Guarded:
             "duration",
             "mend its duration, which must give the same number always",
         )
-        self.is_known = isinstance(trajectory, Known)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._trajectory, name)
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds.

@@ -62,7 +62,7 @@ class Inbox:
     """Holds what waits, in order: ``_given`` by any thread, ``_left`` by the scan from the cycle before."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # what collects garbage in here may log, and who logs may stop an axis
         self._given: deque[Waiting] = deque()
         self._left: deque[Waiting] = deque()
         self._last: WeakValueDictionary[str, Waiting] = WeakValueDictionary()  # given last for each axis

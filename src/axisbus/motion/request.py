@@ -13,7 +13,7 @@ from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale
 
-_COUNTABLE = 2.0**63  # increments; more fit no object, and are not worth their digits
+_COUNTABLE = 2.0**63  # increments: no object holds as many
 _ROUNDING = 1.000001  # what a speed that was computed from positions may be off
 
 
@@ -73,17 +73,22 @@ class Request:
                 observed=f"allowed are {limits[0]:g} to {limits[1]:g} {self._unit}",
                 remedy=f"give a position within them, or change position_limits in [axes.{self._parameters.name}] of cell.toml",
             )
-        return self._whole(position * scale.factor, DataType.INTEGER32, "607Ah")
+        self._countable(position * scale.factor, DataType.INTEGER32, "607Ah")
+        return self._fits(scale.to_increments(position), DataType.INTEGER32, "607Ah")
 
     def place(self, position: float) -> int:
         """Return what the actual position is to be called, in increments."""
         value = self.finite("position", position) * self._parameters.units.position.factor
-        return self._whole(value, DataType.INTEGER32, "6064h")
+        return self._fits(
+            round(self._countable(value, DataType.INTEGER32, "6064h")), DataType.INTEGER32, "6064h"
+        )
 
     def distance(self, distance: float) -> int:
         """Return a distance in increments."""
         value = self.finite("distance", distance) * self._parameters.units.position.factor
-        return self._whole(value, DataType.INTEGER32, "607Ah")
+        return self._fits(
+            round(self._countable(value, DataType.INTEGER32, "607Ah")), DataType.INTEGER32, "607Ah"
+        )
 
     def torque(self, torque: float) -> int:
         """Return a torque (N·m, signed) in 0.1 % of rated torque."""
@@ -91,7 +96,12 @@ class Request:
         torque = self.finite("torque", torque, "N·m")
         if limit is not None and abs(torque) > limit:
             raise self._beyond("torque", torque, "N·m", "max_torque", limit)
-        return self._whole(torque / self._rated_torque * 1000, DataType.INTEGER16, "6071h")
+        self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, "6071h")
+        return self._fits(
+            round(torque / self._rated_torque * 1000),
+            DataType.INTEGER16,
+            "6071h",
+        )
 
     def torque_slope(self, slope: float | None) -> int | None:
         """Return a slope (N·m/s) in 0.1 % of rated torque per second, None where neither call nor defaults give one."""
@@ -99,7 +109,8 @@ class Request:
         if slope is None:
             return None
         raw = self.positive("slope", slope, "N·m/s") / abs(self._rated_torque) * 1000
-        return self._whole(raw, DataType.UNSIGNED32, "6087h")
+        self._countable(raw, DataType.UNSIGNED32, "6087h")
+        return self._fits(round(raw), DataType.UNSIGNED32, "6087h")
 
     @property
     def _rated_torque(self) -> float:
@@ -158,7 +169,8 @@ class Request:
         velocity = self.finite("velocity", velocity, f"{self._unit}/s")
         self._check_velocity(velocity)
         scale = self._parameters.units.velocity
-        raw = self._whole(velocity * scale.factor, DataType.INTEGER32, "60FFh")
+        self._countable(velocity * scale.factor, DataType.INTEGER32, "60FFh")
+        raw = self._fits(scale.to_increments(velocity), DataType.INTEGER32, "60FFh")
         return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
 
     def _check_velocity(self, velocity: float) -> None:
@@ -242,13 +254,13 @@ class Request:
         """Return a magnitude in increments, at least 1, that fits UNSIGNED32."""
         return self._fits(max(1, abs(scale.to_increments(value))), DataType.UNSIGNED32, what)
 
-    def _whole(self, value: float, data_type: DataType, what: str) -> int:
-        """Return increments as the nearest whole number that fits ``data_type``."""
-        if abs(value) < _COUNTABLE:
-            return self._fits(round(value), data_type, what)
+    def _countable(self, increments: float, data_type: DataType, what: str) -> float:
+        """Return increments, as computed, that are worth their digits; any more fit no object."""
+        if abs(increments) < _COUNTABLE:
+            return increments
         low, high = data_type.range
         raise LimitError(
-            f"{self.text}: {what}: {value:g} does not fit {data_type.name}",
+            f"{self.text}: {what}: {increments:g} does not fit {data_type.name}",
             observed=f"{data_type.name} holds {low} to {high}",
             remedy="give a smaller value, or check the scale",
         )
