@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from itertools import pairwise
 
@@ -12,7 +13,7 @@ from axisbus.motion import accept_motion, line
 from axisbus.motion.axes import Group
 from axisbus.motion.pathclock import PathClock
 from kit.cell import Cell
-from kit.probe import ENABLED, SWITCH_ON_DISABLED
+from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
 LIMIT = 1000.0  # deg/s², of every axis
 JOLT = 1.2 * LIMIT  # what only a quick stop or a fault may exceed
@@ -475,6 +476,27 @@ def test_what_a_trajectory_raises_in_the_scan_s_thread_does_not_end_the_scan(sto
     assert isinstance(error, ArgumentError)
     assert isinstance(error.__cause__, kind)
     must_still_work(cell, "x")
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, GeneratorExit])
+def test_what_a_trajectory_raises_in_virtual_time_is_its_own_too(story, kind):
+    """There the scan runs in the main thread; the handler of a signal has left no frame, so none has come."""
+    cell = story.simulated("x", axis=AXIS).enabled()
+    error = cell.failure_of(cell.x.follow(Path(raising(kind))))
+    assert isinstance(error.__cause__, kind)
+    must_still_work(cell, "x")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_comes_while_a_trajectory_is_asked_is_no_mistake_of_it(story, number):
+    """In virtual time it ends the program's wait, and everything stands."""
+    cell = story.simulated("xy", axis=AXIS)
+    cell.turning(90.0, names="y")
+    handle = cell.x.follow(Path(lambda: signal.raise_signal(number)))
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        handle.wait(5)
+    for name in "xy":
+        cell.must_stand(name, within=2.0, stages=OFF)
 
 
 @pytest.mark.parametrize("kind", [KeyboardInterrupt, SystemExit, RuntimeError])
