@@ -41,9 +41,10 @@ def test_a_stop_behind_a_thousand_moves_stops_in_the_next_cycle_and_none_of_them
 def test_the_request_to_stop_everything_is_taken_before_all_that_waits(story):
     cell = story.simulated("xy")
     cell.turning(90.0)
-    for number in range(1000):
-        cell.x.move_velocity(90.0 + number % 100)
+    moves = [cell.x.move_velocity(90.0 + number % 100) for number in range(1000)]
     cell.machine.close()
+    assert not any(move.busy for move in moves)
+    assert all(move.exception() is not None for move in moves)
     for name in "xy":
         cell.must_stand(name, within=0.1, stages=OFF)
 

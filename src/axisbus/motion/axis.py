@@ -28,7 +28,8 @@ class Axis:
     """A named axis. Every command returns a ``Handle`` at once; ``handle.wait()`` blocks, ``await handle`` does not.
 
     Values are in the axis's unit (``unit``, unit/s, unit/s²), torques in N·m, times in seconds. Argument errors raise at the call;
-    what the state forbids, and all that happens later, ends the handle.
+    what the state forbids, and all that happens later, ends the handle. Commands that come faster than the scan takes them wait, up
+    to a number (see ``inbox``); halt, stop, quick_stop and disable never do.
     """
 
     def __init__(self, parameters: AxisParameters, scan: Scan, waiter: Waiter) -> None:
