@@ -34,6 +34,7 @@
     │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
     │   └── StaleError               a value that the command needs is too old or was never received
+    ├── CommandError                 a command broke off by an exception in its own work, which hangs on it as __cause__
     └── Interrupted                  the command ended because something else was wanted
         ├── Replaced                 a newer command on the same axis took over
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
@@ -291,6 +292,10 @@ class HomingError(DriveError):
 
 class StaleError(DriveError):
     """A value that is needed was never received or is older than its maximum age."""
+
+
+class CommandError(AxisbusError):
+    """A command broke off by an exception in its own work, such as a trajectory's code; ``__cause__`` has the traceback."""
 
 
 class Interrupted(AxisbusError):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-from axisbus.errors import ArgumentError
+from axisbus.errors import ArgumentError, LimitError
 
 INT32_SPAN = 1 << 32
 INT32_HALF = 1 << 31
@@ -46,10 +46,18 @@ class Scale:
 
         Raises:
             ArgumentError: the value is NaN or infinite.
+            LimitError: it is more than can be counted.
         """
         if not math.isfinite(value):
             raise ArgumentError(f"{value} {self.unit} is no finite number")
-        return round(value * self.factor)
+        increments = value * self.factor
+        if not math.isfinite(increments):
+            raise LimitError(
+                f"{value:g} {self.unit} cannot be counted",
+                observed=f"one {self.unit} is {self.factor:g} increments",
+                remedy="give a smaller value, or check the scale",
+            )
+        return round(increments)
 
     def to_units(self, increments: float) -> float:
         """Turn increments into units."""

@@ -19,7 +19,7 @@ from axisbus.errors import (
     Stopped,
     TransitionError,
 )
-from axisbus.motion.gate import Gate
+from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.parameters import Defaults, Limits, Units
 from axisbus.motion.policy import FaultPolicy
 from axisbus.motion.states import AxisState
@@ -554,16 +554,17 @@ def test_new_commands_wait_until_the_policy_s_stop_stands():
     r.axes["y"].move_absolute(0.0).wait(5)
 
 
-def test_a_gate_opens_in_the_cycle_after_the_last_of_those_that_are_still_coming():
+def test_a_gate_opens_in_the_cycle_after_all_that_are_still_coming_stood_before_it():
     gate = Gate()
     a, b, c = object(), object(), object()
     assert not gate.pass_through(a)
     assert not gate.pass_through(a)
     gate.update(3)
+    assert not gate.pass_through(a)
     assert not gate.pass_through(b)
     assert not gate.is_open
     gate.update(3)
-    assert not gate.pass_through(c)
+    assert [gate.pass_through(one) for one in (a, b, c)] == [False] * 3
     gate.update(3)
     assert gate.is_open
     assert gate.pass_through(a)
@@ -571,3 +572,28 @@ def test_a_gate_opens_in_the_cycle_after_the_last_of_those_that_are_still_coming
     assert not leaving.pass_through(a)
     leaving.update(1)  # the other needs no gate any more
     assert leaving.pass_through(a)
+
+
+def test_one_that_has_gone_away_from_a_gate_is_not_counted_any_more():
+    gate = Gate()
+    gone, here, coming = object(), object(), object()
+    gate.pass_through(gone)
+    gate.pass_through(here)
+    gate.update(3)
+    assert not gate.pass_through(here)
+    gate.update(2)  # here and coming
+    assert not gate.is_open
+    gate.pass_through(here)
+    gate.pass_through(coming)
+    gate.update(2)
+    assert gate.is_open
+
+
+def test_a_gate_that_is_shut_opens_no_more_and_an_open_one_is_not_shut():
+    gate = Gate()
+    gate.pass_through(gate)
+    gate.shut()
+    gate.update(1)
+    assert not gate.is_open
+    OPEN.shut()
+    assert OPEN.pass_through(gate)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
+from fractions import Fraction
 from unittest.mock import patch
 
 import pytest
 
-from axisbus.errors import ArgumentError, AxisbusError, LimitError
+from axisbus.errors import ArgumentError, AxisbusError, CommandError, LimitError
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import SCALE
 
@@ -45,6 +47,12 @@ REFUSED = {
     "homing_timeout_nan": lambda x: x.home(35, timeout=NAN),
     "set_position_infinite": lambda x: x.set_position(INF),
     "follow_without_end": lambda x: x.follow(Endless()),
+    "position_beyond_every_float": lambda x: x.move_relative(10**400),
+    "position_yes": lambda x: x.move_absolute(True),
+    "distance_huge": lambda x: x.move_relative(1e300),
+    "set_position_overflow": lambda x: x.set_position(HUGE),
+    "set_position_huge": lambda x: x.set_position(1e306),
+    "homing_method_half": lambda x: x.home(17.5),
 }
 
 
@@ -136,6 +144,93 @@ def test_a_relative_move_beyond_the_limits_ends_its_handle_and_moves_nothing(sto
     cell.run(0.3)
     assert abs(cell.where() - 80.0) < 0.05
     cell.x.move_relative(9.9).wait(5)  # the axis is not in ErrorStop for that
+
+
+class Odd(float):
+    """A number of a kind of its own, as numpy has them."""
+
+
+ABSURD = {
+    "huge": 1e300,
+    "the largest": 1.7976931348623157e308,
+    "the smallest": 5e-324,
+    "negative and huge": -1e306,
+    "beyond every float": 10**400,
+    "of five thousand digits": 10**5000,
+    "a fraction": Fraction(1, 3),
+    "a fraction beyond every float": Fraction(10**400, 3),
+    "a decimal": Decimal("0.5"),
+    "yes": True,
+    "a complex one": 1j,
+    "a list": [1.0],
+    "a kind of its own": Odd(0.5),
+    "nothing": None,
+    "text": "0.5",
+    "not a number": NAN,
+    "without end": INF,
+}
+GIVEN = {
+    "move_absolute": lambda x, value: x.move_absolute(value),
+    "move_relative": lambda x, value: x.move_relative(value),
+    "move_additive": lambda x, value: x.move_additive(value),
+    "velocity": lambda x, value: x.move_relative(1.0, velocity=value),
+    "acceleration": lambda x, value: x.move_relative(1.0, acceleration=value),
+    "deceleration": lambda x, value: x.move_relative(1.0, deceleration=value),
+    "timeout": lambda x, value: x.move_relative(1.0, timeout=value),
+    "move_velocity": lambda x, value: x.move_velocity(value),
+    "jog": lambda x, value: x.jog(value),
+    "torque": lambda x, value: x.torque_control(value),
+    "slope": lambda x, value: x.torque_control(0.5, slope=value),
+    "method": lambda x, value: x.home(value),
+    "homing timeout": lambda x, value: x.home(35, timeout=value),
+    "set_position": lambda x, value: x.set_position(value),
+    "span": lambda x, value: x.follow(Trapezoid(x.position, value, 1.0, 1.0)),
+    "speed": lambda x, value: x.follow(Trapezoid(x.position, 1.0, value, 1.0)),
+    "ramp": lambda x, value: x.follow(Trapezoid(x.position, 1.0, 1.0, value)),
+}
+IN_A_GROUP = {
+    "line": lambda group, value: group.move_linear((value, 1.0), velocity=10.0),
+    "path velocity": lambda group, value: group.move_linear((1.0, 1.0), velocity=value),
+    "path acceleration": lambda group, value: group.move_linear(
+        (1.0, 1.0), velocity=10.0, acceleration=value
+    ),
+    "direct": lambda group, value: group.move_direct((1.0, value)),
+    "direct velocity": lambda group, value: group.move_direct((1.0, 1.0), velocity=value),
+}
+
+
+@pytest.mark.parametrize("what", [*GIVEN, *IN_A_GROUP])
+def test_no_number_however_absurd_ends_the_scan_or_fails_in_any_way_but_ours(story, what):
+    """It is refused at the call, or the command goes its way; either way the next one finds an axis that works."""
+    for name, value in ABSURD.items():
+        cell = story.simulated("xy", axis=LIMITED).enabled()
+        cell.run(0.1)
+        group = cell.machine.group("x", "y")
+        refused, handle = None, None
+        try:
+            handle = GIVEN[what](cell.x, value) if what in GIVEN else IN_A_GROUP[what](group, value)
+        except Exception as error:  # noqa: BLE001  # what it may be is asserted below
+            refused = error
+        cell.run(0.5)
+        if handle is None:
+            assert isinstance(refused, ArgumentError), name
+            assert len(str(refused)) < 1000, name
+            assert cell.top_speed() < 0.1, name
+        else:
+            assert not isinstance(handle.error, CommandError), name
+        assert cell.top_speed() <= 400.0 * 1.1, name
+        must_work(cell)
+
+
+def must_work(cell) -> None:
+    """Whatever has become of the axis, it stands when it is told to, and does what it is told next."""
+    cell.x.stop()
+    cell.run(1.0)
+    cell.x.reset().wait(1)
+    cell.x.release().wait(1)
+    cell.x.enable().wait(5)
+    cell.x.move_relative(-3.0).wait(5)
+    assert not cell.machine.scan.ended
 
 
 def test_a_straight_line_out_of_the_limits_is_refused(story, golden):

@@ -150,6 +150,7 @@ class Machine:
 
         Raises:
             StateError: no such group or axis.
+            ArgumentError: an axis is named twice.
         """
         return self._roster.group(names)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from axisbus.cia402.port import Port, Waiter
-from axisbus.errors import StateError
+from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.pickup import absent_axis
@@ -30,7 +30,8 @@ class Roster:
     def __init__(self, cell: CellConfig, booted: Mapping[int, Booted], scan: Scan, waiter: Waiter) -> None:
         """Begin with the axes that the scan has."""
         self.axes = {name: Axis(core.parameters, scan, waiter) for name, core in scan.axes.items()}
-        self._groups: dict[str, Group] = {}
+        self._groups: dict[str, Group] = {}  # of cell.toml
+        self._chosen: dict[tuple[str, ...], Group] = {}  # by their axes
         self._cell = cell
         self._booted = booted
         self._scan = scan
@@ -46,7 +47,12 @@ class Roster:
         raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(self.axes)}")
 
     def group(self, names: tuple[str, ...]) -> Group:
-        """Return the group of this name in cell.toml, or one of the axes named, in this order; raises StateError."""
+        """Return the group of this name in cell.toml, or one of the axes named, in this order.
+
+        Raises:
+            StateError: there is no such group or axis.
+            ArgumentError: an axis is named twice.
+        """
         if len(names) == 1 and names[0] in self._groups:
             return self._groups[names[0]]
         if not names:
@@ -54,14 +60,15 @@ class Roster:
                 "a group needs a name or axes", observed=f"groups: {', '.join(self._groups) or 'none'}"
             )
         if len(names) == 1 and names[0] in self._cell.groups:
-            names = self._cell.groups[names[0]].axes  # one of them is not there: say which
+            names = tuple(self._cell.groups[names[0]].axes)  # one of them is not there: say which
         for name in names:
             self[name]
-        title = "+".join(names)
-        if title not in self._groups:
-            self._scan.add_group(title, list(names))
-            self._groups[title] = self._make_group(title, names)
-        return self._groups[title]
+        _require_different(names)
+        if names not in self._chosen:
+            self._scan.add_group(names, names)
+            axes = {axis: self.axes[axis] for axis in names}
+            self._chosen[names] = Group("+".join(names), axes, self._scan, self._waiter, key=names)
+        return self._chosen[names]
 
     def join(self, booted: Booted, ports: Mapping[str, Port]) -> None:
         """Take in the axes of an optional node that has come later; blocks until the scan has done a cycle with them."""
@@ -89,3 +96,13 @@ class Roster:
 
     def _make_group(self, name: str, axes: Iterable[str]) -> Group:
         return Group(name, {axis: self.axes[axis] for axis in axes}, self._scan, self._waiter)
+
+
+def _require_different(names: tuple[str, ...]) -> None:
+    twice = [name for number, name in enumerate(names) if name in names[:number]]
+    if twice:
+        raise ArgumentError(
+            f"a group cannot hold {twice[0]} twice",
+            observed=f"asked for: {', '.join(names)}",
+            remedy="name each axis once, in the order in which the group's positions are given",
+        )

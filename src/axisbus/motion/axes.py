@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from numbers import Real
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion import commands as c
 from axisbus.motion.axis import Axis
-from axisbus.motion.group import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group_commands import ForEach, GroupCommand, MoveLinear
 from axisbus.motion.handle import Handle
+from axisbus.motion.inbox import Target
+from axisbus.motion.numbers import number, told
 from axisbus.motion.request import shown
 from axisbus.motion.scan import Scan
 
@@ -22,8 +22,12 @@ class Group:
     "In one SYNC" holds for drives whose RPDOs are synchronous; ``axisbus boot`` says which are.
     """
 
-    def __init__(self, name: str, axes: Mapping[str, Axis], scan: Scan, waiter: Waiter) -> None:
+    def __init__(
+        self, name: str, axes: Mapping[str, Axis], scan: Scan, waiter: Waiter, key: Target | None = None
+    ) -> None:
+        """``key``: by what the scan knows it, where that is not its name."""
         self.name = name
+        self._key = name if key is None else key
         self._axes = dict(axes)
         self._scan = scan
         self._waiter = waiter
@@ -76,11 +80,13 @@ class Group:
         """
         name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
         ends = self._ends(name, positions)
-        self._positive(name, "velocity", velocity)
-        if acceleration is None:
-            acceleration = self._smallest_acceleration(name)
-        self._positive(name, "acceleration", acceleration)
-        return self._submit(name, MoveLinear(ends, velocity, acceleration))
+        speed = self._positive(name, "velocity", velocity)
+        ramp = self._positive(
+            name,
+            "acceleration",
+            self._smallest_acceleration(name) if acceleration is None else acceleration,
+        )
+        return self._submit(name, MoveLinear(ends, speed, ramp))
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.
@@ -99,9 +105,7 @@ class Group:
         return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
 
     def _submit(self, name: str, command: GroupCommand) -> Handle:
-        handle = Handle(f"{self.name}.{name}", self._waiter)
-        self._scan.submit(self.name, command, handle)
-        return handle
+        return self._scan.submit(self._key, command, Handle(f"{self.name}.{name}", self._waiter))
 
     def _ends(self, name: str, positions: Sequence[float]) -> dict[str, float]:
         if len(positions) != len(self._axes):
@@ -125,12 +129,14 @@ class Group:
             )
         return min(value for value in known if value is not None)
 
-    def _positive(self, name: str, what: str, value: float) -> None:
-        if not isinstance(value, Real) or not math.isfinite(value) or value <= 0:
+    def _positive(self, name: str, what: str, value: float) -> float:
+        magnitude = number(value)
+        if magnitude is None or magnitude <= 0:
             raise LimitError(
-                f"{self.name}.{name}: {what} {value!r} must be a finite number above 0",
+                f"{self.name}.{name}: {what} {told(value)} must be a finite number above 0",
                 remedy=f"give the {what} of the path, a magnitude in the axes' unit",
             )
+        return magnitude
 
 
 def _list(values: Sequence[float]) -> str:

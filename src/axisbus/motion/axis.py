@@ -28,7 +28,8 @@ class Axis:
     """A named axis. Every command returns a ``Handle`` at once; ``handle.wait()`` blocks, ``await handle`` does not.
 
     Values are in the axis's unit (``unit``, unit/s, unit/s²), torques in N·m, times in seconds. Argument errors raise at the call;
-    what the state forbids, and all that happens later, ends the handle.
+    what the state forbids, and all that happens later, ends the handle. Commands that come faster than the scan takes them wait, up
+    to a number (see ``inbox``); halt, stop, quick_stop and disable never do.
     """
 
     def __init__(self, parameters: AxisParameters, scan: Scan, waiter: Waiter) -> None:
@@ -278,10 +279,13 @@ class Axis:
         """Call the actual position ``position`` from now on (MC_SetPosition).
 
         The master keeps the difference; the drive's own position and limits do not change.
+
+        Raises:
+            LimitError: beyond what a position object holds, so that no move could ever be told from there.
+            ArgumentError: not finite.
         """
         name = f"set_position({shown(position)} {self.unit})"
-        position = self._request(name).finite("position", position)
-        return self._submit(name, c.SetPosition(self._parameters.units.position.to_increments(position)))
+        return self._submit(name, c.SetPosition(self._request(name).place(position)))
 
     def follow(self, trajectory: Trajectory) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
@@ -302,9 +306,7 @@ class Axis:
     # -- how a command is made ----------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:
-        handle = Handle(f"{self.name}.{name}", self._waiter)
-        self._scan.submit(self.name, command, handle)
-        return handle
+        return self._scan.submit(self.name, command, Handle(f"{self.name}.{name}", self._waiter))
 
     def _move_by(
         self,

@@ -27,6 +27,7 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
 from axisbus.motion.activity import Activity
 from axisbus.motion.arrival import Arrival
+from axisbus.motion.broken import broken
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
@@ -75,6 +76,7 @@ class AxisCore:
         self.running = Running()
         self.last_target: int | None = None
         self.halted = False
+        self._broken: AxisbusError | None = None  # what has tripped it between two cycles
         self._story: FaultStory | None = None
         self._arrival = Arrival(parameters)
         self._rest_waits: list[RestWait] = []
@@ -107,7 +109,7 @@ class AxisCore:
         """Do one cycle's work and return what the drive is to get."""
         image, order = self.image, self.order
         image.update(inputs)
-        self.tripped = None
+        self.tripped, self._broken = self._broken, None
         self.history.note(image)
         self.run_down.look(image, self.touched)
         self._supervise(image)
@@ -230,6 +232,17 @@ class AxisCore:
         if self.order.goal is not None:
             self.order.goal = State.SWITCH_ON_DISABLED
 
+    def break_off(self, error: AxisbusError) -> None:
+        """What moves the axis cannot go on, for a reason that was found between two cycles: fail, and stop as hard as it takes."""
+        self._activity_failed(error)
+        self._broken = self.tripped
+
+    @property
+    def _doing(self) -> str:
+        """What moves the axis, for a person."""
+        ran = self.running.handle
+        return ran.name if ran is not None else f"{self.parameters.name}'s motion"
+
     def _trip(self, error: AxisbusError) -> None:
         """Be in ErrorStop; what comes later is added to the first reason, and its remedy goes first."""
         if self.error is None or self.state is not AxisState.ERRORSTOP:
@@ -268,9 +281,7 @@ class AxisCore:
 
     def begin(self, activity: Activity, handle: Handle, state: AxisState | None = None) -> None:
         """Let ``activity`` take over; the running command, or the halt, ends as replaced."""
-        ran = self.running.handle
-        doing = ran.name if ran is not None else f"{self.parameters.name}'s motion"
-        self.end_command(Replaced(f"{doing} was replaced by {handle.name}"))
+        self.end_command(Replaced(f"{self._doing} was replaced by {handle.name}"))
         if self.ladder is not None:
             self._end_stop(Replaced(f"{self.stopping.name} was replaced by {handle.name}"))
         self.touched = True
@@ -320,8 +331,8 @@ class AxisCore:
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
             done = self._arrival.complete(activity.step(image, order), image)
-        except AxisbusError as error:
-            self._activity_failed(error)
+        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops this axis
+            self._activity_failed(broken(error, self._doing))
             return
         if done and self.running.handle is not None and self.running.handle.busy:
             self._completed(activity)

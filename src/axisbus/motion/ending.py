@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.motion.diagnosis import join_remedies
+from axisbus.motion.inbox import AT_ONCE, MOST
 
 _OPEN_AGAIN = "mend the cause, and open the machine again"
 _MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"
@@ -12,6 +13,15 @@ _MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with i
 def refused_while_closing(what: str) -> StateError:
     """The machine is being closed: a command that came then, or waited, is not taken."""
     return StateError(f"{what}: the machine is being closed", remedy="open it again")
+
+
+def too_many(what: str) -> StateError:
+    """More commands wait than a program can have meant."""
+    return StateError(
+        f"{what}: too many commands wait",
+        observed=f"{MOST} wait already, and the scan takes {AT_ONCE} in each of its cycles; stops are always taken",
+        remedy="wait for the handles of commands before giving more, and let a moment pass in a loop that commands",
+    )
 
 
 _SENT = (

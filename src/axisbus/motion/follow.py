@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import ArgumentError, LimitError, MotionTimeout
+from axisbus.errors import LimitError, MotionTimeout
 from axisbus.motion.activity import Activity, ModeSwitch, require_position
 from axisbus.motion.gate import Gate
+from axisbus.motion.guarded import Guarded
 from axisbus.motion.image import Image
 from axisbus.motion.interpolation import CyclicSetup
 from axisbus.motion.interpolation import interpolation_period as interpolation_period
@@ -45,7 +45,7 @@ class Follow(Activity):
 
         ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
         """
-        self._trajectory = trajectory
+        self._trajectory: Trajectory | None = None
         self._parameters = parameters
         self._gate = gate
         self._brake = brake
@@ -60,10 +60,14 @@ class Follow(Activity):
         self._arrive_by: float | None = None
         self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
         self._is_known = False  # in advance, and checked as a whole
+        self._stepped = False
         self.brakes_along = False
+        if trajectory is not None:
+            self.begin(trajectory)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the trajectory's end."""
+        self._stepped = True
         if not self._prepare(image, order) or self._trajectory is None:
             return False
         if not self._running:
@@ -89,7 +93,12 @@ class Follow(Activity):
 
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
-        self._trajectory = trajectory
+        self._trajectory = Guarded(trajectory, self._parameters.name)
+
+    def take_stepped(self) -> bool:
+        """Return whether it was stepped, by its axis's command or stop, since the last call."""
+        stepped, self._stepped = self._stepped, False
+        return stepped
 
     def begin_braking(self) -> bool:
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
@@ -114,7 +123,7 @@ class Follow(Activity):
         self._setup.cancel(order)
 
     def _way(self, trajectory: Trajectory, t: float) -> float:
-        return self._position(trajectory, min(max(t, 0.0), trajectory.duration))
+        return trajectory.position(min(max(t, 0.0), trajectory.duration))
 
     def _prepare(self, image: Image, order: Order) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
@@ -126,7 +135,7 @@ class Follow(Activity):
         assert self._trajectory is not None
         units = self._parameters.units.position
         reference = self.reference(image)
-        first = units.to_increments(self._position(self._trajectory, 0.0)) + image.origin
+        first = units.to_increments(self._trajectory.position(0.0)) + image.origin
         if abs(first - reference) > START_TOLERANCE:
             raise LimitError(
                 f"{self._parameters.name}: the trajectory does not begin where the axis stands",
@@ -184,21 +193,6 @@ class Follow(Activity):
             f"{name}: the trajectory leaves the position limits",
             observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
-        )
-
-    def _position(self, trajectory: Trajectory, t: float) -> float:
-        """Return the position at ``t``; a trajectory is the user's own code, and its mistake must not end the scan."""
-        try:
-            value = trajectory.position(t)
-            if math.isfinite(value):
-                return value
-            seen = f"it gave {value}"
-        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command with its name
-            seen = f"{type(error).__name__}: {error}"
-        raise ArgumentError(
-            f"{self._parameters.name}: the trajectory gives no position at {t:.3f} s",
-            observed=seen,
-            remedy="mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped",
         )
 
     def _check_speed(self) -> None:

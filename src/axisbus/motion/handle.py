@@ -14,6 +14,7 @@ from functools import partial
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import AxisbusError, Interrupted, StateError
+from axisbus.motion.broken import is_own
 
 log = logging.getLogger("axisbus")
 
@@ -128,7 +129,9 @@ class Handle:
                 return
             try:
                 callback()
-            except Exception:
+            except BaseException as error:
+                if not is_own(error):
+                    raise
                 log.exception("a callback of %s failed", self.name)
 
     def _ended(self) -> bool:

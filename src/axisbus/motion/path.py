@@ -6,8 +6,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from axisbus.errors import LimitError
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.profile import duration
 from axisbus.motion.trajectory import Trapezoid
+
+_LONGEST = 366 * 86400.0  # seconds of one line: what would take more than a year was not meant
+# Of the way from 0 to 1: far beyond one scan period, and numbers of which the squares are numbers too.
+_FASTEST = 1e6  # per s
+_STEEPEST = 1e12  # per s²
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,23 +51,40 @@ def plan_line(
     axes: Mapping[str, AxisParameters],
     velocity: float,
     acceleration: float,
+    name: str = "move_linear",
 ) -> tuple[dict[str, LineAxis], Trapezoid]:
     """Plan a straight line from rest to rest; return each axis's share, and the way from 0 to 1 that they share.
 
     ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
-    They are lowered where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line.
+    They are lowered where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line. ``name`` says
+    what was asked for.
+
+    Raises:
+        LimitError: it would take more than a year.
     """
-    length = math.sqrt(sum((ends[name] - starts[name]) ** 2 for name in ends))
+    length = math.hypot(*(ends[axis] - starts[axis] for axis in ends))
     if length == 0:
         still = Trapezoid(0.0, 0.0, 1.0, 1.0)
-        return {name: LineAxis(starts[name], ends[name], still) for name in ends}, still
-    speed, ramp = velocity / length, acceleration / length  # of the way from 0 to 1
-    for name, parameters in axes.items():
-        distance = abs(ends[name] - starts[name])
+        return {axis: LineAxis(starts[axis], ends[axis], still) for axis in ends}, still
+    speed, ramp = min(velocity / length, _FASTEST), min(acceleration / length, _STEEPEST)
+    for axis, parameters in axes.items():
+        distance = abs(ends[axis] - starts[axis])
         limits = parameters.limits
         if distance and limits.velocity is not None:
             speed = min(speed, limits.velocity / distance)
         if distance and limits.acceleration is not None:
             ramp = min(ramp, limits.acceleration / distance)
+    _require_end(name, length, speed, ramp)
     way = Trapezoid(0.0, 1.0, speed, ramp)
-    return {name: LineAxis(starts[name], ends[name], way) for name in ends}, way
+    return {axis: LineAxis(starts[axis], ends[axis], way) for axis in ends}, way
+
+
+def _require_end(name: str, length: float, speed: float, ramp: float) -> None:
+    """A number that is a thousand powers of ten too small leads nowhere, and holds the axes for ever."""
+    seconds = duration(1.0, speed, ramp) if speed and ramp else math.inf
+    if seconds > _LONGEST:
+        raise LimitError(
+            f"{name}: the straight line would take more than a year",
+            observed=f"{length:g} units of path at {speed * length:g} units/s with {ramp * length:g} units/s²: {seconds:g} s",
+            remedy="give a velocity and an acceleration that belong to this way, and look where these values were computed",
+        )

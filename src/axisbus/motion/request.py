@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.lookahead import Known, widened
+from axisbus.motion.numbers import number, told
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale
 
+_COUNTABLE = 2.0**63  # increments: no object holds as many
 _ROUNDING = 1.000001  # what a speed that was computed from positions may be off
 
 
 def shown(value: object) -> str:
     """Return a number as a call would show it; what is no number, as Python does."""
-    return f"{float(value):g}" if isinstance(value, Real) else repr(value)
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return told(value)
+    try:
+        return f"{float(value):g}"
+    except Exception:  # noqa: BLE001  # larger than any float
+        return told(value)
 
 
 class Request:
@@ -36,12 +42,13 @@ class Request:
 
     def finite(self, what: str, value: float, unit: str | None = None) -> float:
         """Return ``value``, which must be a finite number."""
-        if not isinstance(value, Real) or not math.isfinite(value):
+        found = number(value)
+        if found is None:
             raise ArgumentError(
-                f"{self.text}: {what} {value!r} is no finite number",
+                f"{self.text}: {what} {told(value)} is no finite number",
                 remedy=f"give {what} as a number in {self._unit if unit is None else unit}, and look where this value was computed",
             )
-        return float(value)
+        return found
 
     def positive(self, what: str, value: float, unit: str | None = None) -> float:
         """Return ``value``, which must be above 0."""
@@ -66,12 +73,22 @@ class Request:
                 observed=f"allowed are {limits[0]:g} to {limits[1]:g} {self._unit}",
                 remedy=f"give a position within them, or change position_limits in [axes.{self._parameters.name}] of cell.toml",
             )
+        self._countable(position * scale.factor, DataType.INTEGER32, "607Ah")
         return self._fits(scale.to_increments(position), DataType.INTEGER32, "607Ah")
+
+    def place(self, position: float) -> int:
+        """Return what the actual position is to be called, in increments."""
+        value = self.finite("position", position) * self._parameters.units.position.factor
+        return self._fits(
+            round(self._countable(value, DataType.INTEGER32, "6064h")), DataType.INTEGER32, "6064h"
+        )
 
     def distance(self, distance: float) -> int:
         """Return a distance in increments."""
-        scale = self._parameters.units.position
-        return self._fits(scale.to_increments(self.finite("distance", distance)), DataType.INTEGER32, "607Ah")
+        value = self.finite("distance", distance) * self._parameters.units.position.factor
+        return self._fits(
+            round(self._countable(value, DataType.INTEGER32, "607Ah")), DataType.INTEGER32, "607Ah"
+        )
 
     def torque(self, torque: float) -> int:
         """Return a torque (N·m, signed) in 0.1 % of rated torque."""
@@ -79,6 +96,7 @@ class Request:
         torque = self.finite("torque", torque, "N·m")
         if limit is not None and abs(torque) > limit:
             raise self._beyond("torque", torque, "N·m", "max_torque", limit)
+        self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, "6071h")
         return self._fits(
             round(torque / self._rated_torque * 1000),
             DataType.INTEGER16,
@@ -91,6 +109,7 @@ class Request:
         if slope is None:
             return None
         raw = self.positive("slope", slope, "N·m/s") / abs(self._rated_torque) * 1000
+        self._countable(raw, DataType.UNSIGNED32, "6087h")
         return self._fits(round(raw), DataType.UNSIGNED32, "6087h")
 
     @property
@@ -105,7 +124,12 @@ class Request:
         method = self._parameters.homing.method if method is None else method
         if method is None:
             raise self.missing("method", "a homing method of 6098h", "homing")
-        return self._fits(method, DataType.INTEGER8, "6098h")
+        found = self.finite("method", method, "a method of 6098h")
+        if found != int(found):
+            raise ArgumentError(
+                f"{self.text}: method {found:g} is no whole number", remedy="give a method of 6098h"
+            )
+        return self._fits(int(found), DataType.INTEGER8, "6098h")
 
     def homing_speed(self, key: str, value: float | None, needed: bool) -> int | None:
         """Return a homing speed of ``[axes.NAME.homing]`` in the drive's increments."""
@@ -145,6 +169,7 @@ class Request:
         velocity = self.finite("velocity", velocity, f"{self._unit}/s")
         self._check_velocity(velocity)
         scale = self._parameters.units.velocity
+        self._countable(velocity * scale.factor, DataType.INTEGER32, "60FFh")
         raw = self._fits(scale.to_increments(velocity), DataType.INTEGER32, "60FFh")
         return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
 
@@ -228,6 +253,17 @@ class Request:
     def _raw(self, scale: Scale, value: float, what: str) -> int:
         """Return a magnitude in increments, at least 1, that fits UNSIGNED32."""
         return self._fits(max(1, abs(scale.to_increments(value))), DataType.UNSIGNED32, what)
+
+    def _countable(self, increments: float, data_type: DataType, what: str) -> float:
+        """Return increments, as computed, that are worth their digits; any more fit no object."""
+        if abs(increments) < _COUNTABLE:
+            return increments
+        low, high = data_type.range
+        raise LimitError(
+            f"{self.text}: {what}: {increments:g} does not fit {data_type.name}",
+            observed=f"{data_type.name} holds {low} to {high}",
+            remedy="give a smaller value, or check the scale",
+        )
 
     def _fits(self, value: int, data_type: DataType, what: str) -> int:
         return check_range(value, data_type, f"{self.text}: {what}")

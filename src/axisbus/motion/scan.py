@@ -4,10 +4,12 @@ Theory of operation
 -------------------
 One cycle (``once``) is: wait for the grid, take the commands, then for each axis read, step, write; then commit, SYNC, heartbeat.
 
-- **One writer.** Only the scan touches cores and ports. Other threads put commands into a queue (``submit``) and read snapshots.
+- **One writer.** Only the scan touches cores and ports. Other threads let commands wait (``submit``, see ``inbox``) and read
+  snapshots.
 - **Absolute grid.** Cycle k belongs to t0 + k * period. A late cycle is done late, the missed ones are skipped and counted, never
   caught up in a burst: between two cycles there is always half a period or more. Motion advances one period per executed cycle,
   so a late axis is late and does not jump.
+- **A command breaks off alone.** What is raised while one is taken, planned or stepped ends its handle and stops its axes.
 - **It dies loudly.** Whatever ends the loop ends every handle with a reason, after a quick stop of all drives.
 
 In virtual time the same ``once`` is pumped by whoever waits (``PumpWaiter``); in real time ``run`` does it in a thread.
@@ -22,11 +24,14 @@ from collections.abc import Callable, Mapping, Sequence
 from axisbus.cia402.port import Cycle, Port
 from axisbus.errors import AxisbusError
 from axisbus.motion.accept import accept
+from axisbus.motion.broken import broken
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.core import AxisCore
-from axisbus.motion.ending import ended, refused_while_closing
-from axisbus.motion.group import GroupCommand, GroupCore
+from axisbus.motion.ending import ended, refused_while_closing, too_many
+from axisbus.motion.group import GroupCore
+from axisbus.motion.group_commands import GroupCommand
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
+from axisbus.motion.inbox import Inbox, Target, Waiting
 from axisbus.motion.policy import FaultPolicy, LostNode
 from axisbus.motion.snapshot import Snapshot
 
@@ -72,7 +77,9 @@ class Scan:
         self.cycle = cycle
         self.axes = dict(axes)
         self.period = period
-        self.groups = {name: self._group_core(name, members) for name, members in (groups or {}).items()}
+        self.groups: dict[Target, GroupCore] = {
+            name: self._group_core(members) for name, members in (groups or {}).items()
+        }
         self.lateness = Lateness()
         self.snapshots: dict[str, Snapshot] = {}
         self.observers: list[Observer] = []
@@ -84,7 +91,7 @@ class Scan:
         self._on_lost_node = on_lost_node
         self._policy = FaultPolicy(tuple(self.axes), self._members, on_lost_node)
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
-        self._queue: deque[tuple[str, Command | GroupCommand, Handle]] = deque()
+        self._inbox = Inbox()
         self._next: float | None = None
         self._stop_requests: deque[tuple[str, bool]] = deque()
         self._trips: deque[AxisbusError] = deque()
@@ -98,25 +105,30 @@ class Scan:
 
     # -- for other threads -------------------------------------------------------------------------------------------
 
-    def submit(self, name: str, command: Command | GroupCommand, handle: Handle) -> None:
-        """Queue a command for the axis or group ``name``; it is taken in the next cycle. Does not block."""
-        with self._lock:
-            if not self.ended and not self._refusing:
-                self._queue.append((name, command, handle))
-                return
+    def submit(self, name: Target, command: Command | GroupCommand, handle: Handle) -> Handle:
+        """Let a command for an axis or group wait for the next cycles; does not block.
+
+        Return its handle: that of the same command where it waits already (see ``inbox``).
+        """
+        waiting = self._inbox.put(Waiting(name, command, handle))
+        if waiting is not None:
+            return waiting.handle
         handle.finish(Status.ERROR, self._refusal(handle.name))
+        return handle
 
     def add_axis(self, name: str, port: Port, core: AxisCore, groups: Mapping[str, Sequence[str]]) -> None:
         """Take an axis more into the scan, from its next cycle on; ``groups`` are then all groups that the policy knows."""
         self._members = {group: list(axes) for group, axes in groups.items()}
         self._joining.append((name, port, core))
 
-    def add_group(self, name: str, members: Sequence[str]) -> None:
-        """Make a group of axes that cell.toml does not name; the fault policy does not know it."""
-        self.groups = {**self.groups, name: self._group_core(name, members)}
+    def add_group(self, name: Target, members: Sequence[str]) -> None:
+        """Make a group of axes that cell.toml does not name, once; the fault policy does not know it."""
+        with self._lock:
+            if name not in self.groups:
+                self.groups = {**self.groups, name: self._group_core(members)}
 
-    def _group_core(self, name: str, members: Sequence[str]) -> GroupCore:
-        return GroupCore(name, {axis: self.axes[axis] for axis in members}, self.period)
+    def _group_core(self, members: Sequence[str]) -> GroupCore:
+        return GroupCore({axis: self.axes[axis] for axis in members}, self.period)
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
         """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
@@ -130,11 +142,13 @@ class Scan:
 
     def refuse_commands(self) -> None:
         """Take no more commands, also none that wait: from here on there is only the way out. Does not block."""
-        with self._lock:
-            self._refusing = True
-            queued, self._queue = list(self._queue), deque()
-        for _, _, handle in queued:
-            handle.finish(Status.ERROR, self._refusal(handle.name))
+        self._refusing = True
+        self._inbox.close()
+        self._refuse_waiting()
+
+    def _refuse_waiting(self) -> None:
+        for waiting in self._inbox.clear():
+            waiting.handle.finish(Status.ERROR, self._refusal(waiting.handle.name))
 
     @property
     def has_stopped(self) -> bool:
@@ -194,11 +208,9 @@ class Scan:
         """End every handle; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
         if self.failure is not None:
             self._quick_stop_sent = self.cycle.quick_stop_all()
-        with self._lock:
-            self.ended = True
-            queued, self._queue = list(self._queue), deque()
-        for _, _, handle in queued:
-            handle.finish(Status.ERROR, self._ended(handle.name))
+        self.ended = True
+        self._inbox.close()
+        self._refuse_waiting()
         for core in self.axes.values():
             core.abandon(self._ended)
         for group in self.groups.values():
@@ -211,7 +223,9 @@ class Scan:
         return [error for handle in self._stopping if (error := handle.exception()) is not None]
 
     def _refusal(self, what: str) -> AxisbusError:
-        return self._ended(what) if self.ended else refused_while_closing(what)
+        if self.ended:
+            return self._ended(what)
+        return refused_while_closing(what) if self._refusing else too_many(what)
 
     def _ended(self, what: str) -> AxisbusError:
         return ended(what, self.failure, self._quick_stop_sent)
@@ -241,7 +255,8 @@ class Scan:
             self.axes = {**self.axes, name: core}
             self._work.append((name, port, core))
             mates = {group: axes for group, axes in self._members.items() if name in axes}
-            self.groups = {**self.groups, **{group: self._group_core(group, mates[group]) for group in mates}}
+            with self._lock:
+                self.groups = {**self.groups, **{group: self._group_core(mates[group]) for group in mates}}
         self._policy = FaultPolicy(tuple(self.axes), self._members, self._on_lost_node)
 
     def _take_commands(self) -> None:
@@ -250,12 +265,25 @@ class Scan:
         while self._stop_requests:
             self._stopping = self._stop_all(*self._stop_requests.popleft())
             self._stops_begun += 1
-        while self._queue:
-            name, command, handle = self._queue.popleft()
-            if name in self.axes:
-                accept(self.axes[name], command, handle)  # type: ignore[arg-type]  # axes get axis commands
+        if self._refusing:
+            self._refuse_waiting()
+            return
+        for waiting in self._inbox.take():
+            self._accept(waiting)
+
+    def _accept(self, waiting: Waiting) -> None:
+        """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
+        command, handle = waiting.command, waiting.handle
+        try:
+            if waiting.for_group:
+                self.groups[waiting.target].accept(command, handle)  # type: ignore[arg-type]
             else:
-                self.groups[name].accept(command, handle)  # type: ignore[arg-type]
+                accept(self.axes[waiting.target], command, handle)  # type: ignore[arg-type,index]
+        except Exception as error:  # noqa: BLE001  # a command's own mistake; what is the scan's own ends the scan
+            failure = broken(error, handle.name)
+            for name in self.axes.keys() & waiting.axes:
+                self.axes[name].break_off(failure)
+            handle.finish(Status.ERROR, failure)
 
     def _stop_all(self, reason: str, quick: bool) -> list[Handle]:
         """Let the stop ladder run on every axis that this program has commanded; return its handles."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
 
 from axisbus.errors import ArgumentError
+from axisbus.motion.numbers import number, told
 from axisbus.motion.profile import duration
 
 
@@ -25,6 +26,10 @@ class Trajectory(Protocol):
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` (0 … ``duration``)."""
+
+
+def _finite(values: Iterable[object]) -> bool:
+    return all(number(value) is not None for value in values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +50,9 @@ class Trapezoid:
         Raises:
             ArgumentError: a value is not finite, or velocity or acceleration is not positive.
         """
-        if not all(map(math.isfinite, (self.start, self.end, self.velocity, self.acceleration))):
-            raise ArgumentError("a trapezoid needs finite numbers", observed=repr(self))
+        values = (self.start, self.end, self.velocity, self.acceleration)
+        if not _finite(values):
+            raise ArgumentError("a trapezoid needs finite numbers", observed=", ".join(map(told, values)))
         if self.velocity <= 0 or self.acceleration <= 0:
             raise ArgumentError("a trapezoid needs velocity and acceleration above 0", observed=repr(self))
 
@@ -99,9 +105,9 @@ class Sampled:
         Raises:
             ArgumentError: fewer than two points, a value that is not finite, or an interval that is not positive.
         """
-        if len(self.positions) < 2 or not self.step > 0:
+        if len(self.positions) < 2 or not _finite((self.step,)) or not self.step > 0:
             raise ArgumentError("a sampled trajectory needs two points and a positive interval")
-        if not all(map(math.isfinite, self.positions)):
+        if not _finite(self.positions):
             raise ArgumentError("a sampled trajectory needs finite positions")
 
     @property

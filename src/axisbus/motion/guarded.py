@@ -1,0 +1,60 @@
+"""A trajectory as the scan calls it: a program's own code, of which a mistake ends its command and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from axisbus.errors import ArgumentError, in_a_line
+from axisbus.motion.broken import is_own
+from axisbus.motion.numbers import number, told
+from axisbus.motion.trajectory import Trajectory
+
+
+class Guarded:
+    """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself it tells as before."""
+
+    __slots__ = ("_name", "_trajectory", "duration")
+
+    def __init__(self, trajectory: Trajectory, name: str) -> None:
+        """``name``: the axis.
+
+        Raises:
+            ArgumentError: it tells no duration.
+        """
+        self._trajectory = trajectory
+        self._name = name
+        self.duration = self._ask(
+            lambda: trajectory.duration,
+            "duration",
+            "mend its duration, which must give the same number always",
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._trajectory, name)
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` seconds.
+
+        Raises:
+            ArgumentError: it gives none.
+        """
+        return self._ask(
+            lambda: self._trajectory.position(t),
+            f"position at {t:.3f} s",
+            "mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped",
+        )
+
+    def _ask(self, ask: Callable[[], object], what: str, remedy: str) -> float:
+        """Return the number that the trajectory's own code gives; whatever else it does ends the command with its name."""
+        message = f"{self._name}: the trajectory gives no {what}"
+        try:
+            value = ask()
+        except BaseException as error:
+            if not is_own(error):
+                raise
+            raise ArgumentError(message, observed=in_a_line(error), remedy=remedy) from error
+        found = number(value)
+        if found is None:
+            raise ArgumentError(message, observed=f"it gave {told(value)}", remedy=remedy)
+        return found

@@ -1,0 +1,28 @@
+"""What counts as a number in a call: anything real and finite that a float can hold, and no yes or no."""
+
+from __future__ import annotations
+
+import math
+from numbers import Real
+
+_LONGEST = 40  # characters of a value in a message
+
+
+def number(value: object) -> float | None:
+    """Return a finite number as a float; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    try:
+        found = float(value)
+    except Exception:  # noqa: BLE001  # too large, or a type of the program's own that cannot say
+        return None
+    return found if math.isfinite(found) else None
+
+
+def told(value: object) -> str:
+    """Return a value as Python shows it, in a line that can be read."""
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001  # an integer of thousands of digits, or a type of the program's own
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({len(text)} characters)"

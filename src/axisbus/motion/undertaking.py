@@ -1,0 +1,148 @@
+"""One command of a group under way: what each axis has been told, where all wait for each other, and when it has ended.
+
+Theory of operation
+-------------------
+A group's command is nothing but a command for each of its axes (a *child*), and it ends when they have ended. So a new command of
+the group, or of one axis, does to it what it does on each axis: one that is harmless there (an enable of what is enabled) takes
+nothing away, and one that stops or replaces a child ends it. Several undertakings of one group may thus be under way at a time.
+
+Where all start together, or move on one line, an axis that drops out takes the others with it. That is looked for before the gate
+may open, so that nobody starts in the very cycle in which somebody has gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+
+from axisbus.errors import AxisbusError, Interrupted
+from axisbus.motion import commands as c
+from axisbus.motion.accept import accept
+from axisbus.motion.broken import broken
+from axisbus.motion.core import AxisCore
+from axisbus.motion.gate import OPEN, Gate
+from axisbus.motion.handle import NOBODY, Handle, Status, end_as
+from axisbus.motion.line import Line
+from axisbus.motion.states import AxisState
+
+_TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"
+
+
+class Undertaking:
+    """Holds the command's handle, its children by axis, the gate, and the line where it is one."""
+
+    def __init__(
+        self, handle: Handle, axes: Mapping[str, AxisCore], gate: Gate = OPEN, line: Line | None = None
+    ) -> None:
+        """``axes``: those of the group, by name."""
+        self.gate = gate
+        self._handle = handle
+        self._axes = axes
+        self._line = line
+        self._children: dict[str, Handle] = {}
+        self._called_off = False
+        self._reason: AxisbusError | None = None  # why, where no axis's own error says it
+        handle.status = Status.ACTIVE
+
+    def child(self, axis: str) -> Handle:
+        """Return the handle of what ``axis`` is told for this command."""
+        child = Handle(f"{self._handle.name} [{axis}]", NOBODY)
+        self._children[axis] = child
+        return child
+
+    def step(self, period: float) -> None:
+        """Once per cycle, before the axes: see who has dropped out, open the gate, plan the line and go on along it."""
+        try:
+            self._go_on(period)
+        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops its axes
+            self.break_off(broken(error, self._handle.name))
+        self.gather()
+
+    @property
+    def busy(self) -> bool:
+        """Whether the handle has not ended."""
+        return self._handle.busy
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the handle has ended, and no axis is led any more."""
+        return not self._handle.busy and (self._line is None or not self._line.leads())
+
+    def gather(self) -> None:
+        """End the handle when every axis has ended."""
+        if not self._handle.busy or any(child.busy for child in self._children.values()):
+            return
+        errors = [error for child in self._children.values() if (error := child.exception()) is not None]
+        error = _worst(errors if self._reason is None else [self._reason, *errors])
+        self._handle.finish(Status.DONE if error is None else end_as(error), error)
+
+    def break_off(self, error: AxisbusError) -> None:
+        """End the command with ``error``: what has not begun is not begun, what is led along the line is stopped."""
+        moving = self._line is not None and self._line.planned
+        self._reason, self._line, self._called_off = error, None, True
+        self.gate.shut()
+        for axis in self._own():
+            if moving:
+                self._axes[axis].break_off(_again(error))
+            else:
+                self._stop(axis, error.message)
+
+    def abandon(self, error: AxisbusError) -> None:
+        """End the handle with ``error``: the scan has ended."""
+        self._handle.finish(Status.ERROR, error)
+
+    @property
+    def name(self) -> str:
+        """What was asked for."""
+        return self._handle.name
+
+    def _go_on(self, period: float) -> None:
+        self._call_off()
+        if not self.gate.is_open:
+            self.gate.update(sum(child.busy for child in self._children.values()))
+        if self._line is not None:
+            self._line.step(period, self.gate.is_open, self._handle.name)
+
+    def _call_off(self) -> None:
+        """Nobody starts alone, and nobody goes on along a line that another has left."""
+        if self._called_off or (self.gate.is_open and self._line is None):
+            return
+        cause = self._dropped_out()
+        if cause is None:
+            return
+        what = "stopped on its line" if self.gate.is_open else "not started"
+        reason = f"{self._handle.name}: {what}, because {cause.message}"
+        if isinstance(cause, Interrupted):
+            self._reason = type(cause)(reason, remedy=_TOGETHER)
+        self._called_off = True
+        self.gate.shut()
+        for axis in self._own():
+            self._stop(axis, reason)
+
+    def _dropped_out(self) -> AxisbusError | None:
+        """Return why an axis has ended badly, or is about to (a fault is looked into before it is told); None if none has."""
+        for axis, child in self._children.items():
+            core = self._axes[axis]
+            error = core.error if child.busy and core.state is AxisState.ERRORSTOP else child.exception()
+            if error is not None:
+                return error
+        return None
+
+    def _own(self) -> list[str]:
+        """The axes that run what they were told by this command; one that was at the same already goes on with that."""
+        return [axis for axis, child in self._children.items() if self._axes[axis].running.handle is child]
+
+    def _stop(self, axis: str, reason: str) -> None:
+        accept(self._axes[axis], c.PolicyStop(reason), Handle(f"{axis}.stop", NOBODY))
+
+
+def _again(error: AxisbusError) -> AxisbusError:
+    """Return the same error for one axis, to which it may add what was seen of its drive."""
+    again = copy(error)
+    again.__cause__ = error.__cause__
+    return again
+
+
+def _worst(errors: list[AxisbusError]) -> AxisbusError | None:
+    """Return the first failure; a mere interruption only if there is nothing worse."""
+    return next((error for error in errors if end_as(error) is Status.ERROR), errors[0] if errors else None)

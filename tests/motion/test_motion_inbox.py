@@ -1,0 +1,200 @@
+"""Commands on their way to the scan: their order, what a stop overtakes, what is the same again, and that a flood stays small."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import threading
+
+import pytest
+from rig import rig
+
+from axisbus.errors import StateError, Stopped
+from axisbus.motion import commands as c
+from axisbus.motion.group_commands import ForEach, MoveLinear
+from axisbus.motion.handle import NOBODY, Handle
+from axisbus.motion.inbox import AT_ONCE, MOST, Inbox, Waiting
+from axisbus.motion.profile import Profile
+
+PROFILE = Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)
+TURN = c.MoveVelocity(PROFILE)
+JOG = c.MoveVelocity(PROFILE, life=0.2)
+ENDLESS = 10**6
+
+
+def move(value: int) -> c.Move:
+    return c.Move(c.Reference.RELATIVE, value, PROFILE)
+
+
+def given(inbox: Inbox, target, command) -> Waiting | None:
+    return inbox.put(Waiting(target, command, Handle(f"{target}.{type(command).__name__}", NOBODY)))
+
+
+def commands(taken: list[Waiting]) -> list:
+    return [(waiting.target, waiting.command) for waiting in taken]
+
+
+def test_what_fits_into_one_cycle_is_taken_in_order_stops_among_it():
+    inbox = Inbox()
+    wanted = [("x", move(1)), ("x", c.Halt()), ("x", move(2)), ("y", c.Enable()), ("x", c.Stop())]
+    for target, command in wanted:
+        given(inbox, target, command)
+    assert commands(inbox.take()) == wanted
+    assert inbox.take() == []
+
+
+def test_what_is_too_much_for_one_cycle_waits_for_the_next_in_order():
+    inbox = Inbox()
+    wanted = [("x", move(number)) for number in range(3 * AT_ONCE + 5)]
+    for target, command in wanted:
+        given(inbox, target, command)
+    cycles = [commands(inbox.take()) for _ in range(5)]
+    assert [len(cycle) for cycle in cycles] == [AT_ONCE, AT_ONCE, AT_ONCE, 5, 0]
+    assert [waiting for cycle in cycles for waiting in cycle] == wanted
+
+
+@pytest.mark.parametrize("stop", [c.Halt(), c.Stop(), c.QuickStop(), c.Disable(), c.Disable(coast=True)])
+def test_a_stop_is_taken_at_once_and_ends_what_it_overtakes(stop):
+    inbox = Inbox()
+    first = [given(inbox, "x", move(number)) for number in range(AT_ONCE)]
+    overtaken = [given(inbox, "x", move(ENDLESS + number)) for number in range(100)]
+    others = [given(inbox, "y", move(number)) for number in range(100)]
+    halt = given(inbox, "x", stop)
+    later = given(inbox, "x", move(-1))
+    assert inbox.take() == [*first, halt]
+    for waiting in overtaken:
+        assert isinstance(waiting.handle.exception(), Stopped)
+        assert "had not begun when" in str(waiting.handle.error)
+    rest = [waiting for _ in range(10) for waiting in inbox.take()]
+    assert rest == [*others, later]
+
+
+def test_a_stop_of_a_group_overtakes_what_concerns_any_of_its_axes_and_one_of_an_axis_the_group_s():
+    inbox = Inbox()
+    for number in range(AT_ONCE):
+        given(inbox, "z", move(number))
+    line = given(inbox, ("x", "y"), MoveLinear({"x": 1.0, "y": 1.0}, 1.0, 1.0))
+    own = given(inbox, "y", move(1))
+    halt = given(inbox, "x", c.Halt())  # takes the line with it, and leaves y's own move
+    again = given(inbox, "w", move(1))
+    all_ = given(inbox, "g", ForEach({"y": c.Stop(), "w": c.Stop()}))
+    assert inbox.take()[AT_ONCE:] == [halt, all_]
+    assert all(isinstance(waiting.handle.exception(), Stopped) for waiting in (line, own, again))
+
+
+@pytest.mark.parametrize(
+    "command", [c.Enable(), c.Reset(), c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), JOG]
+)
+def test_the_same_again_is_one_command_with_one_handle_while_it_waits(command):
+    inbox = Inbox()
+    first = given(inbox, "x", command)
+    given(inbox, "y", move(1))  # of another axis
+    assert given(inbox, "x", command) is first
+    assert inbox.take()[0] is first
+    later = given(inbox, "x", command)  # the first has been taken: this one is for the next cycle
+    assert later is not first
+    given(inbox, "x", move(1))
+    assert given(inbox, "x", command) is not later  # something came in between
+    assert len(inbox.take()) == 3
+
+
+@pytest.mark.parametrize("command", [move(5), TURN, c.SetPosition(5), c.Home(None)])
+def test_what_is_not_the_same_twice_stays_two_commands(command):
+    inbox = Inbox()
+    assert given(inbox, "x", command) is not given(inbox, "x", command)
+    assert len(inbox.take()) == 2
+
+
+def test_the_same_of_a_group_is_the_same_only_if_none_of_its_axes_was_told_anything_since():
+    inbox = Inbox()
+    halts = ForEach({"x": c.Halt(), "y": c.Halt()})
+    first = given(inbox, "g", halts)
+    assert given(inbox, "g", ForEach({"x": c.Halt(), "y": c.Halt()})) is first
+    given(inbox, "y", move(1))
+    assert given(inbox, "g", halts) is not first
+
+
+def test_no_more_than_so_many_wait_but_a_stop_finds_room():
+    inbox = Inbox()
+    for number in range(MOST):
+        assert given(inbox, "x", move(number)) is not None
+    assert given(inbox, "y", move(0)) is None
+    for _ in range(1000):
+        for command in (c.Halt(), c.Stop(), c.QuickStop()):
+            assert given(inbox, "x", command) is not None
+    assert len(inbox) == MOST + 3
+    taken = inbox.take()
+    assert len(taken) == AT_ONCE + 3
+    assert len(inbox) == 0  # the stops have overtaken the rest
+    assert given(inbox, "y", move(0)) is not None
+
+
+def test_a_closed_inbox_takes_nothing_and_gives_back_all_that_waits():
+    inbox = Inbox()
+    waiting = [given(inbox, "x", move(number)) for number in range(AT_ONCE + 10)]
+    taken = inbox.take()
+    waiting.append(given(inbox, "x", move(-1)))
+    inbox.close()
+    assert given(inbox, "x", c.Halt()) is None
+    assert taken + list(inbox.clear()) == waiting
+    assert len(inbox) == 0
+
+
+def test_what_several_threads_give_is_taken_once_each_and_each_thread_s_in_its_order():
+    inbox = Inbox()
+    taken: list[Waiting] = []
+    done = threading.Event()
+
+    def give(name: str) -> None:
+        number = 0
+        while number < 2000:
+            if given(inbox, name, move(number)) is not None:
+                number += 1
+
+    threads = [threading.Thread(target=give, args=(name,)) for name in "wxyz"]
+    scan = threading.Thread(target=lambda: [taken.extend(inbox.take()) for _ in iter(done.is_set, True)])
+    for thread in (scan, *threads):
+        thread.start()
+    for thread in threads:
+        thread.join()
+    done.set()
+    scan.join()
+    while len(inbox):
+        taken += inbox.take()
+    for name in "wxyz":
+        assert [waiting.command.value for waiting in taken if waiting.target == name] == list(range(2000))
+
+
+# With a scan behind it.
+
+
+def test_a_command_too_many_ends_its_handle_at_once_with_the_reason():
+    r = rig("x").enabled()
+    handles = [r.axis.move_relative(0.001) for _ in range(MOST + 1)]
+    error = handles[-1].exception()
+    assert isinstance(error, StateError)
+    assert "too many commands wait" in str(error)
+    assert all(handle.busy for handle in handles[:-1])
+    halt = r.axis.halt()
+    halt.wait(2)
+    assert not any(handle.busy for handle in handles)
+
+
+def test_a_flood_of_jogs_is_one_jog_and_keeps_nothing_in_memory():
+    r = rig("x").enabled()
+    handles = {id(r.axis.jog(20.0)): None for _ in range(100_000)}
+    assert len(handles) == 1
+    r.run(0.1)
+    gc.collect()
+    alive = sum(type(one) is Handle for one in gc.get_objects())
+    assert alive < 50
+    assert abs(r.drive.axis.motor.velocity) > 1000
+
+
+def test_a_handle_that_failed_is_told_although_its_command_was_the_last_for_its_axis(caplog):
+    r = rig("x")
+    with caplog.at_level(logging.ERROR, "axisbus"):
+        r.axis.move_relative(1.0)
+        r.run(0.1)
+        gc.collect()  # an exception and the frames that it came from hold each other
+    assert "x.move_relative(1 deg) failed, and nobody looked" in caplog.text
