@@ -39,6 +39,7 @@ from axisbus.machine.bootfailure import as_error, at_step
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.configure import Watch, plan_of
 from axisbus.machine.parameters import axis_parameters
+from axisbus.machine.ramps import braking_of
 from axisbus.machine.report import AxisReport, NodeReport
 from axisbus.machine.stopping import Watchdog, stop_ladder
 from axisbus.machine.writes import own_index
@@ -298,7 +299,10 @@ class NodeBoot:
         if axis.modes is None and claimed is not None:
             parameters = replace(parameters, modes=parameters.modes | frozenset(modes.supported(claimed)))
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
-        return replace(parameters, quick_stop_holds=holds)
+        braking = braking_of(
+            parameters.units, lambda index: read_int(self._objects, own_index(index, axis.drive_axis))
+        )
+        return replace(parameters, quick_stop_holds=holds, braking=braking)
 
     def _option(self, axis: AxisConfig, option: options.OptionCode) -> int | None:
         return read_int(self._objects, own_index(option.index, axis.drive_axis), option.subindex)

@@ -11,6 +11,7 @@ from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.drive import Drive
+from axisbus.machine.ramps import braking_of
 from axisbus.machine.scales import units_of
 from axisbus.motion.parameters import (
     AxisParameters,
@@ -52,6 +53,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         objects=drive.objects,
         modes=modes(drive),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
+        braking=braking_of(units, drive.number),
         position_window=_position_window(axis, units),
         standstill_speed=standstill_speed(axis, units),
         fault_objects=make.fault_objects,

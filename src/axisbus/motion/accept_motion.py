@@ -8,6 +8,7 @@ from axisbus.cia402.port import Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.activity import Lead, ModeSwitch, Transfers, require_position
+from axisbus.motion.braking import Course
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import Gate
@@ -15,7 +16,7 @@ from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
 from axisbus.motion.jog import Jog
 from axisbus.motion.moves import PositionMove
-from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes
+from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.turning import TorqueMove, VelocityMove
@@ -30,6 +31,7 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
+    _require_braking(core, profile, handle)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
     )
@@ -102,10 +104,34 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate:
     prepare = _prepare(
         core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
     )
-    velocity_move = VelocityMove(profile, core.parameters, prepare)
+    _require_braking(core, profile, handle)
+    velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
     core.last_target = None
+
+
+def _course(core: AxisCore) -> Course | None:
+    return None if core.activity is None else core.activity.course
+
+
+def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
+    """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration."""
+    before = _course(core)
+    if profile.down is None or not core.bounded or core.state not in MOVING:
+        return
+    if before is not None and before.down is not None and profile.down >= before.down:
+        return
+    stop = core.supervision.guard.overrun(core.image, profile.down)
+    if stop is None:
+        return
+    units, limits = core.parameters.units.position, core.parameters.limits.position
+    assert limits is not None
+    raise LimitError(
+        f"{handle.name}: could not stop within the position limits with that deceleration",
+        observed=f"at its present speed it would come to rest at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
+    )
 
 
 def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate) -> None:
@@ -115,6 +141,7 @@ def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate)
     writes: list[tuple[int, int, int | None]] = []
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
+    writes += slow_ramp_writes(parameters)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare)
     core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)

@@ -11,6 +11,7 @@ from axisbus.cia301 import abort
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
+from axisbus.motion.braking import Course
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
@@ -30,7 +31,7 @@ class Activity(ABC):
     mode: ClassVar[ModeOfOperation | None] = None
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
-    ramp: float | None = None
+    course: Course | None = None
 
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:

@@ -160,8 +160,8 @@ class AxisCore:
                 self._fault(image)
             return
         if finding is None and self.powered and self.ladder is None:
-            ramp = None if self.activity is None else self.activity.ramp
-            finding = self.supervision.power(image, self.state, bounded=self.bounded, ramp=ramp)
+            course = None if self.activity is None else self.activity.course
+            finding = self.supervision.power(image, self.state, bounded=self.bounded, course=course)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:

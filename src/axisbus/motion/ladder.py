@@ -161,6 +161,12 @@ class StopLadder:
         if image.mode in _TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
             self._hold_load(image, order)
             return False
+        if image.mode in _TORQUE_MODES and self._parameters.halts_torque_by_mode:
+            order.mode = (
+                ModeOfOperation.PROFILE_VELOCITY
+            )  # brakes on 6084h; a torque of 0 would let the motor coast
+            preload(order, image.reference)
+            return False
         order.halt = True
         order.target_velocity = 0
         order.target_torque = 0

@@ -161,21 +161,16 @@ class Request:
         deceleration: float | None,
         timeout: float | None,
     ) -> Profile:
-        raw_up, raw_down, ramp = self._ramps(acceleration, deceleration)
-        units = self._parameters.units
+        raw_up, raw_down = self._ramps(acceleration, deceleration)
+        timeout, units = self.timeout(timeout), self._parameters.units
+        if not units.ratio_known:
+            return Profile(raw, raw_up, raw_down, None, None, timeout)
         inc = abs(units.position.factor)
-        known = units.ratio_known
-        return Profile(
-            raw,
-            raw_up,
-            raw_down,
-            speed * inc if known else None,
-            ramp * inc if known else None,
-            self.timeout(timeout),
-        )
+        up, down = (abs(units.acceleration.to_units(ramp)) * inc for ramp in (raw_up, raw_down))
+        return Profile(raw, raw_up, raw_down, speed * inc, min(up, down), timeout, up, down)
 
-    def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int, float]:
-        """Return acceleration and deceleration in the drive's increments, and the weaker one in units."""
+    def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int]:
+        """Return acceleration and deceleration in the drive's increments."""
         defaults, limit = self._parameters.defaults, self._parameters.limits.acceleration
         unit = f"{self._unit}/s²"
         up = self.positive("acceleration", self._or_default("acceleration", acceleration), unit)
@@ -184,7 +179,7 @@ class Request:
         if limit is not None and max(up, down) > limit:
             raise self._beyond("acceleration", max(up, down), unit, "max_acceleration", limit)
         scale = self._parameters.units.acceleration
-        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h"), min(up, down)
+        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h")
 
     def _or_default(self, what: str, value: float | None) -> float:
         if value is not None:

@@ -9,7 +9,8 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
-from axisbus.motion.guard import Guard
+from axisbus.motion.braking import Course
+from axisbus.motion.guard import Guard, stop_of
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung
 from axisbus.motion.parameters import AxisParameters
@@ -36,7 +37,7 @@ class Supervision:
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
-        self._guard = Guard(parameters)
+        self.guard = Guard(parameters)
         self._met_operational = False
         oldest = capabilities.max_age.get("statusword", math.inf)
         self._longest_gap = max(
@@ -47,7 +48,8 @@ class Supervision:
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
-        """Return that the node is lost, once, until ``lost`` is set back."""
+        """Return that the node is lost, once, until ``lost`` is set back; in every cycle."""
+        self.guard.look(image)
         if image.gap > self._longest_gap:
             self._excused_until = image.now + 2 * self._longest_gap
             self._last_gap = (
@@ -70,11 +72,11 @@ class Supervision:
         return not image.operational and image.nmt in _RESTARTED
 
     def power(
-        self, image: Image, state: AxisState, *, bounded: bool = True, ramp: float | None = None
+        self, image: Image, state: AxisState, *, bounded: bool = True, course: Course | None = None
     ) -> Finding | None:
         """Return what endangers an axis that we have enabled and that is not being stopped.
 
-        ``bounded`` and ``ramp``: see ``Guard.danger``.
+        ``bounded`` and ``course``: see ``Guard.danger``.
         """
         if state is AxisState.ERRORSTOP:
             return self._unknown(image)
@@ -84,7 +86,7 @@ class Supervision:
             self._gap(image)
             or self._unknown(image)
             or self._dropped(image, state)
-            or self._danger(image, state, bounded, ramp)
+            or self._danger(image, state, bounded, course)
         )
 
     def _gap(self, image: Image) -> Finding | None:
@@ -124,9 +126,9 @@ class Supervision:
             Rung.QUICK_STOP,
         )
 
-    def _danger(self, image: Image, state: AxisState, bounded: bool, ramp: float | None) -> Finding | None:
-        danger = self._guard.danger(image, state, bounded=bounded, ramp=ramp)
-        return None if danger is None else Finding(danger)
+    def _danger(self, image: Image, state: AxisState, bounded: bool, course: Course | None) -> Finding | None:
+        danger = self.guard.danger(image, state, bounded=bounded, course=course)
+        return None if danger is None else Finding(danger, stop_of(self._parameters, course or Course())[0])
 
     def _lost_error(self, image: Image) -> BusError:
         name, node = self._parameters.name, self._parameters.node

@@ -1,0 +1,178 @@
+"""Limits hold in every mode: whatever moves an axis towards them, its motor comes to rest within them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from axisbus import eds
+from axisbus.cia402.port import Source
+from axisbus.eds import builtin
+from axisbus.errors import LimitError, StaleError
+from axisbus.motion.states import AxisState
+from axisbus.sim.build import device_from_eds, motor_from_eds
+from axisbus.sim.device import Device
+from kit.cell import Cell
+from kit.probe import ENABLED
+
+JOINTS = (Path(__file__).parents[2] / "examples" / "cell.toml").read_text(encoding="utf-8")
+
+
+def joints(story, lag: float = 0.002, **port) -> Cell:
+    """The cell of the examples: x within ±180, y within ±90 deg, 360 deg/s, 3600 deg/s²; ``lag`` of the motors in s."""
+    cell = story.simulated(text=JOINTS, port=port or None, devices=lambda: devices(lag))
+    for name in "xy":
+        cell[name].enable().wait(5)
+        cell[name].home().wait(5)
+    return cell
+
+
+def devices(lag: float) -> dict[int, Device]:
+    """The modules of the example, with motors that follow their demand by ``lag`` seconds."""
+    dictionary = eds.load(builtin.resolve("builtin:gim6010-8", Path()))
+    params = replace(motor_from_eds(dictionary), lag=lag)
+    return {node: device_from_eds(dictionary, node, params) for node in (1, 2, 3)}
+
+
+def must_end_within(cell: Cell, name: str, low: float, high: float) -> None:
+    """Let time pass until the axis is in ErrorStop and stands; it has never been beyond its limits."""
+    cell.until(lambda: cell[name].state is AxisState.ERRORSTOP and cell.core(name).ladder is None, 10)
+    cell.run(0.5)
+    assert cell.speed(name) == pytest.approx(0.0, abs=0.01)
+    lowest, highest = cell.farthest(name)
+    assert low <= lowest
+    assert highest <= high
+
+
+# At a velocity.
+
+
+@pytest.mark.parametrize("lag", [0.002, 0.05])
+@pytest.mark.parametrize(
+    ("velocity", "acceleration"),
+    [(360, 3600), (-360, 2000), (360, 720), (-360, 300), (90, 720), (-30, 100), (200, 3600)],
+)
+def test_a_turning_axis_comes_to_rest_within_its_position_limits(story, velocity, acceleration, lag):
+    """The way of reaction counts the command's acceleration, the delay of feedback and the ramp that a halt really has."""
+    cell = joints(story, lag)
+    cell["y"].move_velocity(velocity, acceleration=acceleration)
+    must_end_within(cell, "y", -90.0, 90.0)
+    assert isinstance(cell["y"].error, LimitError)
+    assert max(map(abs, cell.farthest("y"))) > 60.0  # and not long before
+
+
+@pytest.mark.parametrize("deceleration", [100.0, 720.0, 3600.0])
+def test_what_is_counted_is_the_deceleration_that_the_command_has_written(story, deceleration):
+    cell = joints(story)
+    cell["y"].move_velocity(150.0, acceleration=500, deceleration=deceleration)
+    must_end_within(cell, "y", -90.0, 90.0)
+    assert cell.farthest("y")[1] > 70.0
+
+
+@pytest.mark.parametrize(("halt", "beyond"), [("ramp", 85.0), ("slow-ramp", 60.0)])
+def test_what_is_counted_is_the_ramp_that_a_halt_has_by_605dh(story, halt, beyond):
+    """A halt on the quick-stop ramp (1440 deg/s²) needs a fifth of the way that one on 6084h (300 deg/s²) needs."""
+    cell = story.simulated(text=JOINTS.replace('halt = "slow-ramp"', f'halt = "{halt}"'))
+    cell["y"].enable().wait(5)
+    cell["y"].home().wait(5)
+    cell["y"].move_velocity(100.0, acceleration=3600, deceleration=300)
+    must_end_within(cell, "y", -90.0, 90.0)
+    assert cell.farthest("y")[1] > beyond
+
+
+def test_a_weaker_deceleration_close_to_a_limit_is_refused_and_the_motion_before_goes_on_in_safety(story):
+    cell = joints(story)
+    first = cell["y"].move_velocity(200.0, acceleration=3600, deceleration=3600)
+    cell.until(lambda: cell.where("y") > 40.0)
+    error = cell.failure_of(cell["y"].move_velocity(150.0, deceleration=200))
+    assert isinstance(error, LimitError)
+    assert "with that deceleration" in error.message
+    assert first.done
+    error = cell.failure_of(cell["y"].move_absolute(85.0, velocity=200, deceleration=100))
+    assert "with that deceleration" in error.message
+    must_end_within(cell, "y", -90.0, 90.0)
+
+
+def test_a_slow_move_goes_on_close_to_its_limit(story):
+    """The reaction way is that of the command, so that jogging near an end of the axis is possible."""
+    cell = joints(story)
+    cell["y"].move_absolute(89.0, velocity=360, acceleration=3600).wait(5)
+    cell["y"].move_velocity(2.0)
+    cell.run(0.3)
+    assert cell["y"].state is AxisState.CONTINUOUS_MOTION
+    assert cell.where("y") > 89.5
+    must_end_within(cell, "y", -90.0, 90.0)
+
+
+def test_a_standing_axis_at_its_limit_is_not_let_out_by_a_single_increment(story):
+    cell = joints(story)
+    cell["y"].move_absolute(90.0, velocity=360, acceleration=3600).wait(5)
+    cell["y"].move_velocity(360.0, acceleration=3600)
+    must_end_within(cell, "y", -90.0, 90.003)
+
+
+@pytest.mark.parametrize("source", [Source.SDO, Source.EVENT_PDO])
+def test_feedback_that_comes_late_is_counted_by_its_age(story, source):
+    """A position that is polled each 100 ms is up to 100 ms old: at 360 deg/s that is 36 deg."""
+    port = {"inputs": {"position": source, "demand": Source.NONE}, "event_timer": 0.05}
+    cell = joints(story, **port)
+    cell["y"].move_velocity(360, acceleration=3600)
+    must_end_within(cell, "y", -90.0, 90.0)
+
+
+def test_a_position_that_is_gone_stops_an_axis_that_must_keep_its_limits(story):
+    cell = joints(story, max_age={"position": 0.05})
+    cell["y"].move_velocity(30.0).wait(5)
+    read = cell.port("y").read
+    cell.port("y").read = lambda now: read(now)._replace(position=None, demand=None)
+    cell.until(lambda: cell["y"].state is AxisState.ERRORSTOP)
+    assert isinstance(cell["y"].error, StaleError)
+    cell.run(1.0)
+    assert cell.speed("y") == 0.0
+    assert cell.farthest("y")[1] < 90.0
+
+
+# Under torque.
+
+
+@pytest.mark.parametrize("lag", [0.002, 0.02])
+@pytest.mark.parametrize("slope", [0.5, 5.0, 50.0])
+@pytest.mark.parametrize("torque", [0.2, -0.5, 1.0, -3.0, 5.0])
+def test_an_axis_under_torque_keeps_its_limits_of_position_and_velocity(story, torque, slope, lag):
+    """A halt in profile torque mode lets the motor coast: the quick stop brakes it, and its way is counted."""
+    cell = joints(story, lag)
+    cell["x"].torque_control(torque, slope=slope)
+    must_end_within(cell, "x", -180.0, 180.0)
+    assert cell.top_speed("x") <= 360.0
+
+
+def test_a_torque_that_friction_balances_is_let_alone(story):
+    cell = joints(story)
+    cell["x"].torque_control(0.15, slope=5.0)
+    cell.run(4.0)
+    assert cell["x"].state is AxisState.CONTINUOUS_MOTION
+    assert 10.0 < cell.speed("x") < 60.0
+
+
+def test_an_axis_under_torque_whose_quick_stop_coasts_is_braked_in_profile_velocity_mode(story):
+    text = JOINTS.replace('quick_stop = "ramp"', 'quick_stop = "coast"')
+    cell = story.simulated(text=text)
+    cell["x"].enable().wait(5)
+    cell["x"].home().wait(5)
+    cell["x"].torque_control(1.0, slope=5.0)
+    must_end_within(cell, "x", -180.0, 180.0)
+    assert cell.stage("x") == ENABLED
+
+
+@pytest.mark.parametrize("load", ["brake", "torque"])
+def test_an_axis_with_a_load_under_torque_is_braked_by_a_mode_that_holds(story, load):
+    text = JOINTS.replace("rated_torque = 5.0", f'rated_torque = 5.0\nholds_load = "{load}"')
+    text = text.replace('quick_stop = "ramp"', 'quick_stop = "ramp-hold"')
+    cell = story.simulated(text=text)
+    cell["x"].enable().wait(5)
+    cell["x"].home().wait(5)
+    cell["x"].torque_control(1.0, slope=5.0)
+    must_end_within(cell, "x", -180.0, 180.0)
+    assert cell.stage("x") == ENABLED
