@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from axisbus.cia402.port import Source
 from axisbus.eds import builtin
 from axisbus.errors import LimitError, StaleError
 from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
 from kit.cell import Cell
@@ -176,3 +179,80 @@ def test_an_axis_with_a_load_under_torque_is_braked_by_a_mode_that_holds(story, 
     cell["x"].torque_control(1.0, slope=5.0)
     must_end_within(cell, "x", -180.0, 180.0)
     assert cell.stage("x") == ENABLED
+
+
+# On a trajectory.
+
+
+class Own:
+    """A path of one's own, that tells nothing of itself in advance."""
+
+    def __init__(self, duration: float, way: Callable[[float], float]) -> None:
+        self.duration = duration
+        self.position = way
+
+
+@pytest.mark.parametrize(
+    ("told", "missing", "way"),
+    [
+        ("harder than max_acceleration", "nothing", lambda t: 359.0 * min(t, 0.2)),
+        ("harder than max_acceleration", "max_velocity", lambda t: 0.0 if t < 0.5 else 90.0),
+        ("harder than the default", "max_(velocity|acceleration)", lambda t: 0.0 if t < 0.5 else 90.0),
+        ("faster than max_velocity", "max_acceleration", lambda t: 400.0 * max(0.0, t - 0.5)),
+    ],
+    ids=["a step of velocity", "a jump without max_velocity", "a jump without limits", "too fast at once"],
+)
+def test_no_step_of_a_trajectory_that_the_axis_cannot_make_reaches_its_motor(story, told, missing, way):
+    cell = story.simulated(text=re.sub(f"{missing} = .*", "", JOINTS))
+    cell["x"].enable().wait(5)
+    cell["x"].home().wait(5)
+    since = cell.moment("x")
+    error = cell.failure_of(cell["x"].follow(Own(1.0, way)))
+    assert told in error.message
+    cell.run(1.0)
+    cell.must_not_leap("x", since=since, way=0.01, speed=0.1)
+
+
+def test_half_the_count_of_the_drive_is_no_step(story):
+    text = re.sub(r"(max_(velocity|acceleration)|position_limits) = .*", "", JOINTS)
+    cell = story.simulated(text=text)
+    cell["x"].enable().wait(5)
+    cell["x"].home().wait(5)
+    since = cell.moment("x")
+    cell.failure_of(cell["x"].follow(Own(1.0, lambda t: 0.0 if t < 0.5 else 2**31 * 360 / 131072)))
+    cell.must_not_leap("x", since=since, way=0.01, speed=0.1)
+
+
+def test_a_trajectory_that_gets_too_fast_is_braked_along_its_path(story, golden):
+    cell = joints(story)
+    since = cell.moment("x")
+    error = cell.failure_of(
+        cell["x"].follow(Own(2.0, lambda t: 500.0 * t * t))
+    )  # 1000 deg/s²: 360 deg/s after 0.36 s
+    golden("limits_path_too_fast", error)
+    must_end_within(cell, "x", -180.0, 180.0)
+    assert 355.0 < cell.top_speed("x") <= 360.1
+    assert cell.hardest_change("x", since) <= 1300.0  # the path itself, and whole increments
+    assert cell.stage("x") == ENABLED
+
+
+def test_a_trajectory_at_all_its_limits_is_followed_to_its_end(story):
+    cell = joints(story)
+    for end in (170.0, -170.0, -169.0, 0.1):
+        for velocity in (360.0, 77.7):
+            cell["x"].follow(Trapezoid(cell["x"].position, end, velocity, 3600.0)).wait(5)
+            assert cell.where("x") == pytest.approx(end, abs=0.01)
+            own = Trapezoid(cell["x"].position, -end, velocity, 3600.0)
+            cell["x"].follow(Own(own.duration, own.position)).wait(5)
+            assert cell.where("x") == pytest.approx(-end, abs=0.01)
+    assert cell.top_speed("x") <= 361.0
+
+
+def test_a_straight_line_at_all_its_limits_is_gone_to_its_end(story):
+    cell = joints(story)
+    cell["z"].enable().wait(5)
+    cell["z"].home().wait(5)
+    for ends in ((170.0, -80.0, 400.0), (-170.0, 80.0, 0.0), (0.0, 0.3, 0.0)):
+        cell.machine.group("x", "y", "z").move_linear(ends, velocity=5000.0, acceleration=50000.0).wait(10)
+        for name, end in zip("xyz", ends, strict=True):
+            assert cell.where(name) == pytest.approx(end, abs=0.02)

@@ -8,6 +8,7 @@ from numbers import Real
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.lookahead import Known, widened
+from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trajectory
@@ -195,6 +196,7 @@ class Request:
         """Check how long a trajectory takes, and how far and how fast it goes where that is known in advance."""
         self.finite("the trajectory's duration", trajectory.duration, "s")
         limits = self._parameters.limits
+        self._check_pace(trajectory)
         if isinstance(trajectory, Known):
             if limits.position is not None:
                 self._check_span(trajectory.span, trajectory.position(0.0), limits.position)
@@ -205,6 +207,19 @@ class Request:
         elif limits.position is not None and self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked ahead of position_limits"
             raise self.missing("acceleration", what, "defaults", in_call=False)
+
+    def _check_pace(self, trajectory: Trajectory) -> None:
+        """Hold the acceleration against the limit where it is known in advance; where nothing would tell a jump, refuse."""
+        limit = self._parameters.limits.acceleration
+        if limit is not None and isinstance(trajectory, Ramped):
+            if trajectory.top_acceleration > limit * _ROUNDING:
+                raise self._beyond(
+                    "acceleration", trajectory.top_acceleration, f"{self._unit}/s²", "max_acceleration", limit
+                )
+        pace = pace_of(self._parameters, trajectory)
+        if pace.velocity is None and pace.acceleration is None:
+            what = f"the fastest that the axis may get, in {self._unit}/s, by which a jump of the trajectory is told"
+            raise self.missing("max_velocity", what, in_call=False)
 
     def _check_span(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
         """Hold all of a trajectory against the limits; one that starts outside may come back."""
