@@ -342,7 +342,7 @@ def test_a_trapezoid_names_its_own_acceleration():
     r = rig(limits=Limits()).enabled()
     r.axis.follow(Trapezoid(0.0, 50.0, 100.0, 3000.0)).wait(5)
     limited = rig(limits=Limits(acceleration=1000.0)).enabled()
-    with pytest.raises(LimitError, match="max_acceleration|beyond the limit"):
+    with pytest.raises(LimitError, match="beyond the limit"):
         limited.axis.follow(Trapezoid(0.0, 50.0, 100.0, 1001.0))
     limited.axis.follow(Trapezoid(0.0, 50.0, 100.0, 1000.0)).wait(5)
 

@@ -256,3 +256,38 @@ def test_a_straight_line_at_all_its_limits_is_gone_to_its_end(story):
         cell.machine.group("x", "y", "z").move_linear(ends, velocity=5000.0, acceleration=50000.0).wait(10)
         for name, end in zip("xyz", ends, strict=True):
             assert cell.where(name) == pytest.approx(end, abs=0.02)
+
+
+# What is asked for.
+
+
+def test_a_torque_beyond_what_the_drive_allows_is_refused_where_the_cell_file_says_nothing(story):
+    """6072h of this drive is 3000: three times its rated torque."""
+    cell = story.simulated("x", axis="rated_torque = 1.27").enabled()
+    with pytest.raises(LimitError, match="beyond the limit") as caught:
+        cell.x.torque_control(3.9)
+    assert "the drive's 6072h is 3.81" in caught.value.observed
+    cell.x.torque_control(0.1)
+    cell.run(0.2)
+    less = story.simulated("x", axis="rated_torque = 1.27", more='[axes.x.objects]\n"6072" = 500\n').enabled()
+    with pytest.raises(LimitError, match="beyond the limit"):
+        less.x.torque_control(0.64)
+    less.x.torque_control(0.63)
+    less.run(0.1)
+    assert 0.0 < max(sample.torque for sample in less.record().samples) <= 500.0
+
+
+def test_max_torque_of_the_cell_file_is_the_one_that_holds(story):
+    cell = story.simulated("x", axis="rated_torque = 1.27\nmax_torque = 0.5").enabled()
+    with pytest.raises(LimitError, match="beyond the limit") as caught:
+        cell.x.torque_control(0.51)
+    assert "max_torque is 0.5" in caught.value.observed
+
+
+def test_a_rated_torque_that_the_drive_does_not_share_is_told_at_boot(story):
+    told = story.simulated("x", axis="rated_torque = 2.54").machine.reports[0]
+    assert any("rated_torque 2.54 N·m, but 6076h says 1.27 N·m" in warning for warning in told.warnings)
+    assert "0.5 times the torque that is asked for" in told.text()
+    same = story.simulated("x", axis="rated_torque = 1.27").machine.reports[0]
+    assert not any("rated_torque" in warning for warning in same.warnings)
+    assert same.as_json()["axes"][0]["rated_torque"]["agrees"] is True

@@ -9,6 +9,7 @@ from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
+from axisbus.machine import torque
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.drive import Drive
 from axisbus.machine.ramps import braking_of
@@ -44,7 +45,11 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
     return AxisParameters(
         name=name,
         units=units,
-        limits=Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
+        limits=torque.limited(
+            Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
+            axis.rated_torque,
+            drive.number,
+        ),
         defaults=_defaults(axis),
         homing=_homing(axis),
         stop_times=_stop_times(axis),

@@ -285,8 +285,8 @@ class Axis:
 
         It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``) is held against the limits as a
         whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where it would
-        leave the position limits, the axis is braked along it and stands within them. So it is where the next step would be faster than
-        ``max_velocity`` or harder than ``max_acceleration``; without both, harder than the default acceleration.
+        leave the position limits, the axis is braked along it and stands within them. So it is where the next step would be faster
+        than ``max_velocity`` or harder than ``max_acceleration``; without both, harder than the default acceleration.
 
         Raises:
             LimitError: it goes beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``.

@@ -73,16 +73,16 @@ class Pace:
             return None
         return TooMuch(
             f"harder than {self.key}",
-            f"from {round(before.velocity, 6) + 0.0:g} to {after.velocity:g} {self.unit}/s within {self.period * 1000:g} ms are {rate:g} "
-            f"{self.unit}/s², allowed are {self.acceleration:g}",
+            f"from {round(before.velocity, 6) + 0.0:g} to {after.velocity:g} {self.unit}/s within {self.period * 1000:g} ms "
+            f"are {rate:g} {self.unit}/s², allowed are {self.acceleration:g}",
         )
 
 
 def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> Pace:
     """Return what ``trajectory`` may ask for.
 
-    Without ``max_velocity`` a jump of position could not be told from a motion. There the acceleration decides: the limit, that which
-    the trajectory itself names, or the default.
+    Without ``max_velocity`` a jump of position could not be told from a motion. There the acceleration decides: the limit, that
+    which the trajectory itself names, or the default.
     """
     limits = parameters.limits
     acceleration, key = limits.acceleration, "max_acceleration"

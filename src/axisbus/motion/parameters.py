@@ -48,12 +48,16 @@ class Units:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none."""
+    """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none.
+
+    ``torque_key`` says where that of the torque comes from.
+    """
 
     position: tuple[float, float] | None = None
     velocity: float | None = None
     acceleration: float | None = None
     torque: float | None = None
+    torque_key: str = "max_torque"
 
 
 @dataclass(frozen=True, slots=True)

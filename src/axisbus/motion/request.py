@@ -12,7 +12,7 @@ from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trajectory
-from axisbus.units import Scale
+from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
 _ROUNDING = 1.000001  # what a speed that was computed from positions may be off
 
@@ -67,7 +67,11 @@ class Request:
                 observed=f"allowed are {limits[0]:g} to {limits[1]:g} {self._unit}",
                 remedy=f"give a position within them, or change position_limits in [axes.{self._parameters.name}] of cell.toml",
             )
-        return self._fits(scale.to_increments(position), DataType.INTEGER32, "607Ah")
+        raw = scale.to_increments(position)
+        if limits is not None:  # the nearest one may lie beyond
+            low, high = sorted(edge * scale.factor for edge in limits)
+            raw = min(max(raw, whole_above(low)), whole_below(high))
+        return self._fits(raw, DataType.INTEGER32, "607Ah")
 
     def distance(self, distance: float) -> int:
         """Return a distance in increments."""
@@ -79,9 +83,9 @@ class Request:
         limit = self._parameters.limits.torque
         torque = self.finite("torque", torque, "N·m")
         if limit is not None and abs(torque) > limit:
-            raise self._beyond("torque", torque, "N·m", "max_torque", limit)
+            raise self._beyond("torque", torque, "N·m", self._parameters.limits.torque_key, limit)
         return self._fits(
-            round(torque / self._rated_torque * 1000),
+            toward_zero(torque / self._rated_torque * 1000),
             DataType.INTEGER16,
             "6071h",
         )
@@ -146,7 +150,7 @@ class Request:
         velocity = self.finite("velocity", velocity, f"{self._unit}/s")
         self._check_velocity(velocity)
         scale = self._parameters.units.velocity
-        raw = self._fits(scale.to_increments(velocity), DataType.INTEGER32, "60FFh")
+        raw = self._fits(toward_zero(velocity * scale.factor), DataType.INTEGER32, "60FFh")
         return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
 
     def _check_velocity(self, velocity: float) -> None:
@@ -211,11 +215,9 @@ class Request:
     def _check_pace(self, trajectory: Trajectory) -> None:
         """Hold the acceleration against the limit where it is known in advance; where nothing would tell a jump, refuse."""
         limit = self._parameters.limits.acceleration
-        if limit is not None and isinstance(trajectory, Ramped):
-            if trajectory.top_acceleration > limit * _ROUNDING:
-                raise self._beyond(
-                    "acceleration", trajectory.top_acceleration, f"{self._unit}/s²", "max_acceleration", limit
-                )
+        hardest = trajectory.top_acceleration if isinstance(trajectory, Ramped) else 0.0
+        if limit is not None and hardest > limit * _ROUNDING:
+            raise self._beyond("acceleration", hardest, f"{self._unit}/s²", "max_acceleration", limit)
         pace = pace_of(self._parameters, trajectory)
         if pace.velocity is None and pace.acceleration is None:
             what = f"the fastest that the axis may get, in {self._unit}/s, by which a jump of the trajectory is told"
@@ -236,8 +238,15 @@ class Request:
     # -- helpers -----------------------------------------------------------------------------------------------------
 
     def _raw(self, scale: Scale, value: float, what: str) -> int:
-        """Return a magnitude in increments, at least 1, that fits UNSIGNED32."""
-        return self._fits(max(1, abs(scale.to_increments(value))), DataType.UNSIGNED32, what)
+        """Return a magnitude in increments, no more than was asked for, that fits UNSIGNED32."""
+        raw = toward_zero(abs(value * scale.factor))
+        if not raw:
+            raise LimitError(
+                f"{self.text}: {value:g} {scale.unit} is less than one increment of the drive ({what})",
+                observed=f"its smallest step is {abs(scale.to_units(1)):g} {scale.unit}: more than was asked for",
+                remedy="ask for at least that, or let the drive count in a finer unit (60A9h, or the maker's own object)",
+            )
+        return self._fits(raw, DataType.UNSIGNED32, what)
 
     def _fits(self, value: int, data_type: DataType, what: str) -> int:
         return check_range(value, data_type, f"{self.text}: {what}")
