@@ -17,7 +17,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
-from kit.cell import Cell
+from kit.cell import Cell, cell_text
 from kit.probe import ENABLED
 
 JOINTS = (Path(__file__).parents[2] / "examples" / "cell.toml").read_text(encoding="utf-8")
@@ -291,3 +291,50 @@ def test_a_rated_torque_that_the_drive_does_not_share_is_told_at_boot(story):
     same = story.simulated("x", axis="rated_torque = 1.27").machine.reports[0]
     assert not any("rated_torque" in warning for warning in same.warnings)
     assert same.as_json()["axes"][0]["rated_torque"]["agrees"] is True
+
+
+# An endless axis.
+
+
+def beyond_the_count(story, more: str = "") -> Cell:
+    """An endless axis (36 000 increments per turn) that stood just below the end of INTEGER32, turning past it."""
+    dictionary = eds.load(builtin.resolve("builtin:generic-cia402", Path()))
+    params = replace(motor_from_eds(dictionary), start_position=2.0**31 - 3_000)
+    cell = story.simulated(
+        "x", axis=f"modulo = 360.0\n{more}", devices=lambda: {1: device_from_eds(dictionary, 1, params)}
+    )
+    cell.turning(90.0)
+    cell.run(1.0)
+    assert cell.where() * 100 > 2**31
+    return cell
+
+
+def test_an_endless_axis_past_int32_loses_neither_a_cycle_nor_its_angle(story):
+    cell = beyond_the_count(story)
+    cell.x.halt().wait(5)
+    cell.x.set_position(cell.where() % 360.0).wait(1)
+    read, lost = cell.port().read, [True]
+    cell.port().read = lambda now: read(now)._replace(position=None) if lost[0] else read(now)
+    cell.run(0.1)
+    assert cell.core().image.position is None
+    lost[0] = False
+    cell.run(0.1)
+    assert cell.x.homed
+    assert cell.x.position == pytest.approx(cell.where() % 360.0, abs=0.02)
+    cell.x.move_absolute(90.0).wait(5)
+    cell.run(0.3)
+    assert cell.where() % 360.0 == pytest.approx(90.0, abs=0.02)
+
+
+def test_an_endless_axis_that_was_out_of_sight_for_half_the_count_is_not_homed_any_more(story):
+    """At 400 000 000 deg/s the half of INTEGER32 passes within 54 ms."""
+    text = cell_text("x", axis="modulo = 360.0").replace("max_velocity = 400.0", "max_velocity = 4e8")
+    cell = story.simulated(text=text).enabled()
+    cell.x.set_position(0.0).wait(1)
+    read, lost = cell.port().read, [True]
+    cell.port().read = lambda now: read(now)._replace(position=None) if lost[0] else read(now)
+    cell.run(0.1)
+    assert cell.x.homed
+    lost[0] = False
+    cell.run(0.05)
+    assert not cell.x.homed

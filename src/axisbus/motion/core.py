@@ -57,6 +57,8 @@ class AxisCore:
         window = parameters.timing.standstill_window
         tolerance = max(2.0, (parameters.standstill_speed or 0.0) * window)
         self.image = Image(capabilities, parameters.scan_period, tolerance, window)
+        if parameters.limits.velocity is not None and parameters.units.ratio_known:
+            self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
         self.order = Order()
         self.history = History()
         self.supervision = Supervision(parameters, capabilities)
@@ -153,6 +155,9 @@ class AxisCore:
 
     def _supervise(self, image: Image) -> None:
         if self.supervision.has_restarted(image):
+            self.homed = False
+            image.restart()
+        if image.lost_count:
             self.homed = False
         finding = self.supervision.node(image)
         if finding is None and image.state in _FAULTS:

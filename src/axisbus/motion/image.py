@@ -8,14 +8,15 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply
 from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
-from axisbus.units import INT32_HALF, INT32_SPAN
+from axisbus.units import INT32_HALF, INT32_SPAN, unwrap
 
 
 class Image:
     """The decoded inputs of one axis; holds state: the unwrapped position and the anchor of the standstill test.
 
-    A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments (they go on past
-    the wrap of INTEGER32). ``origin`` is the position that the user calls 0 (set by ``set_position``).
+    A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
+    the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
+    ``set_position``).
     """
 
     __slots__ = (
@@ -24,12 +25,15 @@ class Image:
         "_max_age",
         "_period",
         "_raw_position",
+        "_seen_position",
         "_tolerance",
         "_window",
         "bus",
         "demand",
         "emcy",
+        "fastest",
         "gap",
+        "lost_count",
         "mode",
         "nmt",
         "now",
@@ -59,6 +63,9 @@ class Image:
         self._anchor: int | None = None
         self._anchor_stamp = -math.inf
         self._raw_position: int | None = None
+        self._seen_position = 0  # the last known one, unwrapped
+        self.fastest = float(INT32_HALF)  # increments per s: more than 606Ch can say
+        self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
         self.gap = 0.0  # seconds since the cycle before
         self.origin = 0
@@ -100,8 +107,12 @@ class Image:
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
-            self.position = self._raw_position
+            self.position = self._seen_position = self._raw_position
         self._anchor = None
+
+    def restart(self) -> None:
+        """Count from the drive's own value with the next one: it counts anew."""
+        self._raw_position = None
 
     @property
     def reference(self) -> int | None:
@@ -118,19 +129,17 @@ class Image:
         self.statusword_stamp = sample.stamp
 
     def _take_position(self, sample: Sample | None, oldest: float) -> None:
+        self.lost_count = False
         if sample is None or sample.stamp < oldest:
             self.position, self.standstill, self._anchor = None, False, None
             return
         raw = sample.value
         if self._raw_position is None:
             self.position = raw
-        elif self.position is None:
-            self.position = (
-                raw  # whole turns of the wrap may have been missed: count from the drive's own value
-            )
         else:
-            self.position += (raw - self._raw_position + INT32_HALF) % INT32_SPAN - INT32_HALF
-        self._raw_position = raw
+            self.lost_count = (sample.stamp - self.position_stamp) * self.fastest >= INT32_HALF
+            self.position = unwrap(self._seen_position, raw)
+        self._raw_position, self._seen_position = raw, self.position
         if sample.stamp != self.position_stamp:
             self.position_stamp = sample.stamp
             self._watch_standstill(self.position, sample.stamp)
