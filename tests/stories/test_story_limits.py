@@ -12,13 +12,13 @@ import pytest
 from axisbus import eds
 from axisbus.cia402.port import Source
 from axisbus.eds import builtin
-from axisbus.errors import LimitError, StaleError
+from axisbus.errors import LimitError, MotionTimeout, Replaced, StaleError
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
 from kit.cell import Cell, cell_text
-from kit.probe import ENABLED
+from kit.probe import ENABLED, OFF
 
 JOINTS = (Path(__file__).parents[2] / "examples" / "cell.toml").read_text(encoding="utf-8")
 
@@ -338,3 +338,79 @@ def test_an_endless_axis_that_was_out_of_sight_for_half_the_count_is_not_homed_a
     lost[0] = False
     cell.run(0.05)
     assert not cell.x.homed
+
+
+# From a trajectory to a position.
+
+
+@pytest.mark.parametrize("mode_delay", [0.0, 0.05])
+@pytest.mark.parametrize("target", [170.0, 60.0, 20.0, -100.0])
+def test_a_move_out_of_a_trajectory_begins_from_the_present_velocity(story, target, mode_delay):
+    """A drive that changes to profile position mode has no set-point for a cycle or more, and brakes as it sees fit."""
+    cell = joints(story)
+    cell.drive("x").dials.mode_delay = mode_delay
+    handle = cell["x"].follow(Trapezoid(0.0, 150.0, 90.0, 720.0))
+    cell.until(lambda: cell.where("x") > 40.0)
+    since = cell.moment("x")
+    move = cell["x"].move_absolute(target, velocity=90)
+    move.wait(10)
+    assert isinstance(handle.exception(), Replaced)
+    assert (
+        cell.hardest_change("x", since) <= 720.0 + 300.0
+    )  # whole increments of a position over 4 ms: 172 deg/s²
+    assert cell.top_speed("x", since) <= 91.0
+    assert cell.where("x") == pytest.approx(target, abs=0.01)
+    cell["x"].move_absolute(0.0).wait(10)  # and from rest in profile position mode, as ever
+    assert cell.drive("x").mode_display == 1
+
+
+def test_a_move_out_of_a_halt_on_a_trajectory_and_a_halt_of_that_move_do_not_jolt(story):
+    cell = joints(story)
+    cell["x"].follow(Trapezoid(0.0, 150.0, 90.0, 720.0))
+    cell.until(lambda: cell.where("x") > 40.0)
+    since = cell.moment("x")
+    cell["x"].halt()
+    cell.run(0.05)
+    cell["x"].move_absolute(160.0, velocity=180)
+    cell.run(0.2)
+    cell["x"].move_absolute(170.0, velocity=60)
+    cell.run(0.3)
+    cell["x"].halt().wait(5)
+    assert cell.hardest_change("x", since) <= 720.0 + 300.0
+    assert cell["x"].state is AxisState.STANDSTILL
+    cell.must_stand("x", within=0.1, stages=ENABLED)
+
+
+def test_a_move_out_of_a_trajectory_that_could_not_brake_within_the_limits_is_refused(story):
+    cell = joints(story)
+    cell["y"].follow(Trapezoid(0.0, 88.0, 300.0, 3600.0))
+    cell.until(lambda: cell.where("y") > 40.0)
+    error = cell.failure_of(cell["y"].move_absolute(80.0, velocity=300, deceleration=300))
+    assert "could not stop within the position limits" in error.message
+    cell.until(lambda: cell["y"].state is AxisState.STANDSTILL)
+    assert cell.where("y") == pytest.approx(88.0, abs=0.01)
+    assert cell.farthest("y")[1] <= 88.1
+
+
+def test_a_group_goes_over_from_its_trajectories_in_one_cycle_without_a_jolt(story):
+    cell = joints(story)
+    cell["z"].enable().wait(5)
+    cell["z"].home().wait(5)
+    for name, end in (("x", 150.0), ("y", 80.0)):
+        cell[name].follow(Trapezoid(0.0, end, 60.0, 720.0))
+    cell.until(lambda: cell.where("x") > 30.0)
+    since = cell.moment("x")
+    cell.machine.group("x", "y", "z").move_direct((20.0, -10.0, 30.0), velocity=60.0).wait(10)
+    for name, end in (("x", 20.0), ("y", -10.0), ("z", 30.0)):
+        cell.run(0.2)
+        assert cell.where(name) == pytest.approx(end, abs=0.02)
+        assert cell.hardest_change(name, since) <= 720.0 + 300.0
+
+
+def test_a_move_out_of_a_trajectory_ends_at_the_caller_s_timeout(story):
+    cell = joints(story)
+    cell["x"].follow(Trapezoid(0.0, 150.0, 90.0, 720.0))
+    cell.until(lambda: cell.where("x") > 40.0)
+    error = cell.failure_of(cell["x"].move_absolute(170.0, velocity=10, timeout=0.5))
+    assert isinstance(error, MotionTimeout)
+    cell.must_stand("x", within=2.0, stages=(ENABLED, *OFF))

@@ -12,6 +12,7 @@ from axisbus.motion.braking import Course
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import Gate
+from axisbus.motion.goingon import GoingOn
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
 from axisbus.motion.jog import Jog
@@ -31,6 +32,11 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
+    leading = _leading(core)
+    if leading is not None and profile.speed and profile.up and profile.down:
+        _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
+        core.last_target = target
+        return
     _require_braking(core, profile, handle)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
@@ -41,6 +47,13 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     )
     core.running.set_point = None
     core.last_target = target
+
+
+def _go_on(core: AxisCore, going_on: GoingOn, handle: Handle) -> None:
+    """Let a move begin from the velocity with which a trajectory leads the axis."""
+    if core.bounded:
+        going_on.require_room(core.image.origin)
+    core.begin(going_on, handle, AxisState.DISCRETE_MOTION)
 
 
 def _require_watch(core: AxisCore, profile: Profile, handle: Handle) -> None:
@@ -218,9 +231,14 @@ def _prepare(
 
 
 def _lead(core: AxisCore) -> Lead | None:
+    leading = _leading(core)
+    return None if leading is None else leading.step
+
+
+def _leading(core: AxisCore) -> Follow | None:
     """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
     follow = core.activity if core.ladder is None else core.ladder.follow
-    return follow.step if isinstance(follow, Follow) and not follow.at_rest else None
+    return follow if isinstance(follow, Follow) and not follow.at_rest else None
 
 
 def require_motion(core: AxisCore, handle: Handle) -> None:

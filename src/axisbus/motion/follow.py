@@ -92,6 +92,19 @@ class Follow(Activity):
         """Take the trajectory that the group has planned."""
         self._trajectory = trajectory
 
+    def resume(self, before: Follow) -> None:
+        """Go on from the last target of ``before``, which lies one cycle back, with the trajectory that has been begun."""
+        assert self._trajectory is not None
+        self._prepared = self._running = True
+        self._last, self._step, self._limits = before._last, before._step, before._limits
+        self._pace = pace_of(self._parameters, self._trajectory)
+
+    @property
+    def last_step(self) -> Step:
+        """Where the path was in the last cycle, and how fast it came there; only once it runs."""
+        assert self._step is not None
+        return self._step
+
     def begin_braking(self) -> bool:
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
         if self._trajectory is None or not self._running:
