@@ -414,3 +414,57 @@ def test_a_move_out_of_a_trajectory_ends_at_the_caller_s_timeout(story):
     error = cell.failure_of(cell["x"].move_absolute(170.0, velocity=10, timeout=0.5))
     assert isinstance(error, MotionTimeout)
     cell.must_stand("x", within=2.0, stages=(ENABLED, *OFF))
+
+
+# Limits in the drive.
+
+IN_DRIVE = """\
+position_limits = [-90.05, 90.0]
+max_torque = 2.0
+rated_torque = 4.0
+limits_in_drive = true
+"""
+
+
+def test_limits_in_the_drive_hold_without_a_master(story):
+    """The master dies, nothing on the drive notices, and another tool asks for what the master would not have allowed."""
+    cell = story.simulated("x", axis=IN_DRIVE, heartbeat="off").enabled()
+    device, drive = cell.device(), cell.drive()
+    assert "objects written and read back" in cell.machine.reports[0].configured
+    assert [device.read(0x607D, sub) for sub in (1, 2)] == [-9005, 9000]
+    assert (device.read(0x607F, 0), device.read(0x6072, 0)) == (40_000, 500)
+    cell.machine.scan.ended = True
+    drive.mode, drive.target_position, drive.controlword = 1, 20_000, 0x0F
+    device.write(0x6081, 0, 100_000)
+    device.write(0x6083, 0, 200_000)
+    device.write(0x6084, 0, 200_000)
+    cell.run(0.1)
+    drive.controlword = 0x1F
+    cell.run(3.0)
+    assert 350.0 < cell.top_speed() <= 400.1
+    assert cell.farthest()[1] == pytest.approx(90.0, abs=0.01)
+
+
+def test_the_speed_of_the_motor_is_limited_where_the_drive_says_how_it_counts(story):
+    text = JOINTS.replace("max_acceleration = 3600.0", "max_acceleration = 3600.0\nlimits_in_drive = true")
+    cell = story.simulated(text=text)
+    device = cell.device("y")
+    assert device.read(0x6080, 0) == 480  # 360 deg/s at the output, 8 turns of the motor each
+    assert [device.read(0x607D, sub) for sub in (1, 2)] == [-32768, 32768]
+    for name in "xy":
+        cell[name].enable().wait(5)
+        cell[name].home().wait(5)
+    cell["y"].move_absolute(90.0, velocity=360, acceleration=3600).wait(5)
+    cell["y"].move_absolute(-90.0, velocity=360, acceleration=3600).wait(5)
+    assert cell.top_speed("y") == pytest.approx(360.0, abs=0.1)  # its own limits do not slow it down
+
+
+def test_an_axis_that_the_master_turns_has_its_limits_turned_in_the_drive(story):
+    turned = IN_DRIVE.replace("-90.05, 90.0", "-30.0, 90.0") + 'invert = "master"'
+    cell = story.simulated("x", axis=turned).enabled()
+    assert [cell.device().read(0x607D, sub) for sub in (1, 2)] == [-9000, 3000]
+    cell.x.home().wait(5)
+    cell.x.move_absolute(90.0, velocity=300).wait(5)
+    cell.run(0.3)
+    assert cell.where() == pytest.approx(90.0, abs=0.02)
+    assert cell.drive().position == -9000
