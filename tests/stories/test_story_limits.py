@@ -169,6 +169,15 @@ def test_an_axis_under_torque_whose_quick_stop_coasts_is_braked_in_profile_veloc
     assert cell.stage("x") == ENABLED
 
 
+def test_a_halt_under_torque_that_would_coast_beyond_a_limit_becomes_a_quick_stop(story):
+    cell = joints(story)
+    cell["x"].torque_control(1.0, slope=5.0)
+    cell.until(lambda: cell.where("x") > 90.0)
+    assert cell.speed("x") > 200.0
+    cell["x"].halt()
+    must_end_within(cell, "x", -180.0, 180.0)
+
+
 @pytest.mark.parametrize("load", ["brake", "torque"])
 def test_an_axis_with_a_load_under_torque_is_braked_by_a_mode_that_holds(story, load):
     text = JOINTS.replace("rated_torque = 5.0", f'rated_torque = 5.0\nholds_load = "{load}"')

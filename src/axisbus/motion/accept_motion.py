@@ -135,7 +135,7 @@ def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
         return
     if before is not None and before.down is not None and profile.down >= before.down:
         return
-    stop = core.supervision.guard.overrun(core.image, profile.down)
+    stop = core.supervision.guard.overrun(core.image, profile.down, before)
     if stop is None:
         return
     units, limits = core.parameters.units.position, core.parameters.limits.position

@@ -27,10 +27,12 @@ class Course(NamedTuple):
     """Where a command leads the axis, in position increments; None: not known.
 
     ``speed`` (per s) is signed, ``up`` (per s²) leads to it, ``down`` is the profile deceleration 6084h that the drive has by now.
-    ``by_torque``: the axis is pushed, nobody knows how fast it will get, and a halt of the mode lets it coast.
+    ``by_torque``: the axis is pushed, nobody knows how fast it will get, and a halt of the mode lets it coast. ``by_target``: it
+    goes to a position, and comes to rest there by itself.
     """
 
     speed: float | None = None
     up: float | None = None
     down: float | None = None
     by_torque: bool = False
+    by_target: bool = False

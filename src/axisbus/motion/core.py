@@ -167,6 +167,8 @@ class AxisCore:
         if finding is None and self.powered and self.ladder is None:
             course = None if self.activity is None else self.activity.course
             finding = self.supervision.power(image, self.state, bounded=self.bounded, course=course)
+        elif finding is None and self.powered and self.ladder is not None:
+            finding = self.supervision.coasting(image, self.ladder.rung, bounded=self.bounded)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:

@@ -12,6 +12,8 @@ What counts is where the motor is, and where its drive leads it (the demand, 606
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cia402.options import Ramp
 from axisbus.errors import AxisbusError, LimitError
 from axisbus.motion.activity import require_position
@@ -27,6 +29,7 @@ _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control oversh
 _REACTION = 3.0  # scan periods: until the next look, until the drive has heard, until it brakes
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
 _NOISE = 3.0  # increments that a position may be off, as a velocity over one period
+_WINDOW = 20.0  # increments by which a move may go beyond its target at its end
 _LONGEST_LAG = (
     0.25  # seconds that a motor may be behind its demand; what is farther off is no demand of this motion
 )
@@ -56,7 +59,8 @@ class Guard:
         """
         if state is not AxisState.CONTINUOUS_MOTION:
             self._free_since = None
-            return None
+            moves = state is AxisState.DISCRETE_MOTION and bounded and course is not None
+            return self._overshoots(image, course) if moves and course is not None else None
         if self._free_since is None:
             self._free_since = image.now
         bounded = bounded and self._parameters.limits.position is not None
@@ -67,12 +71,32 @@ class Guard:
         course = course or Course()
         return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
 
-    def overrun(self, image: Image, down: float) -> float | None:
-        """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``."""
-        if self._parameters.limits.position is None or image.position is None or not self._position.is_known:
+    def overrun(self, image: Image, down: float, before: Course | None = None) -> float | None:
+        """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``.
+
+        ``before``: where it is led until then.
+        """
+        if image.position is None or not self._position.is_known:
             return None
         velocity, _ = self._position.motion
-        return self._beyond(image, self._position, Course(speed=velocity, up=0.0, down=down), down)
+        pushed = before is not None and before.by_torque
+        course = Course(by_torque=True) if pushed else Course(speed=velocity, up=0.0)
+        return self._beyond(image, self._position, course, down)
+
+    def _overshoots(self, image: Image, course: Course) -> LimitError | None:
+        """Return why a move to a position must be stopped: it has begun too fast for the deceleration that it brings.
+
+        A move that ends within the limits never has a way to rest beyond them, but for its velocity being older than its position.
+        """
+        if course.down is None or image.position is None or not self._position.is_known:
+            return None
+        velocity, _ = self._position.motion
+        window = (
+            max(_WINDOW, self._parameters.position_window or 0) + 2.0 * abs(velocity) * self._position.spacing
+        )
+        way = math.copysign(max(0.0, braking_distance(velocity, course.down) - window), velocity)
+        rest = self._outside(image, image.position + way, 1 if velocity > 0 else -1)
+        return None if rest is None else self._leaving(image, rest)
 
     def _blind(self, image: Image) -> AxisbusError | None:
         try:
@@ -108,13 +132,16 @@ class Guard:
     # -- position ----------------------------------------------------------------------------------------------------
 
     def _too_far(self, image: Image, course: Course) -> LimitError | None:
-        limits, units = self._parameters.limits.position, self._parameters.units.position
         ramp = stop_of(self._parameters, course)[1]
         stop = self._beyond(image, self._position, course, ramp)
         if stop is None and self._leads(image) and not course.by_torque:
             stop = self._beyond(image, self._demand, course, ramp)
-        if stop is None or limits is None or image.position is None:
-            return None
+        return None if stop is None else self._leaving(image, stop)
+
+    def _leaving(self, image: Image, stop: float) -> LimitError:
+        limits, units = self._parameters.limits.position, self._parameters.units.position
+        assert limits is not None
+        assert image.position is not None
         velocity, _ = self._position.motion
         return LimitError(
             f"{self._parameters.name}: about to leave its position limits",
@@ -133,15 +160,21 @@ class Guard:
 
     def _beyond(self, image: Image, track: Track, course: Course, ramp: float | None) -> float | None:
         """Return where a count would come to rest, in units, if that is farther out than the limits."""
+        for direction in (1, -1):
+            way = self._way_to_rest(image, track, direction, course, ramp)
+            rest = self._outside(image, track.value + direction * way, direction) if way > 0 else None
+            if rest is not None:
+                return rest
+        return None
+
+    def _outside(self, image: Image, position: float, direction: int) -> float | None:
+        """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments)."""
         limits, units = self._parameters.limits.position, self._parameters.units.position
         if limits is None:
             return None
         low, high = sorted(edge * units.factor + image.origin for edge in limits)
-        for direction, edge in ((1, high), (-1, low)):
-            way = self._way_to_rest(image, track, direction, course, ramp)
-            if way > 0 and (track.value + direction * way - edge) * direction > 0:
-                return units.to_units(track.value + direction * way - image.origin)
-        return None
+        edge = high if direction > 0 else low
+        return units.to_units(position - image.origin) if (position - edge) * direction > 0 else None
 
     def _way_to_rest(
         self, image: Image, track: Track, direction: int, course: Course, ramp: float | None
@@ -178,6 +211,9 @@ def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | N
     """
     braking, slow = parameters.braking, course.down or parameters.slow_ramp
     quick = Rung.QUICK_STOP, braking.deceleration(braking.quick_stop, slow)
+    if course.by_target:
+        harder = braking.quick_stop in BRAKES and (quick[1] or 0.0) > (slow or 0.0)
+        return quick if harder else (Rung.HALT, slow)
     if course.by_torque:
         return (Rung.HALT, slow) if parameters.halts_torque_by_mode else quick
     if braking.halt is Ramp.COAST and braking.quick_stop in BRAKES:

@@ -12,7 +12,7 @@ from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError
 from axisbus.motion.braking import Course
 from axisbus.motion.guard import Guard, stop_of
 from axisbus.motion.image import Image
-from axisbus.motion.ladder import Rung
+from axisbus.motion.ladder import TORQUE_MODES, Rung
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
 
@@ -88,6 +88,14 @@ class Supervision:
             or self._dropped(image, state)
             or self._danger(image, state, bounded, course)
         )
+
+    def coasting(self, image: Image, rung: Rung, *, bounded: bool) -> Finding | None:
+        """Return what endangers an axis that a halt under torque lets coast, where a harder rung than ``rung`` would brake it."""
+        course = Course(by_torque=True)
+        harder = stop_of(self._parameters, course)[0] > rung
+        if not harder or image.mode not in TORQUE_MODES or image.state is not State.OPERATION_ENABLED:
+            return None
+        return self._danger(image, AxisState.CONTINUOUS_MOTION, bounded, course)
 
     def _gap(self, image: Image) -> Finding | None:
         """A program that was suspended comes back with values that look fresh and a world that has moved on."""
