@@ -137,6 +137,14 @@ def test_a_position_that_is_gone_stops_an_axis_that_must_keep_its_limits(story):
     assert cell.farthest("y")[1] < 90.0
 
 
+@pytest.mark.parametrize("velocity", [300.0, -150.0])
+def test_in_real_time_on_a_bus_a_turning_axis_comes_to_rest_within_its_limits(story, velocity):
+    cell = story.real("x", axis="position_limits = [-90.0, 90.0]").enabled()
+    cell.x.move_velocity(velocity, acceleration=3000, deceleration=1500)
+    must_end_within(cell, "x", -90.0, 90.0)
+    assert max(map(abs, cell.farthest())) > 30.0
+
+
 # Under torque.
 
 

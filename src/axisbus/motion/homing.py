@@ -115,10 +115,12 @@ class HomingRun(Activity):
     def _settled(self, image: Image, bit: int) -> bool:
         """The bit speaks of this run: it has been seen low, or (home in place) stands in a word received well after the edge.
 
-        It is not the first one since: a word that travels slowly may have been on its way when the drive saw the edge.
+        It is not the first one since: a word that travels slowly may have been on its way when the drive saw the edge. One that
+        is sent on change needs no second one: the drive would have sent it.
         """
-        late = image.statusword_stamp > self._since + self._parameters.timing.settle
-        return bool(self._seen_low & bit) or (late and self._words > 1)
+        settled = self._since + self._parameters.timing.settle
+        late = image.now > settled if image.statusword_by_event else image.statusword_stamp > settled
+        return bool(self._seen_low & bit) or (late and (self._words > 1 or image.statusword_by_event))
 
     def _error(self, image: Image, why: str) -> HomingError:
         name, method = self._parameters.name, self._job.method

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from axisbus.cia301.emcy import Emcy
-from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply
+from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
 from axisbus.units import INT32_HALF, INT32_SPAN, unwrap
@@ -45,6 +45,7 @@ class Image:
         "standstill",
         "state",
         "statusword",
+        "statusword_by_event",
         "statusword_stamp",
         "torque",
         "velocity",
@@ -58,6 +59,8 @@ class Image:
             for name in ("statusword", "mode", "position", "velocity", "torque", "demand")
         )
         self._period = period
+        # Then silence means that it has not changed.
+        self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self._tolerance = tolerance
         self._window = window
         self._anchor: int | None = None
