@@ -10,6 +10,8 @@ from axisbus.errors import ArgumentError, LimitError
 
 INT32_SPAN = 1 << 32
 INT32_HALF = 1 << 31
+# What a whole number may be off when it was computed from units.
+_ABSOLUTE, _RELATIVE = 1e-9, 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,21 @@ class Scale:
     def inverted(self) -> Scale:
         """Return the same scale with its direction turned."""
         return Scale(-self.exact, -self.factor, self.unit)
+
+
+def whole_below(increments: float) -> int:
+    """Return the highest whole number of increments that is not above; what arithmetic has taken from one is given back."""
+    return math.floor(increments + _ABSOLUTE + _RELATIVE * abs(increments))
+
+
+def whole_above(increments: float) -> int:
+    """Return the lowest whole number of increments that is not below."""
+    return -whole_below(-increments)
+
+
+def toward_zero(increments: float) -> int:
+    """Return the whole increments of a magnitude with a sign: no more than was asked for."""
+    return whole_below(increments) if increments >= 0 else whole_above(increments)
 
 
 def unwrap(previous: int, raw: int) -> int:

@@ -402,3 +402,18 @@ def test_an_axis_in_increments_is_told_how_its_deadlines_are_made(tmp_path: Path
     path = kit.write(tmp_path, ('unit = "mm"\nscale = 1000', 'unit = "increments"'))
     assert kit.serious(path) == []
     assert kit.note(path, "axis x: without velocity_scale").line == kit.line_of(path, '"increments"')
+
+
+def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None:
+    given = "max_torque = 4.0", "max_torque = 4.0\nlimits_in_drive = true"
+    path = kit.write(tmp_path, given, eds=kit.without("607F"))
+    told = [each for each in kit.serious(path) if "cannot be left in the drive" in each.message]
+    assert [each.message.rpartition(" as ")[2][:5] for each in told] == ["607Fh", "6080h", "6072h"]
+    assert {each.observed for each in told} == {"the drive has no such object"}
+    assert [each.line for each in told][1:] == [
+        kit.line_of(path, "max_velocity"),
+        kit.line_of(path, "max_torque"),
+    ]
+    assert kit.note(path, "607Dh counts from the drive's own zero").line == kit.line_of(
+        path, "limits_in_drive"
+    )

@@ -277,13 +277,15 @@ def test_a_short_trapezoid_that_never_gets_fast_is_taken():
     r.axis.follow(Trapezoid(0.0, 10.0, 100.0, 500.0)).wait(5)  # 70.7 deg/s at most
 
 
-def test_a_trajectory_faster_than_the_limit_is_stopped_by_quick_stop():
+def test_a_trajectory_faster_than_the_limit_is_braked_along_its_path():
     r = rig(limits=Limits(velocity=80.0)).enabled()
     watch = Watch(r)
     with pytest.raises(LimitError, match="faster than max_velocity"):
         r.axis.follow(Own(Trapezoid(0.0, 90.0, 100.0, 500.0))).wait(5)
     r.until(lambda: r.core.ladder is None)
-    assert watch.speed <= 80_000 * 1.1
+    assert watch.speed <= 80_000 * 1.001
+    assert watch.acceleration() <= 500_000 * 1.1
+    assert watch.transitions == []
     assert r.axis.state is AxisState.ERRORSTOP
     assert abs(r.drive.axis.motor.velocity) < 1.0
 
@@ -296,6 +298,80 @@ def test_a_trajectory_that_jumps_never_reaches_the_drive():
     r.run(0.5)
     assert watch.displacement < 100
     assert max(targets(watch)) < 0.1
+
+
+class Kink:
+    """At rest, then at a velocity from one cycle to the next."""
+
+    duration = 1.0
+
+    def __init__(self, velocity: float) -> None:
+        self.velocity = velocity
+
+    def position(self, t: float) -> float:
+        return self.velocity * max(0.0, t - 0.5)
+
+
+@pytest.mark.parametrize("velocity", [20.0, -20.0])
+def test_no_step_of_velocity_beyond_the_limit_of_acceleration_is_sent(velocity):
+    r = rig(limits=Limits(velocity=400.0, acceleration=1000.0)).enabled()
+    watch = Watch(r)
+    with pytest.raises(LimitError, match="harder than max_acceleration") as caught:
+        r.axis.follow(Kink(velocity)).wait(5)
+    assert "from 0 to" in caught.value.observed
+    r.run(0.5)
+    assert watch.displacement < 2
+    r.axis.reset().wait(1)
+    r.axis.follow(Kink(0.4 * velocity)).wait(5)  # 8 deg/s within 10 ms are 800 deg/s²
+
+
+@pytest.mark.parametrize("limits", [Limits(), Limits(acceleration=500.0)], ids=["no limits", "acceleration"])
+def test_without_max_velocity_a_jump_is_told_by_what_the_axis_can_make(limits):
+    r = rig(limits=limits).enabled()
+    watch = Watch(r)
+    with pytest.raises(LimitError, match="harder than"):
+        r.axis.follow(Own(Sampled([0.0, 0.0, 50.0, 50.0], PERIOD))).wait(5)
+    r.run(0.5)
+    assert watch.displacement < 2
+    r.axis.reset().wait(1)
+    r.axis.follow(Own(Trapezoid(0.0, 50.0, 100.0, 500.0))).wait(5)
+    assert r.drive.position == 50_000
+
+
+def test_a_trapezoid_names_its_own_acceleration():
+    r = rig(limits=Limits()).enabled()
+    r.axis.follow(Trapezoid(0.0, 50.0, 100.0, 3000.0)).wait(5)
+    limited = rig(limits=Limits(acceleration=1000.0)).enabled()
+    with pytest.raises(LimitError, match="beyond the limit"):
+        limited.axis.follow(Trapezoid(0.0, 50.0, 100.0, 1001.0))
+    limited.axis.follow(Trapezoid(0.0, 50.0, 100.0, 1000.0)).wait(5)
+
+
+def test_where_nothing_would_tell_a_jump_a_path_of_one_s_own_is_refused():
+    r = rig(limits=Limits(), defaults=Defaults(velocity=100.0)).enabled()
+    with pytest.raises(ArgumentError, match="max_velocity is missing"):
+        r.axis.follow(Own(Trapezoid(0.0, 50.0, 100.0, 500.0)))
+
+
+def test_a_jump_on_the_way_ends_in_the_drive_s_quick_stop():
+    """Along the path it could not be braked: there is none where it jumps."""
+    r = rig(limits=Limits(velocity=400.0, acceleration=600.0)).enabled()
+    r.device.write(0x6085, 0, 600_000)
+
+    class Broken:
+        duration = 2.0
+        path = Trapezoid(0.0, 200.0, 100.0, 500.0)
+
+        def position(self, t: float) -> float:
+            return self.path.position(t) + (30.0 if t > 1.0 else 0.0)
+
+    watch = Watch(r)
+    handle = r.axis.follow(Broken())
+    r.until(lambda: not handle.busy and r.core.ladder is None)
+    assert isinstance(handle.exception(), LimitError)
+    assert watch.speed <= 100_500
+    assert watch.acceleration() <= 600_000 * 1.2
+    assert 11 in watch.transitions
 
 
 # Position limits ahead.
@@ -406,7 +482,7 @@ def test_without_a_deceleration_a_path_of_one_s_own_is_not_begun_within_position
 
 def test_the_other_axis_of_the_group_is_braked_along_its_own_path():
     slow = {"defaults": Defaults(velocity=100.0, acceleration=100.0)}
-    r = rig("xy", limits=TEN, each={"y": slow | {"limits": Limits()}}).enabled()
+    r = rig("xy", limits=TEN, each={"y": slow | {"limits": Limits(velocity=400.0)}}).enabled()
     watches = {name: Watch(r, name) for name in "xy"}
     first = r.axes["x"].follow(Own(Trapezoid(0.0, 20.0, 50.0, 500.0)))
     second = r.axes["y"].follow(Own(Trapezoid(0.0, -40.0, 80.0, 500.0)))

@@ -157,6 +157,40 @@ def test_bit_13_of_the_homing_before_does_not_fail_a_slow_second_one():
     assert r.axis.homed
 
 
+@pytest.mark.parametrize("poll", [0.1, 0.3])
+def test_a_slow_statusword_of_the_homing_before_is_not_the_end_of_the_next(poll):
+    """A word that was polled just after the edge is old: the drive shows the new homing later, and the next poll comes late."""
+    r = rig(motor=MACHINE, homing=SEARCH, port={"max_age": {"statusword": 1.0}}).enabled()
+    r.axis.home(17).wait(20)
+    r.axis.move_absolute(20.0).wait(5)
+    r.run(0.3)
+    port = r.ports["x"]
+    read, polled, risen = port.read, [], []
+
+    def slow(now):
+        """The first poll after the edge answers within 8 ms, the next ones each ``poll`` later."""
+        inputs = read(now)
+        if r.drive.controlword & BIT_4 and not risen:
+            risen.append(now)
+        word = (
+            inputs.statusword._replace(value=inputs.statusword.value | 0x1400)
+            if not risen
+            else inputs.statusword
+        )
+        if risen and len(risen) == 1 and now > risen[0] + 0.001:
+            risen.append(now)
+            polled.append(polled[-1]._replace(stamp=now - 0.002))
+        elif not polled or now >= polled[-1].stamp + poll:
+            polled.append(word._replace(stamp=now - 0.001))
+        return inputs._replace(statusword=polled[-1])
+
+    port.read = slow
+    handle = r.axis.home(17)
+    handle.wait(20)
+    assert r.drive.position == pytest.approx(r.drive.axis.motor.position + 40_000, abs=1)
+    assert r.drive.axis.motor.position < -30_000  # it has searched: 20 degrees back, and to the switch
+
+
 def test_homing_in_place_ends_on_an_event_driven_drive_whose_word_does_not_change():
     events = dict.fromkeys(
         ("statusword", "mode", "position", "velocity", "torque", "demand"), Source.EVENT_PDO

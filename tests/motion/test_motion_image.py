@@ -118,7 +118,8 @@ def test_a_position_that_was_received_once_is_no_standstill():
     assert not img.standstill  # the same frame over and over says nothing
 
 
-def test_after_a_gap_the_position_counts_from_the_drive_s_own_value():
+def test_an_endless_axis_past_int32_keeps_its_angle_over_a_gap():
+    """2**32 is no multiple of a turn: a count from the drive's own value would be another angle."""
     img = fresh_image()
     seen(img, 0.0, position=HALF - 1)
     seen(img, T, position=-HALF)
@@ -126,7 +127,30 @@ def test_after_a_gap_the_position_counts_from_the_drive_s_own_value():
     seen(img, 2 * T)
     assert img.position is None
     seen(img, 3 * T, position=-HALF + 5)
-    assert img.position == -HALF + 5
+    assert img.position == HALF + 5
+    assert not img.lost_count
+    assert img.unwrapped(-HALF + 7) == HALF + 7
+
+
+def test_where_half_the_count_may_have_passed_unseen_the_angle_is_not_known_any_more():
+    img = fresh_image()
+    img.fastest = HALF / (10 * T)
+    seen(img, 0.0, position=0)
+    seen(img, 9 * T, position=1000)
+    assert not img.lost_count
+    seen(img, 19.1 * T, position=2000)
+    assert img.lost_count
+    seen(img, 20 * T, position=2000)
+    assert not img.lost_count
+
+
+def test_a_drive_that_has_restarted_counts_from_its_own_value():
+    img = fresh_image()
+    seen(img, 0.0, position=HALF - 1)
+    seen(img, T, position=-HALF)
+    img.restart()
+    seen(img, 2 * T, position=3)
+    assert img.position == 3
 
 
 # Order.

@@ -110,7 +110,7 @@ def test_a_velocity_that_unsigned32_cannot_hold_is_refused(story, golden):
 
 
 def test_a_torque_that_int16_cannot_hold_is_refused(story, golden):
-    cell = story.simulated("x", axis="rated_torque = 0.01").enabled()
+    cell = story.simulated("x", axis="rated_torque = 0.01", more='[axes.x.objects]\n"6072" = 0\n').enabled()
     golden("argument_torque_overflow", sends_nothing(cell, lambda: cell.x.torque_control(1.0)))
 
 

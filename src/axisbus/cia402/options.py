@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects
@@ -124,3 +125,19 @@ ALL = (QUICK_STOP, SHUTDOWN, DISABLE, HALT, FAULT, CONNECTION_LOSS, COMMUNICATIO
 BY_KEY = {option.key: option for option in ALL}
 # After a quick stop with these values the drive stays in quick stop active and holds; with lower ones it powers off.
 HOLDING_QUICK_STOPS = range(5, 9)
+
+
+class Ramp(Enum):
+    """What brakes the motor on a halt or a quick stop."""
+
+    UNKNOWN = "unknown"
+    COAST = "nothing"
+    SLOW = "profile deceleration (6084h)"
+    QUICK = "quick-stop deceleration (6085h)"
+    LIMIT = "the current or voltage limit"
+
+
+_R = Ramp
+# By the values of 605Dh and 605Ah (CiA 402-2 8.4.6, 8.4.3); others are the maker's.
+HALT_RAMPS = {0: _R.COAST, 1: _R.SLOW, 2: _R.QUICK, 3: _R.LIMIT, 4: _R.LIMIT}
+QUICK_STOP_RAMPS = HALT_RAMPS | {5: _R.SLOW, 6: _R.QUICK, 7: _R.LIMIT, 8: _R.LIMIT}

@@ -31,7 +31,7 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, programtext, proposal, syncwindow
+from axisbus.machine import dcf, programtext, proposal, syncwindow, torque
 from axisbus.machine import identity as ids
 from axisbus.machine.access import Objects, Progress, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
@@ -39,6 +39,7 @@ from axisbus.machine.bootfailure import as_error, at_step
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.configure import Watch, plan_of
 from axisbus.machine.parameters import axis_parameters
+from axisbus.machine.ramps import braking_of
 from axisbus.machine.report import AxisReport, NodeReport
 from axisbus.machine.stopping import Watchdog, stop_ladder
 from axisbus.machine.writes import own_index
@@ -274,6 +275,11 @@ class NodeBoot:
         scale = proposal.compare(parameters.units.position, values)
         if scale.agrees is False:
             self._report.warnings.append(f"{axis.name}: scale {scale.configured}, but {scale.proposed}")
+        rated = torque.compare(axis.rated_torque, self._read(axis, o.RATED_TORQUE))
+        if rated is not None and rated.agrees is False:
+            self._report.warnings.append(
+                f"{axis.name}: rated_torque {rated.configured}, but {rated.proposed}"
+            )
         self._report.axes.append(
             AxisReport(
                 axis.name,
@@ -284,6 +290,7 @@ class NodeBoot:
                 how.outputs.get("controlword") is Source.SYNC_PDO,
                 ladder,
                 scale,
+                rated,
             )
         )
         return parameters
@@ -299,7 +306,16 @@ class NodeBoot:
         if axis.modes is None and claimed is not None:
             parameters = replace(parameters, modes=parameters.modes | frozenset(modes.supported(claimed)))
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
-        return replace(parameters, quick_stop_holds=holds)
+        read = partial(self._read, axis)
+        limits = parameters.limits
+        if axis.max_torque is None:
+            limits = torque.limited(replace(limits, torque=None), axis.rated_torque, read)
+        return replace(
+            parameters, quick_stop_holds=holds, braking=braking_of(parameters.units, read), limits=limits
+        )
+
+    def _read(self, axis: AxisConfig, index: int) -> int | None:
+        return read_int(self._objects, own_index(index, axis.drive_axis))
 
     def _with_following_error(self, axis: AxisConfig, parameters: AxisParameters) -> AxisParameters:
         """What the drive itself allows its position modes; 0 and FFFFFFFFh mean that it does not look."""

@@ -221,7 +221,10 @@ class StopConfig:
 
 @dataclass(frozen=True, slots=True)
 class AxisConfig:
-    """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds."""
+    """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
+
+    ``limits_in_drive``: they are written into the drive as well.
+    """
 
     name: str
     node: int = 0
@@ -236,6 +239,7 @@ class AxisConfig:
     max_velocity: float | None = None
     max_acceleration: float | None = None
     max_torque: float | None = None
+    limits_in_drive: bool = False
     modulo: float | None = None
     position_window: float | None = None
     standstill_velocity: float | None = None

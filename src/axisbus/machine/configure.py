@@ -11,6 +11,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.cell import BusConfig, CellConfig
+from axisbus.machine.drivelimits import limit_writes
 from axisbus.machine.identity import expected
 from axisbus.machine.programfile import wanted_program
 from axisbus.machine.services import set_services
@@ -29,6 +30,7 @@ def writes_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> list[Wr
     writes = list(node_writes(cell.nodes[node_id], dictionary))
     for axis in cell.axes_of(node_id):
         writes += axis_writes(axis, dictionary)
+        writes += limit_writes(axis, dictionary, writes)
     return writes
 
 

@@ -11,6 +11,7 @@ from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Variable
 from axisbus.machine.cell import AxisConfig, NodeConfig
+from axisbus.machine.drivelimits import limit_writes
 from axisbus.machine.writes import FIRST_AXIS, Write, implied_writes, initial, known_writes, own_index
 
 
@@ -36,6 +37,7 @@ class Drive:
             *known_writes(axis.objects, dictionary, axis.drive_axis),
         ]
         writes += implied_writes(axis, frozenset(write.address for write in writes))
+        writes += limit_writes(axis, dictionary, writes)
         return cls(axis, node, dictionary, eds, {write.address: write for write in writes})
 
     def index(self, index: int) -> int:

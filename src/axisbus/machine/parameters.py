@@ -9,8 +9,10 @@ from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
+from axisbus.machine import torque
 from axisbus.machine.cell import AxisConfig, CellConfig
 from axisbus.machine.drive import Drive
+from axisbus.machine.ramps import braking_of
 from axisbus.machine.scales import units_of
 from axisbus.motion.parameters import (
     AxisParameters,
@@ -43,7 +45,11 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
     return AxisParameters(
         name=name,
         units=units,
-        limits=Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
+        limits=torque.limited(
+            Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration, axis.max_torque),
+            axis.rated_torque,
+            drive.number,
+        ),
         defaults=_defaults(axis),
         homing=_homing(axis),
         stop_times=_stop_times(axis),
@@ -52,6 +58,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         objects=drive.objects,
         modes=modes(drive),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
+        braking=braking_of(units, drive.number),
         position_window=_increments(axis.position_window, units),
         standstill_window=_increments(axis.standstill_window, units),
         following_error=_increments(axis.following_error, units),

@@ -13,7 +13,7 @@ from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
 
 @dataclass(frozen=True, slots=True)
 class ScaleReport:
-    """The configured scale beside what the drive's objects suggest; ``agrees`` None: nothing is suggested."""
+    """The configured scale (or rated torque) beside what the drive's objects suggest; ``agrees`` None: nothing is suggested."""
 
     configured: str
     proposed: str
@@ -32,6 +32,7 @@ class AxisReport:
     in_one_sync: bool
     ladder: StopLadderReport
     scale: ScaleReport
+    rated_torque: ScaleReport | None = None
 
 
 @dataclass(slots=True)
@@ -116,6 +117,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         + (" - FOUND ENABLED, left as it is" if axis.found_enabled else ""),
         f"    {'modes':<14}{', '.join(axis.modes) or 'none'}",
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
+        *_torque_lines(axis.rated_torque),
         f"    {'travels by':<14}{axis.travels}",
         f"    {'one SYNC':<14}"
         + (
@@ -130,6 +132,10 @@ def _axis_lines(axis: AxisReport) -> list[str]:
     return lines
 
 
+def _torque_lines(rated: ScaleReport | None) -> list[str]:
+    return [] if rated is None else [f"    {'rated torque':<14}{rated.configured}; {rated.proposed}"]
+
+
 def _axis(axis: AxisReport) -> dict[str, Any]:
     return {
         "name": axis.name,
@@ -141,12 +147,13 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         "stop_ladder": [
             {"rung": rung, "object": what, "does": text} for rung, what, text in axis.ladder.rows
         ],
-        "scale": {
-            "configured": axis.scale.configured,
-            "proposed": axis.scale.proposed,
-            "agrees": axis.scale.agrees,
-        },
+        "scale": _compared(axis.scale),
+        "rated_torque": None if axis.rated_torque is None else _compared(axis.rated_torque),
     }
+
+
+def _compared(scale: ScaleReport) -> dict[str, Any]:
+    return {"configured": scale.configured, "proposed": scale.proposed, "agrees": scale.agrees}
 
 
 def _error(error: AxisbusError) -> dict[str, Any]:

@@ -91,6 +91,7 @@ AXIS: Keys = {
     "max_velocity": _positive,
     "max_acceleration": _positive,
     "max_torque": _positive,
+    "limits_in_drive": _flag,
     "modulo": _positive,
     "position_window": _positive,
     "standstill_velocity": _positive,

@@ -10,14 +10,16 @@ from axisbus.cia402.port import Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.activity import Lead, ModeSwitch, Transfers, require_position
+from axisbus.motion.braking import Course
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import Gate
+from axisbus.motion.goingon import GoingOn
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
 from axisbus.motion.jog import Jog
 from axisbus.motion.moves import PositionMove
-from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes
+from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.turning import TorqueMove, VelocityMove
@@ -32,6 +34,12 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
+    leading = _leading(core)
+    if leading is not None and profile.speed and profile.up and profile.down:
+        _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
+        core.last_target = target
+        return
+    _require_braking(core, profile, handle)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
     )
@@ -41,6 +49,13 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     )
     core.running.set_point = None
     core.last_target = target
+
+
+def _go_on(core: AxisCore, going_on: GoingOn, handle: Handle) -> None:
+    """Let a move begin from the velocity with which a trajectory leads the axis."""
+    if core.bounded:
+        going_on.require_room(core.image.origin)
+    core.begin(going_on, handle, AxisState.DISCRETE_MOTION)
 
 
 def _require_watch(core: AxisCore, profile: Profile, handle: Handle) -> None:
@@ -104,10 +119,34 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate:
     prepare = _prepare(
         core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
     )
-    velocity_move = VelocityMove(profile, core.parameters, prepare)
+    _require_braking(core, profile, handle)
+    velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
     core.last_target = None
+
+
+def _course(core: AxisCore) -> Course | None:
+    return None if core.activity is None else core.activity.course
+
+
+def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
+    """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration."""
+    before = _course(core)
+    if profile.down is None or not core.bounded or core.state not in MOVING:
+        return
+    if before is not None and before.down is not None and profile.down >= before.down:
+        return
+    stop = core.supervision.guard.overrun(core.image, profile.down, before)
+    if stop is None:
+        return
+    units, limits = core.parameters.units.position, core.parameters.limits.position
+    assert limits is not None
+    raise LimitError(
+        f"{handle.name}: could not stop within the position limits with that deceleration",
+        observed=f"at its present speed it would come to rest at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+        remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
+    )
 
 
 def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate) -> None:
@@ -117,6 +156,7 @@ def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate)
     writes: list[tuple[int, int, int | None]] = []
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
+    writes += slow_ramp_writes(parameters)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare)
     core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
@@ -196,9 +236,14 @@ def _prepare(
 
 
 def _lead(core: AxisCore) -> Lead | None:
+    leading = _leading(core)
+    return None if leading is None else leading.step
+
+
+def _leading(core: AxisCore) -> Follow | None:
     """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
     follow = core.activity if core.ladder is None else core.ladder.follow
-    return follow.step if isinstance(follow, Follow) and not follow.at_rest else None
+    return follow if isinstance(follow, Follow) and not follow.at_rest else None
 
 
 def require_motion(core: AxisCore, handle: Handle) -> None:

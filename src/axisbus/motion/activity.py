@@ -11,6 +11,7 @@ from axisbus.cia301 import abort
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
+from axisbus.motion.braking import Course
 from axisbus.motion.image import WITHOUT_POSITION_DEMAND, Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
@@ -33,7 +34,7 @@ class Activity(ABC):
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
     ends_at_rest: ClassVar[bool] = False
-    ramp: float | None = None
+    course: Course | None = None
     behind: float | None = None
     led_speed: float = 0.0
 

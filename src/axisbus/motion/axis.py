@@ -292,11 +292,12 @@ class Axis:
 
         It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``) is held against the limits as a
         whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where it would
-        leave the position limits, the axis is braked along it and stands within them.
+        leave the position limits, the axis is braked along it and stands within them. So it is where the next step would be faster
+        than ``max_velocity`` or harder than ``max_acceleration``; without both, harder than the default acceleration.
 
         Raises:
-            LimitError: it goes beyond ``position_limits`` or ``max_velocity``.
-            ArgumentError: the axis is not homed where it must be, or no deceleration is known to keep position limits with.
+            LimitError: it goes beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``.
+            ArgumentError: the axis is not homed where it must be, or nothing is known to keep the limits with or to tell a jump by.
         """
         name = f"follow({type(trajectory).__name__}, {shown(trajectory.duration)} s)"
         self._require_homed(name)

@@ -62,6 +62,8 @@ class AxisCore:
         self.capabilities = capabilities
         window = parameters.timing.standstill_time
         self.image = Image(capabilities, parameters.scan_period, parameters.standstill_tolerance, window)
+        if parameters.limits.velocity is not None and parameters.units.ratio_known:
+            self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
         self.order = Order()
         self.history = History()
         self.supervision = Supervision(parameters, capabilities)
@@ -182,6 +184,9 @@ class AxisCore:
     def _supervise(self, image: Image) -> None:
         if self.supervision.has_restarted(image):
             self.homed = False
+            image.restart()
+        if image.lost_count:
+            self.homed = False
         finding = self.supervision.node(image)
         if finding is None and image.state in _FAULTS:
             if self._story is None and self.state is not AxisState.ERRORSTOP:
@@ -189,8 +194,10 @@ class AxisCore:
             return
         if not self.powered or self.ladder is not None:
             self.supervision.at_work()
-        elif finding is None:
+        if finding is None and self.powered and self.ladder is None:
             finding = self.supervision.power(image, self.state, self.activity, bounded=self.bounded)
+        elif finding is None and self.powered and self.ladder is not None:
+            finding = self.supervision.coasting(image, self.ladder.rung, bounded=self.bounded)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:

@@ -13,15 +13,16 @@ from axisbus.motion.guarded import Guarded
 from axisbus.motion.image import Image
 from axisbus.motion.interpolation import CyclicSetup
 from axisbus.motion.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.lookahead import Excess, Known, excess, widened
+from axisbus.motion.lookahead import Excess, Known, Path, excess, widened
 from axisbus.motion.order import Order
+from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.trajectory import Trajectory
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
+_BRAKING = 1.1  # by how much a path that is braked may be harder than its deceleration: it bends meanwhile
 _ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
-_OVERSPEED = 1.02
 
 
 class Follow(Activity):
@@ -49,7 +50,6 @@ class Follow(Activity):
         self._parameters = parameters
         self._gate = gate
         self._brake = brake
-        self._speed = 0.0
         self._own_clock = clock is None
         self.clock = clock or PathClock()
         self._mode = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_POSITION, parameters)
@@ -61,6 +61,8 @@ class Follow(Activity):
         self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
         self._is_known = False  # in advance, and checked as a whole
         self._stepped = False
+        self._pace: Pace | None = None
+        self._step: Step | None = None  # to the last target, before it was rounded to increments
         self.brakes_along = False
         if trajectory is not None:
             self.begin(trajectory)
@@ -99,6 +101,19 @@ class Follow(Activity):
         """Return whether it was stepped, by its axis's command or stop, since the last call."""
         stepped, self._stepped = self._stepped, False
         return stepped
+
+    def resume(self, before: Follow) -> None:
+        """Go on from the last target of ``before``, which lies one cycle back, with the trajectory that has been begun."""
+        assert self._trajectory is not None
+        self._prepared = self._running = True
+        self._last, self._step, self._limits = before._last, before._step, before._limits
+        self._pace = pace_of(self._parameters, self._trajectory)
+
+    @property
+    def last_step(self) -> Step:
+        """Where the path was in the last cycle, and how fast it came there; only once it runs."""
+        assert self._step is not None
+        return self._step
 
     def begin_braking(self) -> bool:
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
@@ -146,37 +161,75 @@ class Follow(Activity):
         self._running = True
         self._last = reference
         self._is_known = isinstance(self._trajectory, Known)
+        self._pace = pace_of(self._parameters, self._trajectory)
         if self._parameters.limits.position is not None:
             margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
             start = units.to_units(reference - image.origin)
             self._limits = widened(self._parameters.limits.position, start, margin)
 
     def _look_ahead(self, trajectory: Trajectory) -> None:
-        """Raise LimitError where the axis could not be kept within its position limits any more if it went on.
+        """Raise LimitError where the next target would be too much, or the axis could not be kept within its limits any more.
 
-        The path is then braked from where it is (``brakes_along``). What is known in advance has been checked before.
+        The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
-        deceleration = self._parameters.path_deceleration
-        if self._limits is None or self._is_known or self.clock.braking or not deceleration:
+        if self.clock.braking:
             return
         way = partial(self._way, trajectory)
+        self._look_at_limits(way)
+        self._look_at_pace(way)
+
+    def _look_at_limits(self, way: Path) -> None:
+        """Look as far ahead as braking takes; what is known in advance has been checked before."""
+        deceleration = self._parameters.path_deceleration
+        if self._limits is None or self._is_known or not deceleration:
+            return
         found = excess(way, self.clock.t, self._parameters.scan_period, self._limits, deceleration)
         if found is not None:
             self.brakes_along = True
             raise self._leaves(found)
 
+    def _look_at_pace(self, way: Path) -> None:
+        assert self._pace is not None
+        assert self._step is not None
+        t, period, before = self.clock.t, self._parameters.scan_period, self._step
+        found = self._pace.excess(before, self._pace.next(before, way(t + period)))
+        if found is None:
+            return
+        ramp = self._parameters.path_deceleration
+        self.brakes_along = bool(ramp) and brakes_smoothly(way, t, period, before.velocity, ramp or 0.0)
+        raise self._too_much(found, t + period)
+
     def _target(self, image: Image) -> int:
         assert self._trajectory is not None
-        assert self._last is not None
         units, limits = self._parameters.units, self._limits
         value = self._way(self._trajectory, self.clock.t)
         if limits is not None and not limits[0] <= value <= limits[1]:
             raise self._leaves(None, value)
-        target = units.position.to_increments(value) + image.origin
-        self._speed = abs(units.position.to_units(target - self._last)) / self._parameters.scan_period
-        self._check_speed()
-        self._last = target
-        return target
+        self._go_to(value)
+        self._last = units.position.to_increments(value) + image.origin
+        return self._last
+
+    def _go_to(self, value: float) -> None:
+        """Note the step to the next target; nothing that is too much goes out, whatever was seen of it in advance."""
+        assert self._pace is not None
+        if self._step is None:
+            self._step = Step(value)
+            return
+        after = self._pace.next(self._step, value)
+        braking = _BRAKING * (self._parameters.path_deceleration or 0.0) if self.clock.braking else 0.0
+        found = self._pace.excess(self._step, after, braking)
+        if found is not None:
+            raise self._too_much(found, self.clock.t)
+        self._step = after
+
+    def _too_much(self, found: TooMuch, t: float) -> LimitError:
+        name = self._parameters.name
+        how = "braked along it" if self.brakes_along else "stopped"
+        return LimitError(
+            f"{name}: the trajectory is {found.what}",
+            observed=f"at {t:.3f} s: {found.seen}",
+            remedy=f"slow the trajectory down or smooth it, or raise the limit in [axes.{name}] of cell.toml; the axis was {how}",
+        )
 
     def _leaves(self, found: Excess | None, value: float = 0.0) -> LimitError:
         name, unit = self._parameters.name, self._parameters.units.position.unit
@@ -194,18 +247,6 @@ class Follow(Activity):
             observed=f"{seen}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
         )
-
-    def _check_speed(self) -> None:
-        limit = self._parameters.limits.velocity
-        units = self._parameters.units.position
-        rounding = abs(units.to_units(2)) / self._parameters.scan_period
-        if limit is not None and self._speed > limit * _OVERSPEED + rounding:
-            raise LimitError(
-                f"{self._parameters.name}: the trajectory is faster than max_velocity",
-                observed=f"{self._speed:g} {units.unit}/s at {self.clock.t:.3f} s; allowed are {limit:g}",
-                remedy=f"slow the trajectory down, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
-                "the axis was stopped",
-            )
 
     def _arrived(self, image: Image) -> bool:
         assert self._last is not None

@@ -1,101 +1,230 @@
-"""Limits while an axis moves freely: position limits ahead of a velocity or torque move, and the velocity limit under torque."""
+"""Limits while an axis moves freely: position limits ahead of a velocity or torque move, and the velocity limit.
+
+Theory of operation
+-------------------
+In each cycle the guard asks where the axis would come to rest if it were stopped in the next one. Until the stop acts there pass
+the age of the position, the period until the next look, and what the drive needs to hear and obey (``_REACTION``). Meanwhile the
+axis goes on as its command leads it: up to the command's speed with the command's acceleration; under torque, where nobody knows,
+with the acceleration that is seen. Then it brakes with the deceleration that the stop of this mode really has (``stop_of``).
+
+What counts is where the motor is, and where its drive leads it (the demand, 6062h): a motor that lags behind will still come there.
+"""
 
 from __future__ import annotations
 
-from axisbus.errors import LimitError
+import math
+
+from axisbus.cia402.options import Ramp
+from axisbus.errors import AxisbusError, LimitError
+from axisbus.motion.activity import require_position
+from axisbus.motion.braking import BRAKES, Course
 from axisbus.motion.image import Image
+from axisbus.motion.ladder import Rung
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import braking_distance
 from axisbus.motion.states import AxisState
+from axisbus.motion.track import Track
 
-_OVERSPEED = 1.1  # measured velocity is noisy
-_REACTION = 4.0  # scan periods from the velocity that was seen to where a halt begins to brake the axis
+_OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
+_REACTION = 3.0  # scan periods: until the next look, until the drive has heard, until it brakes
+_SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
+_NOISE = 3.0  # increments that a position may be off, as a velocity over one period
+_WINDOW = 20.0  # increments by which a move may go beyond its target at its end
+_LONGEST_LAG = (
+    0.25  # seconds that a motor may be behind its demand; what is farther off is no demand of this motion
+)
 
 
 class Guard:
-    """Sees danger in time to brake; holds the last position and speed, to know the velocity in position increments."""
+    """Sees danger in time to brake; holds the tracks of the position and of the demand, and since when the axis moves freely."""
 
-    __slots__ = ("_before", "_last", "_parameters", "_stamp")
+    __slots__ = ("_demand", "_free_since", "_parameters", "_position")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._last: int | None = None
-        self._before: float | None = None  # the velocity between the two positions before
-        self._stamp = 0.0
+        self._position, self._demand = Track(), Track()
+        self._free_since: float | None = None
+
+    def look(self, image: Image) -> None:
+        """Take the positions of this cycle; in every cycle, whatever the axis does."""
+        self._position.take(image.position, image.position_stamp)
+        self._demand.take(image.demand, image.position_stamp)
 
     def danger(
-        self, image: Image, state: AxisState, *, bounded: bool = True, ramp: float | None = None
-    ) -> LimitError | None:
+        self, image: Image, state: AxisState, *, bounded: bool = True, course: Course | None = None
+    ) -> AxisbusError | None:
         """Return why the axis must be stopped now, None when all is well.
 
-        ``bounded``: whether the position limits hold. ``ramp``: what a halt brakes with, in position increments per s², where the
-        running command says it.
+        ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis.
         """
-        if state is not AxisState.CONTINUOUS_MOTION or image.position is None:
-            self._last = self._before = None
+        if state is not AxisState.CONTINUOUS_MOTION:
+            self._free_since = None
+            moves = state is AxisState.DISCRETE_MOTION and bounded and course is not None
+            return self._overshoots(image, course) if moves and course is not None else None
+        if self._free_since is None:
+            self._free_since = image.now
+        bounded = bounded and self._parameters.limits.position is not None
+        if image.position is None:
+            return self._blind(image) if bounded else None
+        if not self._position.is_known:
             return None
-        velocity = self._velocity(image)
-        if velocity is None:
-            return None
-        return self._too_fast(velocity) or (self._too_far(image, velocity, ramp) if bounded else None)
+        course = course or Course()
+        return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
 
-    def _velocity(self, image: Image) -> float | None:
-        """Increments per second: the slower of the last two differences of position.
+    def overrun(self, image: Image, down: float, before: Course | None = None) -> float | None:
+        """Return where (in units) the axis would come to rest beyond its position limits if it had to brake with ``down``.
 
-        A frame that is taken from the adapter late makes one difference too slow and the next one too fast. Of a busy computer's
-        jitter only the second would look like danger.
+        ``before``: where it is led until then.
         """
-        last, stamp = self._last, self._stamp
-        if image.position_stamp == stamp and last is not None:
+        if image.position is None or not self._position.is_known:
             return None
-        self._last, self._stamp = image.position, image.position_stamp
-        if last is None or image.position is None:
-            return None
-        before, now = self._before, (image.position - last) / (image.position_stamp - stamp)
-        self._before = now
-        return None if before is None else min(before, now, key=abs)
+        velocity, _ = self._position.motion
+        pushed = before is not None and before.by_torque
+        course = Course(by_torque=True) if pushed else Course(speed=velocity, up=0.0)
+        return self._beyond(image, self._position, course, down)
 
-    def _too_fast(self, velocity: float) -> LimitError | None:
+    def _overshoots(self, image: Image, course: Course) -> LimitError | None:
+        """Return why a move to a position must be stopped: it has begun too fast for the deceleration that it brings.
+
+        A move that ends within the limits never has a way to rest beyond them, but for its velocity being older than its position.
+        """
+        if course.down is None or image.position is None or not self._position.is_known:
+            return None
+        velocity, _ = self._position.motion
+        window = (
+            max(_WINDOW, self._parameters.position_window or 0) + 2.0 * abs(velocity) * self._position.spacing
+        )
+        way = math.copysign(max(0.0, braking_distance(velocity, course.down) - window), velocity)
+        rest = self._outside(image, image.position + way, 1 if velocity > 0 else -1)
+        return None if rest is None else self._leaving(image, rest)
+
+    def _blind(self, image: Image) -> AxisbusError | None:
+        try:
+            require_position(image, self._parameters.name, "keeping the position limits")
+        except AxisbusError as error:
+            return error
+        return None
+
+    # -- velocity ----------------------------------------------------------------------------------------------------
+
+    def _too_fast(self, image: Image, course: Course) -> LimitError | None:
         limit, units = self._parameters.limits.velocity, self._parameters.units.position
-        speed = abs(units.to_units(velocity))
-        rounding = abs(units.to_units(2)) / self._parameters.scan_period
-        if limit is None or speed <= limit * _OVERSPEED + rounding:
+        if limit is None:
+            return None
+        velocity, acceleration = self._position.motion
+        speed, allowed = abs(units.to_units(velocity)), limit * _OVERSPEED
+        if course.by_torque:  # nothing but us holds it back: it must not get there
+            gain = acceleration if velocity > 0 else -acceleration
+            speed += abs(units.to_units(max(0.0, gain))) * self._growth(image, velocity)
+            allowed = limit
+        noise = abs(units.to_units(_NOISE)) / self._parameters.scan_period
+        if speed <= allowed + noise:
             return None
         return LimitError(
-            f"{self._parameters.name}: faster than max_velocity",
-            observed=f"{speed:g} {units.unit}/s; allowed are {limit:g}",
+            f"{self._parameters.name}: {'about to be ' if course.by_torque else ''}faster than max_velocity",
+            observed=f"{abs(units.to_units(velocity)):g} {units.unit}/s"
+            + (f", could be {speed:g} before a stop acts" if course.by_torque else "")
+            + f"; allowed are {limit:g}",
             remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; "
             "the axis was stopped",
         )
 
-    def _too_far(self, image: Image, velocity: float, ramp: float | None) -> LimitError | None:
+    # -- position ----------------------------------------------------------------------------------------------------
+
+    def _too_far(self, image: Image, course: Course) -> LimitError | None:
+        ramp = stop_of(self._parameters, course)[1]
+        stop = self._beyond(image, self._position, course, ramp)
+        if stop is None and self._leads(image) and not course.by_torque:
+            stop = self._beyond(image, self._demand, course, ramp)
+        return None if stop is None else self._leaving(image, stop)
+
+    def _leaving(self, image: Image, stop: float) -> LimitError:
         limits, units = self._parameters.limits.position, self._parameters.units.position
-        if limits is None or not velocity or image.position is None:
-            return None
-        ahead = image.position + self._brake_way(velocity, ramp)
-        where = units.to_units(ahead - image.origin)
-        now = units.to_units(image.position - image.origin)
-        outward = units.to_units(velocity)
-        if not ((where > limits[1] and outward > 0) or (where < limits[0] and outward < 0)):
-            return None
+        assert limits is not None
+        assert image.position is not None
+        velocity, _ = self._position.motion
         return LimitError(
             f"{self._parameters.name}: about to leave its position limits",
-            observed=f"at {now:g} {units.unit}, moving at {outward:g} {units.unit}/s, would stop at {where:g}; allowed are "
-            f"{limits[0]:g} to {limits[1]:g}",
+            observed=f"at {units.to_units(image.position - image.origin):g} {units.unit}, moving at "
+            f"{units.to_units(velocity):g} {units.unit}/s, could come to rest at {stop:g}; "
+            f"allowed are {limits[0]:g} to {limits[1]:g}",
             remedy="move back into the limits; the axis was stopped",
         )
 
-    def _brake_way(self, velocity: float, ramp: float | None) -> float:
-        """Increments until rest: what passes before a halt acts, then the ramp of the command, else that of the defaults."""
-        reaction = _REACTION * self._parameters.scan_period * velocity
-        ramp = ramp or self._default_ramp
-        if not ramp:
-            return reaction
-        way = braking_distance(velocity, ramp)
-        return reaction + (way if velocity > 0 else -way)
+    def _leads(self, image: Image) -> bool:
+        """Whether the demand is one of this motion: a drive may keep an old one in a mode that has none."""
+        if image.demand is None or image.position is None or not self._demand.is_known:
+            return False
+        velocity, _ = self._demand.motion
+        return 0.0 < abs(image.demand - image.position) <= _LONGEST_LAG * abs(velocity)
 
-    @property
-    def _default_ramp(self) -> float | None:
-        defaults, units = self._parameters.defaults, self._parameters.units.position
-        deceleration = defaults.deceleration or defaults.acceleration
-        return None if deceleration is None else abs(deceleration * units.factor)
+    def _beyond(self, image: Image, track: Track, course: Course, ramp: float | None) -> float | None:
+        """Return where a count would come to rest, in units, if that is farther out than the limits."""
+        for direction in (1, -1):
+            way = self._way_to_rest(image, track, direction, course, ramp)
+            rest = self._outside(image, track.value + direction * way, direction) if way > 0 else None
+            if rest is not None:
+                return rest
+        return None
+
+    def _outside(self, image: Image, position: float, direction: int) -> float | None:
+        """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments)."""
+        limits, units = self._parameters.limits.position, self._parameters.units.position
+        if limits is None:
+            return None
+        low, high = sorted(edge * units.factor + image.origin for edge in limits)
+        edge = high if direction > 0 else low
+        return units.to_units(position - image.origin) if (position - edge) * direction > 0 else None
+
+    def _way_to_rest(
+        self, image: Image, track: Track, direction: int, course: Course, ramp: float | None
+    ) -> float:
+        """Increments until rest in ``direction`` (1 or -1): what passes before a stop acts, then its ramp; 0 if it goes back."""
+        velocity, acceleration = track.motion
+        speed = _fastest(velocity, acceleration, direction, course, self._growth(image, velocity))
+        if speed <= 0:
+            return 0.0
+        time = self._time(image, velocity)
+        way = speed * (time + _SEIZURE if course.by_torque else time)
+        return way + braking_distance(speed, ramp) if ramp else way
+
+    def _growth(self, image: Image, velocity: float) -> float:
+        """Seconds from the velocity that is known to where a stop acts."""
+        return self._time(image, velocity) + 1.5 * self._position.spacing
+
+    def _time(self, image: Image, velocity: float) -> float:
+        """Seconds from the last position to where a stop acts.
+
+        The position of an axis that stood may be old (a drive that sends on change): it has moved only since it may.
+        """
+        age = image.now - image.position_stamp
+        if not velocity and self._free_since is not None:
+            age = min(age, image.now - self._free_since)
+        return age + _REACTION * self._parameters.scan_period
+
+
+def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | None]:
+    """Return the rung that brakes an axis on ``course``, and with how many position increments per s² (None: not known).
+
+    A halt in profile torque mode only lets the torque go. There the quick stop brakes, or where that does not, or would let a load
+    fall, a halt that changes to a mode that brakes (``ladder``).
+    """
+    braking, slow = parameters.braking, course.down or parameters.slow_ramp
+    quick = Rung.QUICK_STOP, braking.deceleration(braking.quick_stop, slow)
+    if course.by_target:
+        harder = braking.quick_stop in BRAKES and (quick[1] or 0.0) > (slow or 0.0)
+        return quick if harder else (Rung.HALT, slow)
+    if course.by_torque:
+        return (Rung.HALT, slow) if parameters.halts_torque_by_mode else quick
+    if braking.halt is Ramp.COAST and braking.quick_stop in BRAKES:
+        return quick
+    return Rung.HALT, braking.deceleration(braking.halt, slow)
+
+
+def _fastest(velocity: float, acceleration: float, direction: int, course: Course, time: float) -> float:
+    """Return how fast a count may be in ``direction`` after ``time``: by its command, else by the acceleration that is seen."""
+    out = velocity * direction
+    if course.speed is None or course.up is None:
+        return out + max(0.0, acceleration * direction) * time
+    goal = course.speed * direction
+    return out if goal <= out else min(goal, out + course.up * time)

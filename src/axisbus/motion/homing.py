@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -61,6 +62,8 @@ class HomingRun(Activity):
         self._step = _Step.PREPARE
         self._since = 0.0
         self._seen_low = 0  # bits of the statusword that were low since the edge
+        self._words = 0  # how many statuswords were received since the edge
+        self._newest = -math.inf
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive reports home attained and stands.
@@ -95,7 +98,7 @@ class HomingRun(Activity):
     def _search(self, image: Image) -> bool:
         word = image.statusword
         if word is not None and image.statusword_stamp > self._since:
-            self._seen_low |= ~word
+            self._note(word, image.statusword_stamp)
             if word & sw.HOMING_ERROR and self._settled(image, sw.HOMING_ERROR):
                 raise self._error(image, "the drive reports a homing error (statusword bit 13)")
             attained = word & sw.HOMING_ATTAINED and word & sw.TARGET_REACHED
@@ -105,9 +108,20 @@ class HomingRun(Activity):
             raise self._error(image, f"home was not found within {self._job.timeout:g} s")
         return False
 
+    def _note(self, word: int, stamp: float) -> None:
+        self._seen_low |= ~word
+        if stamp > self._newest:
+            self._words, self._newest = self._words + 1, stamp
+
     def _settled(self, image: Image, bit: int) -> bool:
-        """The bit speaks of this run: it has been seen low, or (home in place) stands some time after the edge."""
-        return bool(self._seen_low & bit) or image.now > self._since + self._parameters.timing.settle
+        """The bit speaks of this run: it has been seen low, or (home in place) stands in a word received well after the edge.
+
+        It is not the first one since: a word that travels slowly may have been on its way when the drive saw the edge. One that
+        is sent on change needs no second one: the drive would have sent it.
+        """
+        settled = self._since + self._parameters.timing.settle
+        late = image.now > settled if image.statusword_by_event else image.statusword_stamp > settled
+        return bool(self._seen_low & bit) or (late and (self._words > 1 or image.statusword_by_event))
 
     def _error(self, image: Image, why: str) -> HomingError:
         name, method = self._parameters.name, self._job.method

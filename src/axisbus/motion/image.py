@@ -6,11 +6,11 @@ import math
 
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply
+from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import BusError
 from axisbus.motion.still import Still
-from axisbus.units import INT32_HALF, INT32_SPAN
+from axisbus.units import INT32_HALF, INT32_SPAN, unwrap
 
 _M = ModeOfOperation
 # In these 6062h is not what leads the motor (velocity, torque), or not anything that the master could judge (homing).
@@ -30,25 +30,28 @@ WITHOUT_POSITION_DEMAND = frozenset(
 class Image:
     """The decoded inputs of one axis; holds state: the unwrapped position and the anchor of the standstill test.
 
-    A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments (they go on past
-    the wrap of INTEGER32). ``origin`` is the position that the user calls 0 (set by ``set_position``). ``led_to`` is the target
-    that was sent last in a cyclic position mode (None: there was none in this one), ``set_point`` the last one in profile position
-    mode; ``shows_target``: the drive's 6062h jumps to the
-    target of a move at once, so that it says nothing of where the axis is being led now.
+    A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
+    the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
+    ``set_position``). ``led_to`` is the target that was sent last in a cyclic position mode (None: there was none in this one),
+    ``set_point`` the last one in profile position mode; ``shows_target``: the drive's 6062h jumps to the target of a move at once,
+    so that it says nothing of where the axis is being led now.
     """
 
     __slots__ = (
         "_max_age",
         "_period",
         "_raw_position",
+        "_seen_position",
         "_still",
         "bus",
         "demand",
         "demand_repeats",
         "demand_stamp",
         "emcy",
+        "fastest",
         "gap",
         "led_to",
+        "lost_count",
         "mode",
         "mode_stamp",
         "nmt",
@@ -62,6 +65,7 @@ class Image:
         "shows_target",
         "state",
         "statusword",
+        "statusword_by_event",
         "statusword_stamp",
         "torque",
         "velocity",
@@ -77,7 +81,12 @@ class Image:
         )
         self._period = period
         self._still = Still(tolerance, window)
+        # Then silence means that it has not changed.
+        self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self._raw_position: int | None = None
+        self._seen_position = 0  # the last known one, unwrapped
+        self.fastest = float(INT32_HALF)  # increments per s: more than 606Ch can say
+        self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
         self.gap = 0.0  # seconds since the cycle before
         self.origin = 0
@@ -126,7 +135,7 @@ class Image:
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
-            self.position = self._raw_position
+            self.position = self._seen_position = self._raw_position
         self._still.forget()
         self.demand = self.led_to = self.set_point = None  # they counted from the old one
 
@@ -162,6 +171,10 @@ class Image:
             return led_to - position
         return demand - position
 
+    def restart(self) -> None:
+        """Count from the drive's own value with the next one: it counts anew."""
+        self._raw_position = None
+
     @property
     def reference(self) -> int | None:
         """The position that a controller should hold: the demand (6062h), else the actual position; None if unknown."""
@@ -177,6 +190,7 @@ class Image:
         self.statusword_stamp = sample.stamp
 
     def _take_position(self, sample: Sample | None, oldest: float) -> None:
+        self.lost_count = False
         if sample is None or sample.stamp < oldest:
             self.position = None
             self._still.forget()
@@ -184,13 +198,10 @@ class Image:
         raw = sample.value
         if self._raw_position is None:
             self.position = raw
-        elif self.position is None:
-            self.position = (
-                raw  # whole turns of the wrap may have been missed: count from the drive's own value
-            )
         else:
-            self.position += (raw - self._raw_position + INT32_HALF) % INT32_SPAN - INT32_HALF
-        self._raw_position = raw
+            self.lost_count = (sample.stamp - self.position_stamp) * self.fastest >= INT32_HALF
+            self.position = unwrap(self._seen_position, raw)
+        self._raw_position, self._seen_position = raw, self.position
         if sample.stamp != self.position_stamp:
             self.position_stamp = sample.stamp
             self._still.feed(self.position, sample.stamp)

@@ -18,7 +18,7 @@ class Jog(Activity):
     goes_on = True
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: Image) -> None:
-        self.ramp = move.ramp
+        self.course = move.course
         self._move = move
         self._profile = command.profile
         self._until = image.now + (command.life or 0.0)

@@ -54,7 +54,7 @@ class Then(Enum):
     DISABLE = "disable"
 
 
-_TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
+TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
 _HOLDING_MODES = (
     ModeOfOperation.PROFILE_POSITION,
     ModeOfOperation.CYCLIC_SYNC_POSITION,
@@ -189,8 +189,14 @@ class StopLadder:
             stands = self._brake_along(self._follow, image, order)
             if stands is not None:
                 return stands
-        if image.mode in _TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
+        if image.mode in TORQUE_MODES and self._parameters.holds_load is not HoldsLoad.NO:
             self._hold_load(image, order)
+            return False
+        if image.mode in TORQUE_MODES and self._parameters.halts_torque_by_mode:
+            order.mode = (
+                ModeOfOperation.PROFILE_VELOCITY
+            )  # brakes on 6084h; a torque of 0 would let the motor coast
+            preload(order, image.reference)
             return False
         order.halt = True
         order.target_velocity = 0

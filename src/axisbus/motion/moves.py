@@ -6,6 +6,7 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
 from axisbus.motion.activity import Activity, present_speed, require_position
+from axisbus.motion.braking import Course
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
@@ -34,6 +35,7 @@ class PositionMove(Activity):
     ) -> None:
         """``target`` in unwrapped increments; ``before`` is a handshake that another move has begun."""
         self.set_point = SetPoint(target, parameters.name, parameters.timing.acknowledge)
+        self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.braking import BRAKES, Braking
 from axisbus.units import Scale
 
 
@@ -47,12 +48,16 @@ class Units:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none."""
+    """Limits that the master keeps, in units (unit, unit/s, unit/s²) and N·m; None where there is none.
+
+    ``torque_key`` says where that of the torque comes from.
+    """
 
     position: tuple[float, float] | None = None
     velocity: float | None = None
     acceleration: float | None = None
     torque: float | None = None
+    torque_key: str = "max_torque"
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +148,7 @@ class AxisParameters:
     objects: frozenset[int] = frozenset()
     modes: frozenset[ModeOfOperation] = frozenset()
     quick_stop_holds: bool = False
+    braking: Braking = field(default_factory=Braking)
     position_window: int | None = None
     standstill_window: int | None = None  # position increments
     following_error: int | None = None  # position increments
@@ -185,6 +191,23 @@ class AxisParameters:
     def path_deceleration(self) -> float | None:
         """What a trajectory is braked with, in unit/s²; None where cell.toml gives nothing to do it with."""
         return self.defaults.deceleration or self.defaults.acceleration or self.limits.acceleration
+
+    @property
+    def slow_ramp(self) -> float | None:
+        """The same in position increments per s²; what 6084h is set to before a move that gives none."""
+        deceleration = self.path_deceleration
+        if deceleration is None or not self.units.ratio_known:
+            return None
+        return abs(deceleration * self.units.position.factor)
+
+    @property
+    def halts_torque_by_mode(self) -> bool:
+        """Whether an axis under torque is braked by another mode than its own: where its quick stop would not, or drop a load."""
+        if self.holds_load is not HoldsLoad.NO:
+            return True
+        limited = self.limits.position is not None or self.limits.velocity is not None
+        can = ModeOfOperation.PROFILE_VELOCITY in self.modes
+        return limited and can and self.braking.quick_stop not in BRAKES
 
     def has(self, index: int) -> bool:
         """Whether the drive's dictionary has the object."""

@@ -40,6 +40,11 @@ class LineAxis:
         """The highest speed in the axis's unit per s."""
         return abs(self.end - self.start) * self.way.top_speed
 
+    @property
+    def top_acceleration(self) -> float:
+        """The highest acceleration in the axis's unit per s²."""
+        return abs(self.end - self.start) * self.way.top_acceleration
+
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds."""
         return self.start + (self.end - self.start) * self.way.position(t)

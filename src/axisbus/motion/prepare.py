@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.options import Ramp
 from axisbus.motion.activity import ModeSwitch, Transfers
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
@@ -30,6 +31,16 @@ def profile_writes(
         wanted.insert(0, (objects.PROFILE_VELOCITY, profile.velocity))
         wanted.append((objects.END_VELOCITY, 0))  # anything else would run past the target
     return [(index, 0, value) for index, value in wanted if parameters.has(index)]
+
+
+def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | None]]:
+    """Return the write of 6084h before a move under torque, where it is what will brake the axis ahead of its limits."""
+    deceleration = parameters.path_deceleration
+    by_slow_ramp = parameters.halts_torque_by_mode or parameters.braking.quick_stop is Ramp.SLOW
+    if deceleration is None or not by_slow_ramp or not parameters.has(objects.PROFILE_DECELERATION):
+        return []
+    raw = max(1, abs(parameters.units.acceleration.to_increments(deceleration)))
+    return [(objects.PROFILE_DECELERATION, 0, raw)]
 
 
 class Prepare:

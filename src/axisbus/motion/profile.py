@@ -10,8 +10,8 @@ class Profile(NamedTuple):
     """Velocity and ramps of one command.
 
     ``velocity``, ``acceleration`` and ``deceleration`` are the drive's own increments (6081h, 6083h, 6084h). ``speed`` and ``ramp``
-    are the same in position increments per s and per s², or None where the ratio is not known. ``timeout`` in seconds is the
-    caller's own deadline.
+    are the same in position increments per s and per s² (the weaker one), or None where the ratio is not known. ``timeout`` in
+    seconds is the caller's own deadline. ``up`` and ``down`` are 6083h and 6084h in position increments per s².
     """
 
     velocity: int
@@ -20,6 +20,8 @@ class Profile(NamedTuple):
     speed: float | None
     ramp: float | None
     timeout: float | None = None
+    up: float | None = None
+    down: float | None = None
 
 
 def duration(distance: float, speed: float, ramp: float) -> float:

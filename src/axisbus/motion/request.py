@@ -8,10 +8,11 @@ from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.lookahead import Known, widened
 from axisbus.motion.numbers import number, told
+from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trajectory
-from axisbus.units import Scale
+from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
 _COUNTABLE = 2.0**63  # increments: no object holds as many
 _ROUNDING = 1.000001  # what a speed that was computed from positions may be off
@@ -74,7 +75,11 @@ class Request:
                 remedy=f"give a position within them, or change position_limits in [axes.{self._parameters.name}] of cell.toml",
             )
         self._countable(position * scale.factor, DataType.INTEGER32, "607Ah")
-        return self._fits(scale.to_increments(position), DataType.INTEGER32, "607Ah")
+        raw = scale.to_increments(position)
+        if limits is not None:  # the nearest one may lie beyond
+            low, high = sorted(edge * scale.factor for edge in limits)
+            raw = min(max(raw, whole_above(low)), whole_below(high))
+        return self._fits(raw, DataType.INTEGER32, "607Ah")
 
     def place(self, position: float) -> int:
         """Return what the actual position is to be called, in increments."""
@@ -95,10 +100,10 @@ class Request:
         limit = self._parameters.limits.torque
         torque = self.finite("torque", torque, "N·m")
         if limit is not None and abs(torque) > limit:
-            raise self._beyond("torque", torque, "N·m", "max_torque", limit)
+            raise self._beyond("torque", torque, "N·m", self._parameters.limits.torque_key, limit)
         self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, "6071h")
         return self._fits(
-            round(torque / self._rated_torque * 1000),
+            toward_zero(torque / self._rated_torque * 1000),
             DataType.INTEGER16,
             "6071h",
         )
@@ -170,7 +175,7 @@ class Request:
         self._check_velocity(velocity)
         scale = self._parameters.units.velocity
         self._countable(velocity * scale.factor, DataType.INTEGER32, "60FFh")
-        raw = self._fits(scale.to_increments(velocity), DataType.INTEGER32, "60FFh")
+        raw = self._fits(toward_zero(velocity * scale.factor), DataType.INTEGER32, "60FFh")
         return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
 
     def _check_velocity(self, velocity: float) -> None:
@@ -186,21 +191,16 @@ class Request:
         deceleration: float | None,
         timeout: float | None,
     ) -> Profile:
-        raw_up, raw_down, ramp = self._ramps(acceleration, deceleration)
-        units = self._parameters.units
+        raw_up, raw_down = self._ramps(acceleration, deceleration)
+        timeout, units = self.timeout(timeout), self._parameters.units
+        if not units.ratio_known:
+            return Profile(raw, raw_up, raw_down, None, None, timeout)
         inc = abs(units.position.factor)
-        known = units.ratio_known
-        return Profile(
-            raw,
-            raw_up,
-            raw_down,
-            speed * inc if known else None,
-            ramp * inc if known else None,
-            self.timeout(timeout),
-        )
+        up, down = (abs(units.acceleration.to_units(ramp)) * inc for ramp in (raw_up, raw_down))
+        return Profile(raw, raw_up, raw_down, speed * inc, min(up, down), timeout, up, down)
 
-    def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int, float]:
-        """Return acceleration and deceleration in the drive's increments, and the weaker one in units."""
+    def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int]:
+        """Return acceleration and deceleration in the drive's increments."""
         defaults, limit = self._parameters.defaults, self._parameters.limits.acceleration
         unit = f"{self._unit}/s²"
         up = self.positive("acceleration", self._or_default("acceleration", acceleration), unit)
@@ -209,7 +209,7 @@ class Request:
         if limit is not None and max(up, down) > limit:
             raise self._beyond("acceleration", max(up, down), unit, "max_acceleration", limit)
         scale = self._parameters.units.acceleration
-        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h"), min(up, down)
+        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h")
 
     def _or_default(self, what: str, value: float | None) -> float:
         if value is not None:
@@ -225,6 +225,7 @@ class Request:
         """Check how long a trajectory takes, and how far and how fast it goes where that is known in advance."""
         self.finite("the trajectory's duration", trajectory.duration, "s")
         limits = self._parameters.limits
+        self._check_pace(trajectory)
         if isinstance(trajectory, Known):
             if limits.position is not None:
                 self._check_span(trajectory.span, trajectory.position(0.0), limits.position)
@@ -235,6 +236,17 @@ class Request:
         elif limits.position is not None and self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked ahead of position_limits"
             raise self.missing("acceleration", what, "defaults", in_call=False)
+
+    def _check_pace(self, trajectory: Trajectory) -> None:
+        """Hold the acceleration against the limit where it is known in advance; where nothing would tell a jump, refuse."""
+        limit = self._parameters.limits.acceleration
+        hardest = trajectory.top_acceleration if isinstance(trajectory, Ramped) else 0.0
+        if limit is not None and hardest > limit * _ROUNDING:
+            raise self._beyond("acceleration", hardest, f"{self._unit}/s²", "max_acceleration", limit)
+        pace = pace_of(self._parameters, trajectory)
+        if pace.velocity is None and pace.acceleration is None:
+            what = f"the fastest that the axis may get, in {self._unit}/s, by which a jump of the trajectory is told"
+            raise self.missing("max_velocity", what, in_call=False)
 
     def _check_span(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
         """Hold all of a trajectory against the limits; one that starts outside may come back."""
@@ -251,8 +263,15 @@ class Request:
     # -- helpers -----------------------------------------------------------------------------------------------------
 
     def _raw(self, scale: Scale, value: float, what: str) -> int:
-        """Return a magnitude in increments, at least 1, that fits UNSIGNED32."""
-        return self._fits(max(1, abs(scale.to_increments(value))), DataType.UNSIGNED32, what)
+        """Return a magnitude in increments, no more than was asked for, that fits UNSIGNED32."""
+        raw = toward_zero(abs(self._countable(value * scale.factor, DataType.UNSIGNED32, what)))
+        if not raw:
+            raise LimitError(
+                f"{self.text}: {value:g} {scale.unit} is less than one increment of the drive ({what})",
+                observed=f"its smallest step is {abs(scale.to_units(1)):g} {scale.unit}: more than was asked for",
+                remedy="ask for at least that, or let the drive count in a finer unit (60A9h, or the maker's own object)",
+            )
+        return self._fits(raw, DataType.UNSIGNED32, what)
 
     def _countable(self, increments: float, data_type: DataType, what: str) -> float:
         """Return increments, as computed, that are worth their digits; any more fit no object."""

@@ -10,10 +10,11 @@ from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
 from axisbus.motion.activity import Activity
+from axisbus.motion.braking import Course
 from axisbus.motion.following import Following
-from axisbus.motion.guard import Guard
+from axisbus.motion.guard import Guard, stop_of
 from axisbus.motion.image import Image
-from axisbus.motion.ladder import Rung
+from axisbus.motion.ladder import TORQUE_MODES, Rung
 from axisbus.motion.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.resting import Resting
@@ -40,7 +41,7 @@ class Supervision:
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
-        self._guard = Guard(parameters)
+        self.guard = Guard(parameters)
         self._following = Following(parameters)
         self._mode = ModeWatch(parameters.name)
         self._resting = Resting(parameters)
@@ -54,7 +55,8 @@ class Supervision:
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
-        """Return that the node is lost, once, until ``lost`` is set back."""
+        """Return that the node is lost, once, until ``lost`` is set back; in every cycle."""
+        self.guard.look(image)
         if image.gap > self._longest_gap:
             self._excused_until = image.now + 2 * self._longest_gap
             self._last_gap = (
@@ -93,7 +95,7 @@ class Supervision:
             or self._dropped(image, state)
             or self._astray(image, state, activity)
             or self._unrest(image, activity)
-            or self._danger(image, state, bounded, None if activity is None else activity.ramp)
+            or self._danger(image, state, bounded, None if activity is None else activity.course)
         )
 
     def at_work(self) -> None:
@@ -112,6 +114,14 @@ class Supervision:
             return None
         error = self._resting.error(image)
         return None if error is None else Finding(error, Rung.QUICK_STOP)
+
+    def coasting(self, image: Image, rung: Rung, *, bounded: bool) -> Finding | None:
+        """Return what endangers an axis that a halt under torque lets coast, where a harder rung than ``rung`` would brake it."""
+        course = Course(by_torque=True)
+        harder = stop_of(self._parameters, course)[0] > rung
+        if not harder or image.mode not in TORQUE_MODES or image.state is not State.OPERATION_ENABLED:
+            return None
+        return self._danger(image, AxisState.CONTINUOUS_MOTION, bounded, course)
 
     def _gap(self, image: Image) -> Finding | None:
         """A program that was suspended comes back with values that look fresh and a world that has moved on."""
@@ -150,9 +160,9 @@ class Supervision:
             Rung.QUICK_STOP,
         )
 
-    def _danger(self, image: Image, state: AxisState, bounded: bool, ramp: float | None) -> Finding | None:
-        danger = self._guard.danger(image, state, bounded=bounded, ramp=ramp)
-        return None if danger is None else Finding(danger)
+    def _danger(self, image: Image, state: AxisState, bounded: bool, course: Course | None) -> Finding | None:
+        danger = self.guard.danger(image, state, bounded=bounded, course=course)
+        return None if danger is None else Finding(danger, stop_of(self._parameters, course or Course())[0])
 
     def _lost_error(self, image: Image) -> BusError:
         name, node = self._parameters.name, self._parameters.node

@@ -71,6 +71,11 @@ class Trapezoid:
         """The highest speed: ``velocity`` where the way is long enough for it."""
         return min(self.velocity, math.sqrt(abs(self.end - self.start) * self.acceleration))
 
+    @property
+    def top_acceleration(self) -> float:
+        """The highest acceleration in unit/s²."""
+        return self.acceleration if self.end != self.start else 0.0
+
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; before and after, the ends."""
         distance = abs(self.end - self.start)

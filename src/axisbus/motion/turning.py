@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
 from axisbus.motion.activity import Activity, present_speed
+from axisbus.motion.braking import Course
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
@@ -25,9 +28,11 @@ class VelocityMove(Activity):
     mode = ModeOfOperation.PROFILE_VELOCITY
     goes_on = True
 
-    def __init__(self, profile: Profile, parameters: AxisParameters, prepare: Prepare) -> None:
-        """``profile.velocity`` is signed here: the direction."""
-        self.ramp = profile.ramp
+    def __init__(
+        self, profile: Profile, parameters: AxisParameters, prepare: Prepare, before: Course | None = None
+    ) -> None:
+        """``profile.velocity`` is signed here: the direction. ``before``: where the axis was led until now."""
+        self.course = _course(profile, before)
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare
@@ -46,6 +51,7 @@ class VelocityMove(Activity):
         order.target_velocity = self._profile.velocity
         order.halt = False
         if self._commanded_at is None:
+            self.course = _course(self._profile)
             self._commanded_at = image.now
             self._deadline = image.now + self._allowed(present_speed(image, self._parameters))
         if not self.reached:
@@ -105,6 +111,7 @@ class TorqueMove(Activity):
 
     mode = ModeOfOperation.PROFILE_TORQUE
     goes_on = True
+    course = Course(by_torque=True)
 
     def __init__(
         self, torque: int, timeout: float | None, parameters: AxisParameters, prepare: Prepare
@@ -157,6 +164,13 @@ class TorqueMove(Activity):
             observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
             remedy="look at max torque (6072h) and torque slope (6087h) of the drive",
         )
+
+
+def _course(profile: Profile, before: Course | None = None) -> Course:
+    """Return where a velocity move leads; as long as its ramp is not written, the weaker of it and of the one ``before`` counts."""
+    speed = None if profile.speed is None else math.copysign(profile.speed, profile.velocity)
+    ramps = [ramp for ramp in (profile.down, None if before is None else before.down) if ramp is not None]
+    return Course(speed, profile.up, min(ramps, default=None))
 
 
 def _says_reached(image: Image, commanded_at: float | None, parameters: AxisParameters) -> bool:

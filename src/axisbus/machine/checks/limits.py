@@ -8,6 +8,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
 from axisbus.machine.cell import AxisConfig, Place
 from axisbus.machine.checks.case import Case, Check, Found, own_title
+from axisbus.machine.drivelimits import KEY, left_out
 
 
 def _speeds(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:
@@ -143,4 +144,42 @@ def homing_speeds(case: Case) -> Found:
             )
 
 
-CHECKS: tuple[Check, ...] = (beyond_maximum, modulo_with_limits, invert, torque, homing_speeds)
+def in_drive(case: Case) -> Found:
+    """Check what ``limits_in_drive`` can leave in the drive, and tell from when on it means the same there."""
+    for drive in case.drives:
+        axis, writes = drive.axis, list(drive.written.values())
+        if not axis.limits_in_drive:
+            continue
+        if not any((axis.position_limits, axis.max_velocity, axis.max_torque)):
+            yield case.warning(
+                axis.at.of(KEY),
+                f"axis {axis.name}: {KEY} has no limit to write",
+                f"[{axis.at.name}] has neither position_limits nor max_velocity nor max_torque",
+                f"add one of them, or delete {KEY}",
+            )
+        for limit in left_out(axis, drive.dictionary, writes):
+            yield case.warning(
+                axis.at.of(limit.key),
+                f"axis {axis.name}: {limit.key} cannot be left in the drive as {own_title(drive, limit.number)}",
+                "the drive has no such object" if not drive.has(limit.number) else _UNSAID[limit.number],
+                f"the master keeps it; nothing does when the master is gone. Else write the object in [{axis.at.name}.objects]",
+            )
+        if axis.position_limits is not None:
+            yield case.note(
+                axis.at.of(KEY),
+                f"axis {axis.name}: 607Dh counts from the drive's own zero",
+                "it means what position_limits mean once the axis is homed, and is not moved by set_position",
+                "see that the drive does not mind it while it searches its home",
+            )
+
+
+_UNSAID = {
+    objects.SOFTWARE_POSITION_LIMIT: "it has only a part of it",
+    objects.MAX_PROFILE_VELOCITY: "it is less than one increment of the drive's velocity",
+    objects.MAX_MOTOR_SPEED: "how many increments one revolution of the motor has is not known: 608Fh and scale do not agree",
+    objects.MAX_TORQUE: "it is less than 0.1 % of rated_torque, or that is missing",
+}
+
+CHECKS: tuple[Check, ...] = (
+    beyond_maximum, modulo_with_limits, invert, torque, homing_speeds, in_drive,
+)  # fmt: skip

@@ -207,6 +207,15 @@ def _limits(axis: Axis) -> Iterator[str]:
     yield _noted(
         "# max_velocity = ...", f"CONFIRM: in units/s; {_says(axis, '607Fh', o.MAX_PROFILE_VELOCITY)}"
     )
+    if low is not None and high is not None:
+        yield _noted(
+            "# limits_in_drive = true",
+            "CONFIRM: boot writes them into 607Dh, 607Fh, 6080h and 6072h, so that they hold without a master too",
+        )
+        yield _noted(
+            "#",
+            "(607Dh counts from the drive's zero: home the axis first, and see that homing does not mind it)",
+        )
 
 
 def _defaults(axis: Axis) -> Iterator[str]:

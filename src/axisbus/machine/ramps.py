@@ -1,0 +1,32 @@
+"""What brakes an axis, by its option codes and its quick-stop deceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.cia402 import objects, options
+from axisbus.cia402.options import Ramp
+from axisbus.motion.braking import Braking
+from axisbus.motion.parameters import Units
+
+Read = Callable[[int], int | None]
+
+
+def braking_of(units: Units, read: Read) -> Braking:
+    """Return what halt and quick stop brake with; ``read`` gives the value of an object of the axis, None where it is not known."""
+    return Braking(
+        _ramp(options.HALT_RAMPS, read(objects.HALT_OPTION)),
+        _ramp(options.QUICK_STOP_RAMPS, read(objects.QUICK_STOP_OPTION)),
+        _increments(units, read(objects.QUICK_STOP_DECELERATION)),
+    )
+
+
+def _ramp(table: dict[int, Ramp], value: int | None) -> Ramp:
+    return Ramp.UNKNOWN if value is None else table.get(value, Ramp.UNKNOWN)
+
+
+def _increments(units: Units, raw: int | None) -> float | None:
+    """Return an acceleration of the drive in position increments per s²."""
+    if not raw or not units.ratio_known:
+        return None
+    return abs(units.acceleration.to_units(raw) * units.position.factor)

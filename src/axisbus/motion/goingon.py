@@ -1,0 +1,128 @@
+"""A move to a position that begins while the axis follows a trajectory: from its present velocity, in the mode that it is in.
+
+Theory of operation
+-------------------
+A drive that is put into profile position mode while it moves has no set-point there until the handshake has given it one: for a
+cycle or more it brakes as hard as it sees fit, and then speeds up again. Drives differ in that, and a master cannot know it. In
+cyclic synchronous position mode it is the master that leads: so the axis stays in it, and the master plans the rest of the way from
+where its last target was and how fast it came there. Nothing is written, nothing changes but the path. The next move that begins at
+rest goes in profile position mode, as ever.
+
+While a group's axes wait for each other, the trajectory before goes on.
+"""
+
+from __future__ import annotations
+
+from axisbus.errors import AxisbusError, LimitError, MotionTimeout
+from axisbus.motion.follow import Follow
+from axisbus.motion.gate import Gate
+from axisbus.motion.image import Image
+from axisbus.motion.lookahead import widened
+from axisbus.motion.onward import Onward, Start
+from axisbus.motion.order import Order
+from axisbus.motion.pace import Step
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.profile import Profile
+
+
+class GoingOn(Follow):
+    """The rest of a move in cyclic synchronous position mode; holds what led the axis before it began, and its deadline."""
+
+    def __init__(
+        self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, before: Follow
+    ) -> None:
+        """``target`` in unwrapped increments; ``profile`` with ``speed``, ``up`` and ``down`` known."""
+        super().__init__(None, parameters, gate)
+        self._goal = target
+        self._profile = profile
+        # One that has not begun itself is led by what leads it.
+        self._before: Follow | None = (isinstance(before, GoingOn) and before._before) or before
+        self._is_given_up = False  # it was stopped before it began
+        self._deadline: float | None = None
+
+    def plan(self, origin: int) -> Onward:
+        """Return the way from what the axis was given last; ``origin``: the position that the user calls 0."""
+        assert self._before is not None
+        units, profile, last = self._parameters.units.position, self._profile, self._before.last_step
+        unit = abs(units.factor)
+        assert profile.speed
+        assert profile.up
+        assert profile.down
+        return Onward(
+            Start(last.position, last.velocity),
+            units.to_units(self._goal - origin),
+            profile.speed / unit,
+            profile.up / unit,
+            profile.down / unit,
+        )
+
+    def require_room(self, origin: int) -> None:
+        """Raise LimitError where the axis could not brake within its position limits."""
+        limits, unit = self._parameters.limits.position, self._parameters.units.position
+        if limits is None or self._before is None:
+            return
+        path = self.plan(origin)
+        low, high = widened(limits, path.start.position, abs(unit.to_units(1)))
+        if low <= path.span[0] and path.span[1] <= high:
+            return
+        raise LimitError(
+            f"{self._parameters.name}: could not stop within the position limits with that deceleration",
+            observed=f"from its present speed of {path.start.velocity:g} {unit.unit}/s it would go from {path.span[0]:g} to "
+            f"{path.span[1]:g} {unit.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
+        )
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True when the axis has come up with its target."""
+        if self._deadline is None and self._profile.timeout is not None:
+            self._deadline = image.now + self._profile.timeout
+        if self._before is not None:
+            if self._is_given_up or not self._gate.pass_through(self):
+                self._before.step(image, order)
+                return False
+            self._take_over(self._before, image)
+        if super().step(image, order):
+            return True
+        self._check_deadline(image)
+        return False
+
+    def begin_braking(self) -> bool:
+        """Begin to slow down along the path: its own, or the one before as long as that leads."""
+        if self._before is None:
+            return super().begin_braking()
+        self._is_given_up = True
+        return self._before.begin_braking()
+
+    @property
+    def last_step(self) -> Step:
+        """Where the axis was led to in the last cycle, and how fast."""
+        return super().last_step if self._before is None else self._before.last_step
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the commanded motion stands still."""
+        return super().at_rest if self._before is None else self._before.at_rest
+
+    def _take_over(self, before: Follow, image: Image) -> None:
+        self.begin(self.plan(image.origin))
+        self.resume(before)
+        self._before = None
+
+    def _check_deadline(self, image: Image) -> None:
+        if self._deadline is None or image.now <= self._deadline:
+            return
+        raise self._timed_out(image)
+
+    def _timed_out(self, image: Image) -> AxisbusError:
+        name, units = self._parameters.name, self._parameters.units.position
+        where = (
+            "unknown"
+            if image.position is None
+            else f"{units.to_units(image.position - image.origin):g} {units.unit}"
+        )
+        return MotionTimeout(
+            f"{name}: has not arrived at {units.to_units(self._goal - image.origin):g} {units.unit}",
+            axis=name,
+            observed=f"position {where}; the timeout of {self._profile.timeout:g} s has passed",
+            remedy="give more time, or look whether the axis is blocked",
+        )

@@ -1,0 +1,62 @@
+"""Speed and acceleration of a count, from its last samples."""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+
+_KEPT = 7  # samples: six velocities, of which the medians of the older and of the newer three give the acceleration
+
+
+class Track:
+    """The last samples of one count (increments over seconds); holds them.
+
+    A frame that is taken from the adapter late makes one difference too slow and the next one too fast. The median of three sees
+    neither, so that a busy computer's jitter does not look like danger.
+    """
+
+    __slots__ = ("_motion", "_samples")
+
+    def __init__(self) -> None:
+        self._samples: deque[tuple[float, int]] = deque(maxlen=_KEPT)
+        self._motion: tuple[float, float] | None = None
+
+    def take(self, value: int | None, stamp: float) -> None:
+        """Take a sample; None ends the track, one that is known already changes nothing."""
+        if value is None:
+            self._samples.clear()
+        elif not self._samples or stamp > self._samples[-1][0]:
+            self._samples.append((stamp, value))
+            self._motion = None
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there is a velocity."""
+        return len(self._samples) > 2
+
+    @property
+    def value(self) -> int:
+        """The last sample's value."""
+        return self._samples[-1][1]
+
+    @property
+    def spacing(self) -> float:
+        """Mean seconds between two samples."""
+        samples = self._samples
+        return (samples[-1][0] - samples[0][0]) / (len(samples) - 1)
+
+    @property
+    def motion(self) -> tuple[float, float]:
+        """Velocity (per s), one and a half ``spacing`` before the last sample, and acceleration (per s²)."""
+        if self._motion is None:
+            self._motion = self._measured()
+        return self._motion
+
+    def _measured(self) -> tuple[float, float]:
+        speeds = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self._samples)]
+        if len(speeds) < 3:
+            return min(speeds, key=abs), 0.0
+        velocity = sorted(speeds[-3:])[1]
+        if len(speeds) < _KEPT - 1:
+            return velocity, 0.0
+        return velocity, (velocity - sorted(speeds[:3])[1]) / (3.0 * self.spacing)
