@@ -291,7 +291,6 @@ class Machine:
     def _stop_axes(self, reason: str) -> None:
         times = [core.parameters.stop_times for core in self.scan.axes.values()]
         longest = max((t.halt + t.quick_stop + 2 * t.disable for t in times), default=0.0)
-        self.scan.refuse_commands()
         self.scan.request_stop(reason)
         self._waiter.wait(lambda: self.scan.has_stopped, longest + _CLOSE_MARGIN)
 

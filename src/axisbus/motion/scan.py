@@ -24,9 +24,10 @@ from axisbus.errors import AxisbusError
 from axisbus.motion.accept import accept
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.core import AxisCore
-from axisbus.motion.ending import ended, refused_while_closing
+from axisbus.motion.ending import ended, refused_while_leaving
 from axisbus.motion.group import GroupCommand, GroupCore
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
+from axisbus.motion.leaving import Leaving
 from axisbus.motion.policy import FaultPolicy, LostNode
 from axisbus.motion.snapshot import Snapshot
 
@@ -90,10 +91,10 @@ class Scan:
         self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
-        self._stopping: list[Handle] = []
+        self._leaving = Leaving()
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
-        self._refusing = False
+        self._refusing: str | None = None  # why no command is taken any more
         self._lock = threading.Lock()
 
     # -- for other threads -------------------------------------------------------------------------------------------
@@ -101,7 +102,7 @@ class Scan:
     def submit(self, name: str, command: Command | GroupCommand, handle: Handle) -> None:
         """Queue a command for the axis or group ``name``; it is taken in the next cycle. Does not block."""
         with self._lock:
-            if not self.ended and not self._refusing:
+            if not self.ended and self._refusing is None:
                 self._queue.append((name, command, handle))
                 return
         handle.finish(Status.ERROR, self._refusal(handle.name))
@@ -119,7 +120,11 @@ class Scan:
         return GroupCore(name, {axis: self.axes[axis] for axis in members}, self.period)
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
+        """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block.
+
+        From here on there is only the way out: no command is taken any more, also none that waits.
+        """
+        self._refusing = self._refusing or reason
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
 
@@ -128,20 +133,12 @@ class Scan:
         if self._on_lost_node is not LostNode.REPORT:
             self._trips.append(error)
 
-    def refuse_commands(self) -> None:
-        """Take no more commands, also none that wait: from here on there is only the way out. Does not block."""
-        with self._lock:
-            self._refusing = True
-            queued, self._queue = list(self._queue), deque()
-        for _, _, handle in queued:
-            handle.finish(Status.ERROR, self._refusal(handle.name))
-
     @property
     def has_stopped(self) -> bool:
         """Whether every stop that was asked for has come to its end (or the scan has)."""
         if self.ended:
             return True
-        return self._stops_begun >= self._stops_wanted and not any(handle.busy for handle in self._stopping)
+        return self._stops_begun >= self._stops_wanted and self._leaving.over
 
     @property
     def silent(self) -> str | None:
@@ -174,12 +171,13 @@ class Scan:
         """Do one cycle. Raises what the bus raises (``BusError``)."""
         cycle = self.cycle
         now = self._wait(cycle)
-        self._take_commands()
+        self._take_commands(now)
         for group in self.groups.values():
             group.step()
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
             self.snapshots[name] = core.snapshot()
+        self._leaving.step(now)
         cycle.commit()
         if self.ended:  # the supervisor has taken over while a frame was stuck: nothing may follow it
             return
@@ -208,10 +206,10 @@ class Scan:
 
     def stop_failures(self) -> list[AxisbusError]:
         """Return why axes could not be stopped as asked; empty when all went well."""
-        return [error for handle in self._stopping if (error := handle.exception()) is not None]
+        return self._leaving.failures()
 
     def _refusal(self, what: str) -> AxisbusError:
-        return self._ended(what) if self.ended else refused_while_closing(what)
+        return self._ended(what) if self.ended else refused_while_leaving(what, self._refusing or "")
 
     def _ended(self, what: str) -> AxisbusError:
         return ended(what, self.failure, self._quick_stop_sent)
@@ -244,27 +242,20 @@ class Scan:
             self.groups = {**self.groups, **{group: self._group_core(group, mates[group]) for group in mates}}
         self._policy = FaultPolicy(tuple(self.axes), self._members, self._on_lost_node)
 
-    def _take_commands(self) -> None:
+    def _take_commands(self, now: float) -> None:
         if self._joining:
             self._take_axes()
         while self._stop_requests:
-            self._stopping = self._stop_all(*self._stop_requests.popleft())
+            self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1
         while self._queue:
             name, command, handle = self._queue.popleft()
-            if name in self.axes:
+            if self._refusing is not None:  # it waited when the stop was asked for
+                handle.finish(Status.ERROR, self._refusal(handle.name))
+            elif name in self.axes:
                 accept(self.axes[name], command, handle)  # type: ignore[arg-type]  # axes get axis commands
             else:
                 self.groups[name].accept(command, handle)  # type: ignore[arg-type]
-
-    def _stop_all(self, reason: str, quick: bool) -> list[Handle]:
-        """Let the stop ladder run on every axis that this program has commanded; return its handles."""
-        handles = []
-        for name, core in self.axes.items():
-            handle = Handle(f"{name}.stop ({reason})", NOBODY)
-            accept(core, Shutdown(reason, quick), handle)
-            handles.append(handle)
-        return handles
 
     def _apply_policy(self) -> None:
         while self._trips:
@@ -281,7 +272,7 @@ class Scan:
             accept(self.axes[name], stop, Handle(f"{name}.stop", NOBODY))
 
     def _wake(self) -> None:
-        ended = False
+        ended = self._stops_begun > 0  # who leaves waits for more than a command's end
         for core in self.axes.values():
             if core.running.has_ended:
                 ended = True
