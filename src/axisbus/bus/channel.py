@@ -35,6 +35,7 @@ import can
 from axisbus.bus import adapter, errorframe, failures
 from axisbus.bus.controller import Controller, ControllerEvent
 from axisbus.bus.errorframe import Condition
+from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.network import Network
 from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
@@ -90,9 +91,11 @@ class Channel:
         self._send_lock = threading.Lock()
         self._state_lock = threading.Lock()
         self._closing = False
+        self._inherited = False  # by a forked child
         self.network = Network(self)
         self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
         self._thread.start()
+        disown_in_children(self)
 
     @classmethod
     def open(
@@ -186,6 +189,8 @@ class Channel:
 
         Each frame is tried on its own, so that one failure stops no other. Bounded to about 0.1 s unless the driver itself blocks.
         """
+        if self._inherited:
+            return 0
         deadline = time.monotonic() + URGENT_TOTAL
         locked = self._send_lock.acquire(timeout=URGENT_LOCK)
         try:
@@ -217,6 +222,13 @@ class Channel:
             self.bus.shutdown()
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the adapter is gone either way
             self.counters.errors.append(f"on closing: {error}")
+
+    def disown(self) -> None:
+        """Be of no use in a forked child: nothing is sent, and the adapter is the parent's to close."""
+        self._closing = self._inherited = True
+        self._send_lock, self._state_lock = threading.Lock(), threading.Lock()
+        self._failure = failures.inherited(self.name)
+        self.bus._is_shutdown = True  # else python-can would shut the adapter down when the child ends
 
     def __enter__(self) -> Channel:
         return self

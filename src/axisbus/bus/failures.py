@@ -56,6 +56,15 @@ def stuck(name: str, seconds: float) -> AdapterError:
     )
 
 
+def inherited(name: str) -> AdapterError:
+    """A forked child has a copy of it."""
+    return AdapterError(
+        f"the CAN channel {name} belongs to the process that opened it",
+        observed="this process was forked from that one, and two on one adapter would be two masters",
+        remedy="use it in the process that opened it; begin worker processes before that, or with the start method 'spawn'",
+    )
+
+
 def bus_off(name: str, counters: ErrorCounters | None = None) -> BusOff:
     """The controller left the bus."""
     return BusOff(

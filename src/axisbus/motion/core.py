@@ -226,7 +226,9 @@ class AxisCore:
             story.doing = f" during {handle.name}" if handle.busy else ""
             story.handles.append(handle)
         self._story = story
-        self._stopped_for_sure = False  # whatever an earlier ladder saw: the drive itself brakes now, or coasts
+        self._stopped_for_sure = (
+            False  # whatever an earlier ladder saw: the drive itself brakes now, or coasts
+        )
         self._trip(story.tell(image, self.history))
         story.handles += self.stopping.drop()
         self.powered = False

@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 A stop that was asked for is not one that has happened. The stop ladder of an axis ends with its own verdict; a fault ends it before
-that, and a drive that is off may still coast. So once the ladder is over, the axis is looked at until its drive is off (or holds, as
-it was asked to) and its position stands, within the time that the ladder's rungs have together. What is not seen by then is told as
-moving. An axis of which neither position nor velocity is known can only be believed.
+that, and a drive that is off may still coast. So once the ladder is over, the axis is looked at until its drive is off (or holds,
+as it was asked to) and its position stands, within the time that the ladder's rungs have together. What is not seen by then is told
+as moving. An axis of which neither position nor velocity is known can only be believed.
 """
 
 from __future__ import annotations

@@ -20,13 +20,14 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.accept import accept
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.core import AxisCore
 from axisbus.motion.ending import ended, refused_while_leaving
 from axisbus.motion.group import GroupCommand, GroupCore
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
+from axisbus.motion.inherited import inherited
 from axisbus.motion.leaving import Leaving
 from axisbus.motion.policy import FaultPolicy, LostNode
 from axisbus.motion.snapshot import Snapshot
@@ -95,12 +96,19 @@ class Scan:
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
         self._refusing: str | None = None  # why no command is taken any more
+        self._inherited = False  # by a forked child
         self._lock = threading.Lock()
 
     # -- for other threads -------------------------------------------------------------------------------------------
 
     def submit(self, name: str, command: Command | GroupCommand, handle: Handle) -> None:
-        """Queue a command for the axis or group ``name``; it is taken in the next cycle. Does not block."""
+        """Queue a command for the axis or group ``name``; it is taken in the next cycle. Does not block.
+
+        Raises:
+            StateError: this is a forked child, whose scan does not run.
+        """
+        if self._inherited:
+            raise inherited(handle.name)
         with self._lock:
             if not self.ended and self._refusing is None:
                 self._queue.append((name, command, handle))
@@ -143,13 +151,30 @@ class Scan:
     @property
     def silent(self) -> str | None:
         """Why the snapshots are no longer of now, None while they are."""
+        if self.dead is not None:
+            return self.dead
         if self.ended:
-            return "the machine is closed or its scan has failed: nothing is received any more"
+            return "the machine is closed: nothing is received any more"
         last = max((snapshot.now for snapshot in self.snapshots.values()), default=0.0)
         age = self.cycle.now() - last
         if age > max(_HANGING, 10 * self.period):
             return f"the scan of the bus has done no cycle for {age:.2f} s"
         return None
+
+    @property
+    def dead(self) -> str | None:
+        """Why nothing is known of any axis, and will not be: the scan has failed, or runs in another process.
+
+        None while it lives, and after the machine was closed: what was seen last is then how the axes were left.
+        """
+        if self._inherited:
+            return "this process was forked from the one that has the machine: nothing is received here"
+        return None if self.failure is None else f"the scan of the bus has failed: {in_a_line(self.failure)}"
+
+    def disown(self) -> None:
+        """Be of no use any more: this is a forked child, where nothing runs the scan."""
+        self._inherited = self.ended = True
+        self._lock = threading.Lock()
 
     def quit(self) -> None:
         """End ``run`` after the present cycle."""
@@ -290,6 +315,11 @@ class PumpWaiter:
         """``then`` is called with the virtual time after each cycle; it may wait itself."""
         self._scan = scan
         self._then = then
+        self._pumping: int | None = None
+
+    def is_pumping(self) -> bool:
+        """Whether the caller runs within a cycle, as a handle's callback does."""
+        return self._pumping == threading.get_ident()
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Pump the scan until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
@@ -305,6 +335,7 @@ class PumpWaiter:
         scan = self._scan
         if scan.ended:
             return
+        outer, self._pumping = self._pumping, threading.get_ident()
         try:
             scan.once()
         except BaseException as error:
@@ -313,5 +344,7 @@ class PumpWaiter:
             if not isinstance(error, AxisbusError):
                 raise
             return
+        finally:
+            self._pumping = outer
         if self._then is not None:
             self._then(scan.cycle.now())
