@@ -51,6 +51,8 @@ STATE_PERIOD = 0.1  # seconds between two looks at the driver's own state, where
 STUCK = (
     1.0  # seconds after which a send that has not returned will not; a slow driver's take some milliseconds
 )
+STUCK_SLICE = 0.02  # seconds; one that takes much longer shows that this program does not run
+STARVED = 10.0  # seconds that the other thread is given where neither runs
 
 _LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 
@@ -255,9 +257,7 @@ class Channel:
             time.sleep(SEND_PAUSE)
 
     def _attempt(self, message: can.Message) -> Exception | None:
-        if not self._send_lock.acquire(timeout=STUCK):
-            self.fail(failures.stuck(self.name, STUCK))
-            self.check()
+        self._acquire_send_lock()
         try:
             self.bus.send(message, self._send_timeout)
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
@@ -265,6 +265,22 @@ class Channel:
         finally:
             self._send_lock.release()
         return None
+
+    def _acquire_send_lock(self) -> None:
+        """Wait for another thread's send; whose fault it is that this does not end is told by whether we ran meanwhile."""
+        began = before = time.monotonic()
+        ran = 0.0
+        while not self._send_lock.acquire(timeout=STUCK_SLICE):
+            now = time.monotonic()
+            ran += min(now - before, 2 * STUCK_SLICE)
+            before = now
+            if ran >= STUCK or now - began >= STARVED:
+                self.fail(
+                    failures.stuck(self.name, STUCK)
+                    if ran >= STUCK
+                    else failures.starved(self.name, now - began)
+                )
+                self.check()
 
     def _is_final(self, error: Exception) -> bool:
         """Whether no later attempt can succeed; only SocketCAN's error codes are the operating system's."""

@@ -6,6 +6,7 @@ import can
 
 from axisbus.bus import socketcan
 from axisbus.bus.errorframe import WHAT_TO_CHECK, ErrorCounters
+from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import AdapterError, BusError, BusOff
 
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
@@ -62,6 +63,15 @@ def inherited(name: str) -> AdapterError:
         f"the CAN channel {name} belongs to the process that opened it",
         observed="this process was forked from that one, and two on one adapter would be two masters",
         remedy="use it in the process that opened it; begin worker processes before that, or with the start method 'spawn'",
+    )
+
+
+def starved(name: str, seconds: float) -> AdapterError:
+    """A send of another thread has not returned, and neither thread was given time."""
+    return AdapterError(
+        f"this program hardly ran for {seconds:.2g} s: a frame could not be given to the CAN adapter {name}",
+        observed="the thread that was giving it the frame before was not run; the adapter is not known to be at fault",
+        remedy=f"{REMEDY}; then open the machine again",
     )
 
 

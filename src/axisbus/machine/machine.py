@@ -17,7 +17,7 @@ from axisbus.bus.controller import ControllerEvent
 from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.nodeevents import BAD, NodeEvent
 from axisbus.cia402.port import Port, Waiter
-from axisbus.errors import AxisbusError, NodeError, StateError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.machine import config
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
@@ -26,7 +26,7 @@ from axisbus.machine.closing import Closing
 from axisbus.machine.direct import build_direct
 from axisbus.machine.exit import EXIT
 from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Stopped, scan_failure
+from axisbus.machine.parting import Stopped, lost_without_axes, scan_failure
 from axisbus.machine.pickup import Pickup
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
@@ -227,14 +227,7 @@ class Machine:
 
     def _node_event(self, event: NodeEvent) -> None:
         if event.kind in BAD:
-            self.scan.trip(
-                NodeError(
-                    f"node {event.node} {event.kind.value}",
-                    node=event.node,
-                    observed=str(event),
-                    remedy='look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on',
-                )
-            )
+            self.scan.trip(lost_without_axes(event, self.scan.starvation.text(self.scan.cycle.now())))
 
     # -- running and closing -----------------------------------------------------------------------------------------
 

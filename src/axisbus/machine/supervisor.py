@@ -5,10 +5,14 @@ from __future__ import annotations
 import threading
 import time
 
+from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import ScanError
 from axisbus.motion.scan import Scan
 
 _ROUND = 0.02
+_ON_TIME = 0.04  # seconds that a round may take of which nothing is said
+_STARVED = 10  # times the patience after which a scan that is given no time counts as hung all the same
+_REMEDY = "look at the adapter and its driver (a send that blocks), then open the machine again"
 
 
 class Supervisor:
@@ -36,25 +40,36 @@ class Supervisor:
             self._thread.join(1.0)
 
     def _run(self) -> None:
-        seen, since = self._scan.lateness.cycles, time.monotonic()
-        before = since
+        cycles, last = self._scan.lateness.cycles, time.monotonic()
+        ran = 0.0  # seconds since the last cycle in which we ran ourselves: what we did not, the scan could not either
+        before = last
         while not self._done.wait(_ROUND):
             now = time.monotonic()
-            if now - before > 10 * _ROUND or self._scan.lateness.cycles != seen:
-                since = now  # it advances, or we were all suspended together
-                seen = self._scan.lateness.cycles
+            ran += min(now - before, _ON_TIME)
             before = now
+            if self._scan.lateness.cycles != cycles:
+                cycles, last, ran = self._scan.lateness.cycles, now, 0.0
             if self._scan.ended:
                 return
-            if not self._watched.is_alive() or now - since > self._patience:
-                self._take_over(now - since)
+            silent = now - last
+            if not self._watched.is_alive() or ran > self._patience or silent > _STARVED * self._patience:
+                self._take_over(silent, silent - ran)
                 return
 
-    def _take_over(self, silent: float) -> None:
-        alive = self._watched.is_alive()
-        self._scan.failure = ScanError(
-            "the scan of the bus hangs" if alive else "the scan's thread ended",
-            observed=f"no cycle for {silent:.2f} s",
-            remedy="look at the adapter and its driver (a send that blocks), then open the machine again",
-        )
+    def _take_over(self, silent: float, missing: float) -> None:
+        self._scan.failure = _failure(self._watched.is_alive(), silent, missing)
         self._scan.end()
+
+
+def _failure(alive: bool, silent: float, missing: float) -> ScanError:
+    """Return why there was no cycle for ``silent`` seconds, in ``missing`` of which this program did not run at all."""
+    observed, remedy = f"no cycle for {silent:.2f} s", _REMEDY
+    if alive and missing > silent / 2:
+        return ScanError(
+            f"this program did not run for {missing:.2f} s, and the scan of the bus did no cycle",
+            observed=observed,
+            remedy=f"{REMEDY}; then open the machine again",
+        )
+    return ScanError(
+        "the scan of the bus hangs" if alive else "the scan's thread ended", observed=observed, remedy=remedy
+    )

@@ -6,6 +6,7 @@ import math
 
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply
+from axisbus.cia402.starvation import Starvation
 from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
 from axisbus.units import INT32_HALF, INT32_SPAN
@@ -39,6 +40,7 @@ class Image:
         "position_stamp",
         "replies",
         "standstill",
+        "starvation",
         "state",
         "statusword",
         "statusword_stamp",
@@ -75,6 +77,7 @@ class Image:
         self.torque: int | None = None
         self.demand: int | None = None
         self.standstill = False
+        self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
 
@@ -83,6 +86,8 @@ class Image:
         now, ages = inputs.now, self._max_age
         self.gap = now - self.now
         self.now = now
+        if self.gap >= 2 * self._period:
+            self.starvation.note(now, self.gap - self._period)
         self.operational = inputs.operational
         self.nmt = inputs.nmt
         self.bus = inputs.bus

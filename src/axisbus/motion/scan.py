@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
+from axisbus.cia402.starvation import Starvation
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.accept import accept
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
@@ -76,6 +77,7 @@ class Scan:
         self.period = period
         self.groups = {name: self._group_core(name, members) for name, members in (groups or {}).items()}
         self.lateness = Lateness()
+        self.starvation = Starvation()
         self.snapshots: dict[str, Snapshot] = {}
         self.observers: list[Observer] = []
         self.failure: BaseException | None = None
@@ -255,6 +257,8 @@ class Scan:
         self.lateness.note(late)
         missed = int(late / self.period + 0.5)
         self.lateness.skipped += missed
+        if missed:
+            self.starvation.note(now, late)
         self._next += (1 + missed) * self.period
         return now
 
