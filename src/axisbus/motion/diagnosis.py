@@ -17,6 +17,7 @@ from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 
 THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
+_LINE = "\n            "  # between two remedies, under the word "remedy"
 _RECENT = 5.0  # seconds that an EMCY counts as belonging to what happens now
 
 # What to check first, by class of the error code (first hex digit, then the exact ones that deserve their own).
@@ -137,7 +138,8 @@ def first_observation(error: AxisbusError) -> str:
 
 def join_remedies(first: str, then: str) -> str:
     """Return two remedies, a line each under the word "remedy"; what is said already is not said twice."""
-    return then if not first or first in then else f"{first}\n            {then}" if then else first
+    said = first.split(_LINE) if first else []
+    return _LINE.join([*said, *(line for line in then.split(_LINE) if line and line not in said)])
 
 
 def remedy(code: int | None) -> str:

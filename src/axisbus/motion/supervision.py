@@ -150,8 +150,11 @@ class Supervision:
             f"{name}: node {node} is lost: its NMT state is {state}, not operational",
             node=node,
             observed=seen,
-            remedy="it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
-            "one that restarted has lost its configuration and position; close the machine and open it again",
+            remedy=join_remedies(
+                REMEDY if starved else "",
+                "it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
+                "one that restarted has lost its configuration and position; close the machine and open it again",
+            ),
         )
 
 
