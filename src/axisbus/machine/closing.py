@@ -49,6 +49,11 @@ class Closing:
         self._deferred: str | None = None
 
     @property
+    def begun(self) -> bool:
+        """Whether somebody closes, or has closed."""
+        return self._claim.locked()
+
+    @property
     def over(self) -> bool:
         """Whether it has been done."""
         return self._done.is_set()
@@ -109,7 +114,7 @@ class Closing:
     def _begin(self, reason: str) -> None:
         """Ask for the stop, and leave the rest to a thread of its own, or to whoever closes next."""
         self._ask(reason)
-        if self._deferred is not None or self._claim.locked():
+        if self._deferred is not None or self.begun:
             return
         self._deferred = reason
         if self._in_cycle is None:

@@ -7,11 +7,17 @@ import time
 
 from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import ScanError
+from axisbus.machine.whereabouts import Place, Whereabouts, whereabouts
 from axisbus.motion.scan import Scan
 
 _ROUND = 0.02
 _ON_TIME = 0.04  # seconds that a round may take of which nothing is said
 _STARVED = 10  # times the patience after which a scan that is given no time counts as hung all the same
+_BUSY = "look what else this computer is busy with"
+_CALLBACK = (
+    "let a callback or an observer only note what it has to tell (a queue, an event), and do the work in a thread of the program's "
+    "own; then open the machine again"
+)
 _REMEDY = "look at the adapter and its driver (a send that blocks), then open the machine again"
 
 
@@ -57,19 +63,27 @@ class Supervisor:
                 return
 
     def _take_over(self, silent: float, missing: float) -> None:
-        self._scan.failure = _failure(self._watched.is_alive(), silent, missing)
+        place = whereabouts(self._watched.ident) if self._watched.is_alive() else None
+        self._scan.failure = _failure(place, silent, missing)
         self._scan.end()
 
 
-def _failure(alive: bool, silent: float, missing: float) -> ScanError:
+def _failure(place: Whereabouts | None, silent: float, missing: float) -> ScanError:
     """Return why there was no cycle for ``silent`` seconds, in ``missing`` of which this program did not run at all."""
-    observed, remedy = f"no cycle for {silent:.2f} s", _REMEDY
-    if alive and missing > silent / 2:
-        return ScanError(
-            f"this program did not run for {missing:.2f} s, and the scan of the bus did no cycle",
-            observed=observed,
-            remedy=f"{REMEDY}; then open the machine again",
-        )
+    seen = f"no cycle for {silent:.2f} s"
+    if place is None:
+        return ScanError("the scan's thread ended", observed=seen, remedy=_REMEDY)
+    if missing > silent / 2:
+        message = f"this program did not run for {missing:.2f} s, and the scan of the bus did no cycle"
+        return ScanError(message, observed=seen, remedy=f"{REMEDY}; then open the machine again")
+    if place.place is Place.DRIVER:
+        return ScanError("the scan of the bus hangs", observed=seen, remedy=_REMEDY)
+    seen += f"; its thread is in {place.text}, not in the adapter's driver"
+    if place.place is Place.PROGRAM:
+        message = "the scan of the bus is held up by code of the program's own that it has called"
+        return ScanError(message, observed=seen, remedy=_CALLBACK)
     return ScanError(
-        "the scan of the bus hangs" if alive else "the scan's thread ended", observed=observed, remedy=remedy
+        "the scan of the bus was not run",
+        observed=seen,
+        remedy=f"{_BUSY}; {REMEDY}; then open the machine again",
     )

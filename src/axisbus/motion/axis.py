@@ -126,11 +126,14 @@ class Axis:
             raise self._unknown(what, dead)
 
     def _unknown(self, what: str, why: str) -> StaleError:
+        remedy = "read it while the machine is open"
+        if self._scan.failure is not None:
+            remedy = "make sure that the axis stands, then close the machine, which tells more"
         return StaleError(
             f"{self.name}: its {what} is unknown",
             axis=self.name,
             observed=why,
-            remedy="read it while the machine is open; axis.snapshot keeps what was seen last, with its time",
+            remedy=f"{remedy}; axis.snapshot keeps what was seen last, with its time",
         )
 
     def _why_unknown(self, what: str) -> str:
