@@ -152,9 +152,9 @@ def test_a_send_that_is_not_given_time_is_no_adapter_that_is_stuck(tmp_path):
             def slow(message: object, timeout: float | None = None) -> None:
                 if threading.current_thread().name.startswith("axisbus SDO") and not once.is_set():
                     once.set()
-                    for _ in range(4):
-                        hold_interpreter(0.4)
-                        time.sleep(0.001)  # the scan takes its turn, and finds the channel taken
+                    for _ in range(12):
+                        hold_interpreter(0.15)
+                        time.sleep(0.01)  # the scan takes its turn, and finds the channel taken
                 send(message, timeout)
 
             channel.bus.send = slow

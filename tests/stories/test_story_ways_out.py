@@ -322,7 +322,7 @@ class Scene:
         """Play it; return whether the computer was too busy for it."""
         path = folder / "seen.jsonl"
         path.unlink(missing_ok=True)
-        (folder / "cell.toml").write_text(cell_text("x", period="20ms", heartbeat="400ms"), encoding="utf-8")
+        (folder / "cell.toml").write_text(cell_text("xy", period="20ms", heartbeat="400ms"), encoding="utf-8")
         with Program("story_ways.py", str(folder), name) as program:
             self.code, self.errors = program.end()
         assert path.exists(), self.errors
