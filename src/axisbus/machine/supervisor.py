@@ -11,7 +11,7 @@ from axisbus.machine.whereabouts import Place, Whereabouts, whereabouts
 from axisbus.motion.scan import Scan
 
 _ROUND = 0.02
-_ON_TIME = 0.04  # seconds that a round may take of which nothing is said
+_ON_TIME = 0.04  # seconds; a round that takes longer shows that this program did not run
 _STARVED = 10  # times the patience after which a scan that is given no time counts as hung all the same
 _BUSY = "look what else this computer is busy with"
 _CALLBACK = (
@@ -51,7 +51,7 @@ class Supervisor:
         before = last
         while not self._done.wait(_ROUND):
             now = time.monotonic()
-            ran += min(now - before, _ON_TIME)
+            ran += now - before if now - before < _ON_TIME else _ROUND
             before = now
             if self._scan.lateness.cycles != cycles:
                 cycles, last, ran = self._scan.lateness.cycles, now, 0.0
