@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 
 import pytest
 from story_bus import STOP, Line, enable, turning, until
@@ -222,6 +223,18 @@ def test_a_fault_at_speed_while_closing_is_awaited(story):
         cell.machine.close()
     cell.must_stand(within=0.0, stages=FAULT)
     assert "TREAT" not in caught.value.remedy
+
+
+@pytest.mark.parametrize("cycles", [0, 1, 5, 20])
+def test_closing_in_the_midst_of_a_fault_reaction_waits_for_its_end(story, cycles):
+    cell = story.simulated("x")
+    cell.turning(360.0)
+    cell.drive().fault(0x7305)
+    cell.run(0.01 * cycles)
+    cell.must_move()
+    with suppress(DriveFault):  # told to the command that it ended, or to closing
+        cell.machine.close()
+    cell.must_stand(within=0.0, stages=FAULT)
 
 
 COASTS = 'fault = "coast"'
