@@ -12,6 +12,7 @@
     ├── BusError                     the adapter, the wire or a node's communication
     │   ├── AdapterError             the CAN adapter cannot be opened, refuses to send, or stopped receiving
     │   │   └── BusOff               its controller has left the bus; it may come back
+    │   ├── SecondMasterError        another master, or a tool that acts as one, was heard before our first frame
     │   ├── NodeError                a node: no answer, lost, rebooted
     │   │   └── NodeTimeout          (also TimeoutError)
     │   ├── SdoError                 an SDO transfer that failed
@@ -29,6 +30,8 @@
     │   ├── ModeError                it does not take the mode of operation
     │   ├── SetPointError            it does not take the set-point
     │   ├── MotionTimeout            it does not arrive in time (also TimeoutError)
+    │   ├── FollowingError           the axis is too far from where it is led
+    │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
     │   └── StaleError               a value that the command needs is too old or was never received
     └── Interrupted                  the command ended because something else was wanted
@@ -111,6 +114,16 @@ class AdapterError(BusError):
 
 class BusOff(AdapterError):
     """The CAN controller is bus-off (ISO 11898-1): nothing is sent or received until it is restarted."""
+
+
+class SecondMasterError(BusError):
+    """Another master, or a tool that acts as one, is on the bus; nothing was sent. ``heard`` says in words what gave it away."""
+
+    def __init__(
+        self, message: str, *, heard: tuple[str, ...] = (), observed: str = "", remedy: str = ""
+    ) -> None:
+        super().__init__(message, observed=observed, remedy=remedy)
+        self.heard = heard
 
 
 class NodeError(BusError):
@@ -262,6 +275,14 @@ class SetPointError(DriveError):
 
 class MotionTimeout(DriveError, TimeoutError):
     """The motion did not arrive by its deadline."""
+
+
+class FollowingError(DriveError):
+    """The axis is farther from where it is being led than a lag explains."""
+
+
+class UncommandedMotion(DriveError):
+    """The axis is enabled and moves, or is pulled elsewhere, while no command runs."""
 
 
 class HomingError(DriveError):

@@ -181,3 +181,27 @@ def test_two_virtual_channels_hear_each_other() -> None:
         one.send(0x80, b"")
         eventually(lambda: got)
         assert got == [b""]
+
+
+def test_who_overhears_gets_every_frame_remote_ones_included_until_the_block_ends(
+    channel: Channel, fake: FakeBus
+) -> None:
+    heard: list[tuple[int, bytes, bool]] = []
+    with channel.overheard(lambda frame: heard.append((frame.can_id, frame.data, frame.remote))):
+        fake.inject(0x77F, "05")
+        fake.inbox.put(can.Message(arbitration_id=0x701, is_remote_frame=True, is_extended_id=False))
+        eventually(lambda: len(heard) == 2)
+    fake.inject(0x080, "")
+    eventually(lambda: channel.counters.received == 2)
+    assert heard == [(0x77F, b"\x05", False), (0x701, b"", True)]
+
+
+def test_an_ear_that_fails_is_known_and_does_not_end_in_silence(channel: Channel, fake: FakeBus) -> None:
+    def ear(_: object) -> None:
+        raise ValueError("broken")
+
+    with channel.overheard(ear):
+        fake.inject(0x701, "05")
+        eventually(lambda: channel.failure is not None)
+    with pytest.raises(BusError, match="701h"):
+        channel.check()

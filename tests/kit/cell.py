@@ -28,7 +28,7 @@ BUS = """\
 interface = "{interface}"
 {channel}scan_period = "{period}"
 heartbeat = "{heartbeat}"
-"""
+{bus}"""
 AXIS = """
 [nodes.{node}]
 eds = "{eds}"
@@ -62,13 +62,23 @@ def cell_text(
     period: str = "10ms",
     heartbeat: str = "100ms",
     eds: str = GENERIC,
+    bus: str = "",
     axis: str = "",
     stop: str = "",
     more: str = "",
 ) -> str:
-    """Return a cell file with one node for each letter of ``names``; ``axis`` and ``stop`` are lines for every axis's tables."""
+    """Return a cell file with one node for each letter of ``names``.
+
+    ``bus`` are lines for its table, ``axis`` and ``stop`` for those of every axis.
+    """
     channel_line = f'channel = "{channel}"\n' if channel else ""
-    text = BUS.format(interface=interface, channel=channel_line, period=period, heartbeat=heartbeat)
+    text = BUS.format(
+        interface=interface,
+        channel=channel_line,
+        period=period,
+        heartbeat=heartbeat,
+        bus=f"{bus}\n" if bus else "",
+    )
     for node, name in enumerate(names, start=1):
         text += AXIS.format(node=node, name=name, eds=eds, scale=SCALE, axis=axis, stop=stop)
         for key in (

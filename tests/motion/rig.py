@@ -21,6 +21,7 @@ from axisbus.units import Scale
 GENERIC = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
 SCALE = 1000.0  # increments per degree
 PERIOD = 0.01
+BLIND = 10**9  # a following error that nobody would notice, for what comes after it
 MODE = ModeOfOperation
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import pytest
-from rig import PERIOD, rig
+from rig import BLIND, PERIOD, rig
 from watch import Watch
 
 from axisbus.cia402.port import Source
@@ -226,7 +226,7 @@ def test_late_cycles_make_the_axis_late_and_never_jump():
     handle = r.axis.follow(Trapezoid(0.0, 90.0, 100.0, 500.0))
     r.run(0.4)
     for _ in range(5):
-        r.cycle.dials.send_blocks = 0.035  # three periods and a half
+        r.cycle.dials.send_blocks = 0.036  # more than three periods and a half
         r.run(0.1)
     handle.wait(5)
     r.run(0.1)
@@ -439,7 +439,7 @@ def test_a_trajectory_with_a_mistake_ends_its_command_and_not_the_scan(wrong):
 
 
 def test_an_axis_that_does_not_come_up_with_its_end_fails():
-    r = rig(position_window=100).enabled()
+    r = rig(position_window=100, following_error=BLIND).enabled()
     r.device.write(0x6065, 0, 0xFFFFFFFF)
     handle = r.axis.follow(Trapezoid(0.0, 10.0, 100.0, 500.0))
     r.until(lambda: r.drive.position > 5_000)

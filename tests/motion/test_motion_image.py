@@ -14,6 +14,7 @@ from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.rundown import RunDown
 from axisbus.motion.setpoint import SetPoint
 
 T = 0.01
@@ -236,6 +237,7 @@ class Fall:
         times = StopTimes(halt=0.3, quick_stop=0.2, disable=0.2)
         self.parameters = parameters("x", dictionary_of(GENERIC), stop_times=times, **changes)
         self.ladder = StopLadder(self.parameters, then, start=start)
+        self.run_down = RunDown(self.parameters)
         self.image = fresh_image()
         self.order = Order()
         self.order.goal = State.OPERATION_ENABLED
@@ -251,7 +253,8 @@ class Fall:
             Inputs(self.now, True, status, values["mode"], values["position"], None, None, None, (), sdo)
         )
         self.order.clear()
-        self.done = self.ladder.step(self.image, self.order)
+        self.run_down.look(self.image, touched=True)
+        self.done = self.ladder.step(self.image, self.order, self.run_down)
         self.now += T
         return self.order.outputs(self.image.state)
 
@@ -327,7 +330,7 @@ def test_what_the_sdo_reads_back_confirms_the_stop():
     out = fall.step(None, moving=True)
     reads = {r.index: r.id for r in out.sdo if r.value is None}
     fall.image.position = None
-    for _ in range(5):
+    for _ in range(25):  # off is not yet stopped: two positions must be the same, a tenth of a second apart
         answers = tuple(SdoReply(id_, OFF if index == 0x6041 else 500, None) for index, id_ in reads.items())
         out = fall.step(None, moving=False, sdo=answers)
         reads = {r.index: r.id for r in out.sdo if r.value is None}
@@ -354,8 +357,9 @@ def test_disabling_waits_for_the_last_step_down():
     assert fall.step(0x23, moving=False).controlword == 0x06
     assert fall.step(0x21, moving=False).controlword == 0x00
     assert not fall.done
-    fall.step(OFF, moving=False)
+    fall.steps(0.2, OFF, moving=False)  # off, and seen to stand
     assert fall.done
+    assert fall.ladder.confirmed
 
 
 def test_what_was_seen_standing_before_the_rung_could_act_does_not_count():

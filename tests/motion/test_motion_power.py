@@ -395,9 +395,8 @@ def test_coasting_must_be_asked_for_by_name():
 
 def test_coasting_out_of_errorstop_does_not_clear_the_error():
     r = rig().enabled()
-    r.drive.dials.blocked = True
     with pytest.raises(DriveError):
-        r.axis.move_absolute(10.0, timeout=0.2).wait(5)
+        r.axis.move_absolute(100.0, timeout=0.2).wait(5)
     r.until(lambda: r.core.ladder is None)
     r.axis.disable(coast=True).wait(2)
     assert r.axis.state is AxisState.ERRORSTOP
@@ -526,9 +525,8 @@ def test_bit_7_is_low_before_every_edge_even_when_another_master_left_it_high():
 def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
     """In ErrorStop the axis is held; a supply that comes back must not bring the power back."""
     r = rig().enabled()
-    r.drive.dials.blocked = True
     with pytest.raises(DriveError):
-        r.axis.move_absolute(10.0, timeout=0.2).wait(5)
+        r.axis.move_absolute(100.0, timeout=0.2).wait(5)
     r.until(lambda: r.core.ladder is None)
     assert r.drive.power.stage == ENABLED
     watch = Watch(r)

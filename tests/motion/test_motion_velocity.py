@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from rig import PERIOD, rig
+from rig import BLIND, PERIOD, rig
 from watch import HALT, Watch
 
 from axisbus.cia402.port import Source
@@ -165,7 +165,7 @@ def test_a_bit_10_from_the_velocity_before_does_not_count():
 
 
 def test_a_bit_10_that_says_reached_while_the_motor_stands_is_not_believed():
-    r = rig().enabled()
+    r = rig(following_error=BLIND).enabled()
     r.device.write(0x606D, 0, 0xFFFF)  # a window as wide as the velocity
     r.drive.dials.blocked = True
     with pytest.raises(MotionTimeout):
@@ -173,7 +173,7 @@ def test_a_bit_10_that_says_reached_while_the_motor_stands_is_not_believed():
 
 
 def test_a_blocked_motor_misses_its_velocity_in_time_and_the_axis_is_halted():
-    r = rig().enabled()
+    r = rig(following_error=BLIND).enabled()
     r.drive.dials.blocked = True
     start = r.now
     with pytest.raises(MotionTimeout, match="has not reached 100 deg/s") as caught:

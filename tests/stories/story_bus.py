@@ -73,6 +73,11 @@ class Line(RealTime, PlantProbe):
         """The drive behind an axis."""
         return self.devices[name].drive
 
+    def device_write(self, name: str, index: int, value: int) -> None:
+        """Set an object of the node behind an axis, as its commissioning tool would."""
+        with self.stand_ins.lock:
+            self.devices[name].write(index, 0, value)
+
     def scale_of(self, name: str) -> float:
         """Increments per unit of an axis."""
         return SCALE

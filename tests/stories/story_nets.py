@@ -16,7 +16,7 @@ from axisbus.motion.leaving import AxisLeaving
 from axisbus.sim.direct import DirectCycle
 
 
-def _says_it_stands(ladder: StopLadder, _image: object, _order: object) -> bool:
+def _says_it_stands(ladder: StopLadder, *_: object) -> bool:
     ladder.confirmed = True
     return True
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import can
 import pytest
@@ -142,3 +144,37 @@ def test_a_node_that_does_not_answer_is_told_and_the_exit_code_says_so(tmp_path,
     assert code == 3
     assert "x: NOT CONFIRMED as stopped" in told
     assert "y: was not energised" in told
+
+
+@pytest.mark.parametrize("enabled", [True, False], ids=["stopped", "found off"])
+def test_a_motor_that_turns_on_without_power_is_not_told_as_stopped(tmp_path, axisbus_stop, enabled):
+    """Seen on a foreign slave: reported stopped at 5 m/s."""
+    with Line(tmp_path, "x") as line:
+        drive = line.drive()
+        with line.lock:
+            drive.axis.motor._viscous = 0.0
+            drive.axis.motor.params = replace(drive.params, friction=0.0)
+            drive.axis.motor.velocity = 300.0 * line.scale_of("x")
+            if enabled:
+                drive.start_enabled(3)
+                drive.target_velocity = round(300.0 * line.scale_of("x"))
+        line.device_write("x", 0x605A, 0)  # its quick stop lets it coast
+        line.must_move()
+        code, told = axisbus_stop(line)
+        line.must_move()
+        assert code == 3
+        assert "x: NOT CONFIRMED as stopped: its power is off" in told
+        assert re.search(r"still moves, at [0-9.e+]+ deg with about \d+ deg/s", told), told
+
+
+def test_a_motor_that_something_holds_in_quick_stop_is_not_told_as_stopped(tmp_path, axisbus_stop):
+    with Line(tmp_path, "x") as line:
+        drive = line.drive()
+        line.device_write("x", 0x605A, 6)  # it holds in quick stop
+        with line.lock:
+            drive.start_enabled(1)
+            drive.dials.blocked = True
+            drive.axis.position += 90.0 * line.scale_of("x")
+        code, told = axisbus_stop(line)
+        assert code == 3
+        assert "x: NOT CONFIRMED as stopped" in told

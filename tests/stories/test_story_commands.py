@@ -147,8 +147,8 @@ def test_a_drive_that_drops_its_power_by_itself_stops_the_others_and_is_not_enab
     golden("power_dropped", cell.failure_of(handles[0]))
 
 
-def test_a_blocked_axis_ends_by_its_deadline(story, golden):
-    cell = story.simulated("x").enabled()
+def test_a_blocked_axis_that_nobody_sees_fall_behind_ends_by_its_deadline(story, golden):
+    cell = story.simulated("x", axis="following_error = 1000.0").enabled()
     cell.device().write(0x6065, 0, 0)  # no following-error window: the drive itself pushes on
     cell.drive().dials.blocked = True
     late = cell.failure_of(cell.x.move_relative(20.0))

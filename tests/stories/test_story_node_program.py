@@ -344,7 +344,7 @@ def test_boot_says_when_a_program_is_on_its_way(axisbus, tmp_path):
 
 
 def test_an_interruption_says_what_it_has_left_behind(axisbus, tmp_path, monkeypatch):
-    def interrupted(_path, _progress, on_program):
+    def interrupted(_path, _progress, on_program, **_options):
         on_program(3, 0, 3000)
         on_program(3, 889, 3000)
         raise KeyboardInterrupt

@@ -27,7 +27,8 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import can
@@ -37,9 +38,12 @@ from axisbus.bus.controller import Controller, ControllerEvent
 from axisbus.bus.errorframe import Condition
 from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.network import Network
+from axisbus.bus.recording import of_message
+from axisbus.cia301.frame import Frame
 from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
 Receiver = Callable[[bytes, float], None]
+Ear = Callable[[Frame], None]
 
 RECEIVE_SLICE = 0.05  # seconds; the longest that close() waits for the receive thread
 SEND_PATIENCE = 0.005  # seconds that a full queue may take to have room again
@@ -82,6 +86,7 @@ class Channel:
         self.on_failure: list[Callable[[BusError], None]] = []
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
+        self._ears: tuple[Ear, ...] = ()
         self._send_timeout = send_timeout
         self._socketcan = name.startswith("socketcan:")
         self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
@@ -168,6 +173,20 @@ class Channel:
             if not left:
                 del receivers[can_id]
             self._receivers = receivers
+
+    @contextmanager
+    def overheard(self, ear: Ear) -> Iterator[None]:
+        """Have ``ear(frame)`` called in the receive thread for every frame, remote ones included, within the block.
+
+        It must not block. The frame's time is ``time.monotonic()`` at reception. Error frames go to ``controller``.
+        """
+        with self._state_lock:
+            self._ears = (*self._ears, ear)
+        try:
+            yield
+        finally:
+            with self._state_lock:
+                self._ears = tuple(other for other in self._ears if other is not ear)
 
     def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
         """Send a data frame; blocks up to ``patience`` seconds while the adapter's queue is full.
@@ -333,6 +352,8 @@ class Channel:
         if message.is_error_frame:
             self._error_frame(message, stamp)
             return
+        if self._ears:
+            self._overhear(message, stamp)
         if message.is_remote_frame:
             return
         self.counters.received += 1
@@ -349,6 +370,14 @@ class Channel:
                 bytes(message.data),
                 stamp,
             )
+
+    def _overhear(self, message: can.Message, stamp: float) -> None:
+        frame = of_message(message)._replace(time=stamp)
+        for ear in self._ears:
+            try:
+                ear(frame)
+            except Exception as error:  # noqa: BLE001 - as ``_hand_over``
+                self.fail(failures.receiver_failed(frame.can_id, frame.data, error))
 
     def _hand_over(self, receiver: Receiver, can_id: int, data: bytes, stamp: float) -> None:
         try:

@@ -33,6 +33,8 @@ from axisbus.cia402.controlword import DISABLE_OPERATION, Command
 class State(Enum):
     """A state of the power stage, by the standard's name."""
 
+    __hash__ = object.__hash__  # members are looked up in sets in every cycle, and Enum's own is slow
+
     NOT_READY_TO_SWITCH_ON = "not ready to switch on"
     SWITCH_ON_DISABLED = "switch on disabled"
     READY_TO_SWITCH_ON = "ready to switch on"

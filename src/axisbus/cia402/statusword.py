@@ -28,6 +28,14 @@ HOMING_ATTAINED = BIT_12  # hm
 HOMING_ERROR = BIT_13  # hm
 FOLLOWS_COMMAND = BIT_12  # csp, csv, cst: "drive follows the command value"
 
+_CYCLIC_MODES = frozenset(
+    {
+        ModeOfOperation.CYCLIC_SYNC_POSITION,
+        ModeOfOperation.CYCLIC_SYNC_VELOCITY,
+        ModeOfOperation.CYCLIC_SYNC_TORQUE,
+    }
+)
+
 COMMON_BITS = {
     4: "voltage enabled",
     7: "warning",
@@ -59,8 +67,8 @@ def bit_words(statusword: int, mode: ModeOfOperation | None = None) -> list[str]
     return [texts[bit] for bit in sorted(texts) if statusword >> bit & 1]
 
 
-def hints(statusword: int) -> list[str]:
-    """Return why a drive may refuse to be enabled or to move, as bits 4, 7, 9 and 11 tell it."""
+def hints(statusword: int, mode: int | None = None) -> list[str]:
+    """Return why a drive may refuse to be enabled or to move, as bits 4, 7, 9 and 11 tell it, and bit 12 in a cyclic ``mode``."""
     found = []
     if not statusword & VOLTAGE_ENABLED:
         found.append("bit 4 (voltage enabled) is 0: the power supply of the motor is off or not ready")
@@ -74,4 +82,6 @@ def hints(statusword: int) -> list[str]:
         )
     if statusword & WARNING:
         found.append("bit 7 (warning) is 1: read the drive's error history (1003h)")
+    if mode in _CYCLIC_MODES and not statusword & FOLLOWS_COMMAND:
+        found.append("bit 12 is 0: in a cyclic mode the drive says by it that it does not follow its targets")
     return found

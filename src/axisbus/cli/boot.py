@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from axisbus.cli.common import FAILURE, OK, ProgressLine, progress_line, say, say_json, say_next, say_note
+from axisbus.cli.options import beside_option
 from axisbus.machine.machine import boot
 
 _LABEL = "booting"
@@ -51,7 +52,8 @@ class _Told:
 @click.command("boot")
 @click.argument("cell", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
-def command(cell: Path, as_json: bool) -> int:
+@beside_option
+def command(cell: Path, as_json: bool, beside: bool) -> int:
     """Boot and configure the nodes of CELL, report each, and let them go again; energises nothing.
 
     Where [nodes.N.program] says download = true, a node with another program than the expected one is given it first, which may
@@ -63,7 +65,7 @@ def command(cell: Path, as_json: bool) -> int:
     with progress_line(_LABEL, quiet=as_json) as line:
         told = _Told(line, quiet=as_json)
         try:
-            reports = boot(cell, told.through, told.program)
+            reports = boot(cell, told.through, told.program, beside=beside)
         except KeyboardInterrupt:
             told.interrupted(cell)
             raise

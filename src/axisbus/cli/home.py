@@ -8,18 +8,20 @@ import click
 
 from axisbus.cli import move
 from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.options import beside_option
 from axisbus.machine.machine import Machine
 
 
 @click.command("home")
 @click.argument("cell", type=click.Path(path_type=Path))
 @click.argument("axes", nargs=-1)
-def command(cell: Path, axes: tuple[str, ...]) -> int:
+@beside_option
+def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
     """Boot CELL, enable its axes (or those named), home them as [axes.NAME.homing] says, stop and disable them.
 
     MOVES REAL MOTORS, unless the homing method takes the present position. Ctrl-C halts them.
     """
-    with Machine.open(cell) as machine:
+    with Machine.open(cell, beside=beside) as machine:
         chosen = [machine[name] for name in axes] or list(machine)
         move.enable(chosen)
         move.home(chosen)

@@ -10,18 +10,39 @@ from axisbus.bus.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.cli.options import beside_option
 from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 
 
 @click.command("monitor")
 @click.argument("cell", type=click.Path(path_type=Path))
-@click.option("--every", default=1.0, show_default=True, help="Seconds between two looks.")
+@click.option(
+    "--every",
+    type=click.FloatRange(min=0.01),
+    default=1.0,
+    show_default=True,
+    help="Seconds between two looks.",
+)
 @click.option("--count", type=int, help="How many looks; without, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
-def command(cell: Path, every: float, count: int | None, as_json: bool) -> int:
-    """Boot CELL and show its axes; energises nothing."""
-    with Machine.open(cell) as machine:
+@click.option(
+    "--listen", is_flag=True, help="Boot nothing and send nothing: show what the bus tells by itself."
+)
+@beside_option
+def command(cell: Path, every: float, count: int | None, as_json: bool, listen: bool, beside: bool) -> int:
+    """Boot CELL and show its axes; energises nothing.
+
+    With --listen it boots nothing either, and sends nothing at all, beside a running master or without any: NMT states,
+    heartbeats, the newest PDOs with names and units, EMCYs, the period of SYNC, and what shows that a master is at work.
+    """
+    if listen:
+        if beside:
+            raise click.UsageError("--listen sends nothing, so it needs no --beside: leave one of them out")
+        from axisbus.cli import monitor_listen
+
+        return monitor_listen.run(cell, every, count, as_json)
+    with Machine.open(cell, beside=beside) as machine:
         looks, told = 0, set[str]()
         for line in [] if as_json else histories(machine):
             say(line)

@@ -8,7 +8,7 @@ import click
 
 from axisbus import wait
 from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.options import parse_targets
+from axisbus.cli.options import beside_option, parse_targets
 from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
@@ -24,6 +24,7 @@ from axisbus.motion.handle import Handle
 @click.option(
     "--timeout", type=float, help="Seconds that each move may take, instead of the worked-out time."
 )
+@beside_option
 def command(
     cell: Path,
     targets: tuple[str, ...],
@@ -32,6 +33,7 @@ def command(
     relative: bool,
     home_first: bool,
     timeout: float | None,
+    beside: bool,
 ) -> int:
     """Boot CELL, enable the axes named, move them, stop and disable them: axisbus move cell.toml x=90 y=-45 --velocity 30
 
@@ -39,7 +41,7 @@ def command(
     run (--home), unless cell.toml says required = false for it.
     """
     wanted = parse_targets(targets)
-    with Machine.open(cell) as machine:
+    with Machine.open(cell, beside=beside) as machine:
         axes = {name: machine[name] for name in wanted}
         enable(list(axes.values()))
         if home_first:

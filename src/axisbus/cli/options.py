@@ -10,6 +10,15 @@ import click
 Decorated = Callable[..., Any]
 
 
+def beside_option(function: Decorated) -> Decorated:
+    """Add --beside: boot even where another master is heard."""
+    return click.option(
+        "--beside",
+        is_flag=True,
+        help="Open the bus even where another master is heard; both then command the same drives.",
+    )(function)
+
+
 def bus_options(function: Decorated) -> Decorated:
     """Add -i, -c, -b and -o: which bus to open."""
     return _bus_options(function, "-o", "--option")

@@ -8,18 +8,20 @@ import click
 
 from axisbus import wait
 from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.options import beside_option
 from axisbus.machine.machine import Machine
 
 
 @click.command("reset")
 @click.argument("cell", type=click.Path(path_type=Path))
 @click.argument("axes", nargs=-1)
-def command(cell: Path, axes: tuple[str, ...]) -> int:
+@beside_option
+def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
     """Boot CELL and reset the faults of its axes (or of those named); enables nothing.
 
     Each fault is told before it is reset. Exit code 3 when one does not go away.
     """
-    with Machine.open(cell) as machine:
+    with Machine.open(cell, beside=beside) as machine:
         machine.sleep(0.5)  # a fault explains itself by SDO
         chosen = [machine[name] for name in axes] or list(machine)
         for axis in chosen:

@@ -294,11 +294,20 @@ class NodeBoot:
         window = read_int(self._objects, own_index(o.POSITION_WINDOW, axis.drive_axis))
         if parameters.position_window is None and window and window != _NO_WINDOW:
             parameters = replace(parameters, position_window=window)
+        parameters = self._with_following_error(axis, parameters)
         claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
         if axis.modes is None and claimed is not None:
             parameters = replace(parameters, modes=parameters.modes | frozenset(modes.supported(claimed)))
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
         return replace(parameters, quick_stop_holds=holds)
+
+    def _with_following_error(self, axis: AxisConfig, parameters: AxisParameters) -> AxisParameters:
+        """What the drive itself allows its position modes; 0 and FFFFFFFFh mean that it does not look."""
+        window = read_int(self._objects, own_index(o.FOLLOWING_ERROR_WINDOW, axis.drive_axis))
+        if not window or window == _NO_WINDOW:
+            return parameters
+        time = read_int(self._objects, own_index(o.FOLLOWING_ERROR_TIME_OUT, axis.drive_axis)) or 0
+        return replace(parameters, drive_following_error=window, drive_following_time=time / 1000)
 
     def _option(self, axis: AxisConfig, option: options.OptionCode) -> int | None:
         return read_int(self._objects, own_index(option.index, axis.drive_axis), option.subindex)

@@ -95,7 +95,7 @@ class BusConfig:
 
     ``sync_producer`` is "master" or "external": then another device's SYNC starts each scan, and is missing after ``sync_timeout``
     (None: 1.5 scan periods). ``sync_counter`` is 1019h, 0 for SYNC without counter. ``on_lost_node`` says what else stops when a
-    node is lost: its ``group``, the ``cell``, or nothing (``report``).
+    node is lost: its ``group``, the ``cell``, or nothing (``report``). ``beside``: open it even where another master is heard.
     """
 
     interface: str = ""
@@ -112,6 +112,7 @@ class BusConfig:
     time_cob_id: int = TIME
     heartbeat: float | None = 0.1
     on_lost_node: str = "group"
+    beside: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
     at: Place = Place()
 
@@ -238,6 +239,8 @@ class AxisConfig:
     modulo: float | None = None
     position_window: float | None = None
     standstill_velocity: float | None = None
+    standstill_window: float | None = None
+    following_error: float | None = None
     modes: tuple[str, ...] | None = None
     holds_load: str | None = None
     transition_time: float | None = None

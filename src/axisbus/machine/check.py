@@ -22,6 +22,7 @@ from axisbus.machine.checks import (
     stopping,
     structure,
     watchdog,
+    watching,
 )
 from axisbus.machine.checks.case import Case, Check
 from axisbus.machine.problem import Problem
@@ -38,6 +39,7 @@ CHECKS: tuple[Check, ...] = (
     *ranges.CHECKS,
     *stopping.CHECKS,
     *watchdog.CHECKS,
+    *watching.CHECKS,
     *bootup.CHECKS,
     *programs.CHECKS,
     *missing.CHECKS,

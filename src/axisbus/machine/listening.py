@@ -6,6 +6,7 @@ import itertools
 import os
 from contextlib import ExitStack
 
+from axisbus.bus import listenonly
 from axisbus.bus.listen import Listener, listen
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.runtime import load_dictionaries
@@ -16,15 +17,18 @@ from axisbus.sim.network import StandIns
 _CHANNELS = itertools.count(1)
 
 
-def listen_to(cell: CellConfig, stack: ExitStack) -> Listener:
+def listen_to(cell: CellConfig, stack: ExitStack, *, silent: bool = False) -> Listener:
     """Open a cell's bus for listening only; ``stack`` closes it. Blocks as the adapter's driver does.
+
+    ``silent``: the controller is to acknowledge nothing either, where that can be asked of the adapter (``listenonly``).
 
     Raises:
         EdsError, AdapterError: an EDS of a simulated cell, or the adapter, cannot be opened.
     """
     bus = cell.bus
     if bus.interface != SIM:
-        return stack.enter_context(listen(bus.interface, bus.channel, bus.bitrate, bus.options))
+        options = listenonly.silent(bus.interface, bus.options) if silent else bus.options
+        return stack.enter_context(listen(bus.interface, bus.channel, bus.bitrate, options))
     name = f"axisbus-listen-{os.getpid()}-{next(_CHANNELS)}"
     listener = stack.enter_context(listen("virtual", name, None, {}))
     files = load_dictionaries(cell)

@@ -9,6 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -87,20 +88,22 @@ class Machine:
         self._inherited = False  # by a forked child
 
     @classmethod
-    def open(cls, path: str | Path) -> Machine:
+    def open(cls, path: str | Path, *, beside: bool = False) -> Machine:
         """Check, open, boot and configure the cell of a ``cell.toml``, and start its scan; energises nothing.
 
-        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private virtual bus, in real time.
+        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private virtual bus, in real time; on
+        any other it first listens for another master, at most 0.5 s. ``beside`` opens it all the same (as ``beside`` in ``[bus]``).
 
         Raises:
             ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
             AdapterError: the bus cannot be opened.
+            SecondMasterError: another master is heard on the bus; nothing was sent.
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
         from axisbus.machine.wire import build_on_bus
 
-        cell = _checked(path)
+        cell = _checked(path, beside)
         dictionaries = load_dictionaries(cell)
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         return cls._start(cell, build_on_bus(cell, dictionaries), realtime=True)
@@ -361,19 +364,21 @@ def boot(
     path: str | Path,
     progress: Callable[[int, int], None] | None = None,
     on_program: Callable[[int, int, int | None], None] | None = None,
+    *,
+    beside: bool = False,
 ) -> list[NodeReport]:
     """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
 
     A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
     and that of all; ``on_program`` with a node's ID, and the bytes of its new program that have arrived and that there are, in the
-    thread of that node.
+    thread of that node. ``beside``: even where another master is heard.
 
     Raises:
-        ConfigError, EdsError, AdapterError: as ``Machine.open``.
+        ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
     """
     from axisbus.machine.wire import build_on_bus
 
-    cell = _checked(path)
+    cell = _checked(path, beside)
     lock, through = threading.Lock(), itertools.count(1)
 
     def told(_: Booted) -> None:
@@ -388,13 +393,16 @@ def boot(
         runtime.leave()
 
 
-def _checked(path: str | Path) -> CellConfig:
-    """Return the cell of a file in which ``check`` finds no error; the exception tells the first and lists the others."""
+def _checked(path: str | Path, beside: bool = False) -> CellConfig:
+    """Return the cell of a file in which ``check`` finds no error; the exception tells the first and lists the others.
+
+    ``beside`` is as if the file said so.
+    """
     cell, problems = config.read(path)
     wrong = errors(problems if cell is None else check_cell(cell, problems))
     if cell is None or wrong:
         raise config.as_exception(wrong)
-    return cell
+    return replace(cell, bus=replace(cell.bus, beside=True)) if beside else cell
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:

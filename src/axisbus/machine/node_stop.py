@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 Another master may be alive and go on sending *enable operation* by PDO in every cycle, which ends a quick stop at once (transition
 16). So each drive gets its quick stop by SDO; if it is enabled again, its node is sent to pre-operational, where PDOs no longer
-reach it, and gets the quick stop once more.
+reach it, and gets the quick stop once more. A drive that is off, or held, has stopped when its position says so, and nothing pulls.
 """
 
 from __future__ import annotations
@@ -25,9 +25,13 @@ from axisbus.machine.parameters import standstill_speed
 from axisbus.machine.parting import Stopped
 from axisbus.machine.scales import units_of
 from axisbus.machine.writes import own_index
+from axisbus.motion.parameters import pull_window
+from axisbus.motion.still import Still
+from axisbus.units import wrap
 
 _STANDS_FOR = 0.1
 _LONGEST = 5.0
+_COASTS = 3.0  # seconds that a drive found without power may take to come to rest
 _POLL = 0.02
 
 
@@ -50,30 +54,51 @@ class NodeStop:
             ]
 
     def _stop(self, axis: AxisConfig) -> Stopped:
+        look = _Look(axis)
         state = self._state(axis)
-        if state not in ENERGISED and state is not State.UNKNOWN:
-            return Stopped(axis.name, True, f"was not energised ({state.value})")
+        if _is_off(state):
+            return self._await_rest(axis, look, "was not energised", time.monotonic() + _COASTS)
         self._quick_stop(axis)
-        return self._await(axis)
+        return self._await(axis, look)
 
-    def _await(self, axis: AxisConfig) -> Stopped:
+    def _await(self, axis: AxisConfig, look: _Look) -> Stopped:
         deadline = time.monotonic() + _LONGEST
-        stands = _Standstill(axis)
         while time.monotonic() < deadline:
             state = self._state(axis)
             if state is State.OPERATION_ENABLED:
                 self._enabled_again(axis)
-            if state not in ENERGISED and state is not State.UNKNOWN:
-                return Stopped(axis.name, True, f"stopped, power is off ({state.value})")
-            position = read_int(self._node.sdo, own_index(o.POSITION_ACTUAL, axis.drive_axis))
-            if state is State.QUICK_STOP_ACTIVE and stands.note(position, time.monotonic()):
+            if _is_off(state):
+                return self._await_rest(axis, look, "stopped, power is off", deadline)
+            stands = look.note(self._read(axis, o.POSITION_ACTUAL), time.monotonic())
+            if (
+                state is State.QUICK_STOP_ACTIVE
+                and stands
+                and not look.pulls(self._read(axis, o.POSITION_DEMAND))
+            ):
                 return Stopped(axis.name, True, "stands, held in quick stop")
             time.sleep(_POLL)
         return Stopped(
             axis.name,
             False,
-            f"NOT CONFIRMED as stopped after {_LONGEST:g} s (state {self._state(axis).value}): use the emergency stop",
+            f"NOT CONFIRMED as stopped after {_LONGEST:g} s (state {self._state(axis).value}{look.text}): use the emergency stop",
         )
+
+    def _await_rest(self, axis: AxisConfig, look: _Look, said: str, deadline: float) -> Stopped:
+        """Off is not yet stopped: the motor may turn on without power, as long as 6064h does not say that it stands."""
+        while True:
+            state, position = self._state(axis), self._read(axis, o.POSITION_ACTUAL)
+            if position is None:
+                return Stopped(
+                    axis.name,
+                    True,
+                    f"{said} ({state.value}); it has no position that tells whether it stands",
+                )
+            if look.note(position, time.monotonic()):
+                return Stopped(axis.name, True, f"{said} ({state.value})")
+            if time.monotonic() > deadline:
+                text = f"NOT CONFIRMED as stopped: its power is off ({state.value}), and it still moves{look.text}"
+                return Stopped(axis.name, False, text)
+            time.sleep(_POLL)
 
     def _enabled_again(self, axis: AxisConfig) -> None:
         """Not yet obeyed, or another master enables it in every cycle: keep its PDOs away, and repeat."""
@@ -86,6 +111,9 @@ class NodeStop:
         index = own_index(o.CONTROLWORD, axis.drive_axis)
         self._node.sdo.download_urgent(index, 0, Command.QUICK_STOP.word.to_bytes(2, "little"))
 
+    def _read(self, axis: AxisConfig, index: int) -> int | None:
+        return read_int(self._node.sdo, own_index(index, axis.drive_axis))
+
     def _state(self, axis: AxisConfig) -> State:
         try:
             word = read_int(self._node.sdo, own_index(o.STATUSWORD, axis.drive_axis))
@@ -94,17 +122,47 @@ class NodeStop:
         return State.UNKNOWN if word is None else decode(word)
 
 
-class _Standstill:
-    """Whether positions stay together for a while; holds the first of them."""
+def _is_off(state: State) -> bool:
+    return state not in ENERGISED and state is not State.UNKNOWN
+
+
+class _Look:
+    """Whether positions stay together for a while, and nothing pulls; holds the last one and the speed between two of them."""
 
     def __init__(self, axis: AxisConfig) -> None:
-        speed = standstill_speed(axis, units_of(axis)) or 0.0
-        self._tolerance = max(2.0, speed * _STANDS_FOR)
-        self._anchor: tuple[int, float] | None = None
+        units = units_of(axis)
+        speed, factor = standstill_speed(axis, units) or 0.0, abs(units.position.factor)
+        self._still = Still(max(2.0, speed * _STANDS_FOR), _STANDS_FOR)
+        fastest = (axis.max_velocity or axis.defaults.velocity or 0.0) * factor
+        self._pull = pull_window(
+            None if axis.standstill_window is None else axis.standstill_window * factor,
+            None if axis.position_window is None else axis.position_window * factor,
+            fastest,
+        )
+        self._position = units.position
+        self._last: tuple[int, float] | None = None
+        self._speed = 0.0
 
     def note(self, position: int | None, now: float) -> bool:
+        """Take a position; return whether the axis does not move."""
         if position is None:
             return False
-        if self._anchor is None or abs(position - self._anchor[0]) > self._tolerance:
-            self._anchor = position, now
-        return now - self._anchor[1] >= _STANDS_FOR
+        if self._last is not None and now > self._last[1]:
+            self._speed = wrap(position - self._last[0]) / (now - self._last[1])
+        self._last = position, now
+        return self._still.feed(position, now)
+
+    def pulls(self, demand: int | None) -> bool:
+        """Whether the drive leads the axis to somewhere else than where it is."""
+        return (
+            demand is not None and self._last is not None and abs(wrap(demand - self._last[0])) > self._pull
+        )
+
+    @property
+    def text(self) -> str:
+        """Where it was seen last, and how fast."""
+        if self._last is None:
+            return ""
+        scale = self._position
+        where, speed = scale.to_units(self._last[0]), abs(scale.to_units(self._speed))
+        return f", at {where:g} {scale.unit} with about {speed:.3g} {scale.unit}/s"

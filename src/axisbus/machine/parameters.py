@@ -52,7 +52,9 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         objects=drive.objects,
         modes=modes(drive),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,
-        position_window=_position_window(axis, units),
+        position_window=_increments(axis.position_window, units),
+        standstill_window=_increments(axis.standstill_window, units),
+        following_error=_increments(axis.following_error, units),
         standstill_speed=standstill_speed(axis, units),
         fault_objects=make.fault_objects,
         explain_fault=make.explain,
@@ -114,7 +116,6 @@ def _timing(axis: AxisConfig) -> Timing:
     return replace(Timing(), **{name: value for name, value in given.items() if value is not None})
 
 
-def _position_window(axis: AxisConfig, units: Units) -> int | None:
-    if axis.position_window is None:
-        return None
-    return max(1, round(axis.position_window * abs(units.position.factor)))
+def _increments(way: float | None, units: Units) -> int | None:
+    """Return a way of cell.toml in position increments, at least 1."""
+    return None if way is None else max(1, round(way * abs(units.position.factor)))

@@ -45,6 +45,7 @@ BUS: Keys = {
     # A drive waits for three heartbeats, and 1016h counts 65535 ms at most.
     "heartbeat": Key(v.or_word("off", None, v.duration("1ms", "20s"))),
     "on_lost_node": Key(v.words("group", "cell", "report")),
+    "beside": _flag,
 }
 
 NODE: Keys = {
@@ -93,6 +94,8 @@ AXIS: Keys = {
     "modulo": _positive,
     "position_window": _positive,
     "standstill_velocity": _positive,
+    "standstill_window": _positive,
+    "following_error": _positive,
     "modes": Key(v.names([facts.short for facts in FACTS.values()], "modes")),
     "holds_load": Key(v.never_true(None, v.words("brake", "torque"))),
     "transition_time": _step_time,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 
+from axisbus.bus.alone import require_alone
 from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.node import Node
@@ -18,6 +19,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
+from axisbus.machine.alone import cast_of, listening_time
 from axisbus.machine.boot import Booted, NodeBoot
 from axisbus.machine.cell import BusConfig, CellConfig
 from axisbus.machine.comms import CanComms
@@ -49,9 +51,12 @@ def build_on_bus(
 
     Raises:
         AdapterError: the channel cannot be opened, or failed.
+        SecondMasterError: another master is heard on it; then nothing was sent.
     """
     with ExitStack() as stack:
         channel, stand_ins = open_channel(cell, dictionaries, stack)
+        if not stand_ins and not cell.bus.beside:  # on a private bus there is nobody but our stand-ins
+            require_alone(channel, cast_of(cell, dictionaries), listening_time(cell.bus))
         nodes = {
             node_id: stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()
         }

@@ -38,7 +38,7 @@ def accept(core: AxisCore, command: c.Command, handle: Handle, gate: Gate = OPEN
 # -- power -----------------------------------------------------------------------------------------------------------
 
 
-def _enable(core: AxisCore, _: c.Enable, handle: Handle, gate: Gate) -> None:
+def _enable(core: AxisCore, command: c.Enable, handle: Handle, gate: Gate) -> None:
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
         raise motion.refusal(core, handle, AxisState.ERRORSTOP)
     motion.require_no_stop(core, handle)
@@ -56,7 +56,8 @@ def _enable(core: AxisCore, _: c.Enable, handle: Handle, gate: Gate) -> None:
             observed=nmt_text(core.image),
             remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
         )
-    core.begin(Enable(core.parameters, _resting_modes(core), gate, _takeover(core)), handle)
+    takeover = _takeover(core)
+    core.begin(Enable(core.parameters, _resting_modes(core), gate, takeover, moving=command.moving), handle)
 
 
 def _runs(core: AxisCore, activity: type[Activity]) -> bool:
@@ -152,10 +153,11 @@ def _quick_stop(core: AxisCore, _: c.QuickStop, handle: Handle, __: Gate) -> Non
 def _stop_if_powered(core: AxisCore, handle: Handle, kind: StopKind, rung: Rung) -> None:
     """Where the motor is not driven there is nothing to stop, and that is success; an enable under way is taken back.
 
-    A drive of which nothing is known may be moving: it is stopped.
+    A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it
+    stands.
     """
     reason = f"{handle.name} was asked for"
-    if core.image.state in ENERGISED or core.image.state is State.UNKNOWN:
+    if core.image.state in ENERGISED or core.image.state is State.UNKNOWN or core.run_down.under_way:
         core.stop_because(kind, Then.HOLD, rung, reason, handle)
         if kind is not StopKind.HALT and core.state is not AxisState.ERRORSTOP:
             core.state = AxisState.STOPPING

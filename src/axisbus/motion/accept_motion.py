@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
@@ -131,14 +133,17 @@ def home(core: AxisCore, command: c.Home, handle: Handle, _: Gate) -> None:
 
 
 def set_position(core: AxisCore, command: c.SetPosition, handle: Handle, _: Gate) -> None:
-    """MC_SetPosition."""
+    """MC_SetPosition; where the axis stands now it takes effect at once, else when it does."""
     if core.state in MOVING or core.state is AxisState.STOPPING:
         raise StateError(f"{handle.name}: the axis moves", remedy="set the position at standstill")
-    actual = require_position(core.image, core.parameters.name, "setting the position")
-    core.image.origin = actual - command.position
+    require_position(core.image, core.parameters.name, "setting the position")
+    core.at_rest(handle, partial(_call_position, core, command.position))
+
+
+def _call_position(core: AxisCore, position: int) -> None:
+    core.image.origin = require_position(core.image, core.parameters.name, "setting the position") - position
     core.last_target = None
     core.homed = True
-    core.finish(handle)
 
 
 def follow(core: AxisCore, command: c.FollowTrajectory, handle: Handle, gate: Gate) -> None:

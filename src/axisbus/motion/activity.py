@@ -11,7 +11,7 @@ from axisbus.cia301 import abort
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
-from axisbus.motion.image import Image
+from axisbus.motion.image import WITHOUT_POSITION_DEMAND, Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
@@ -23,14 +23,19 @@ class Activity(ABC):
     """A running command. It is pure: image in, wishes out; failure is raised as an ``AxisbusError``.
 
     ``mode`` is the mode of operation that it works in. One that ``goes_on`` is stepped on after it has ended well, because the axis
-    goes on moving. Only one that ``clears_error`` leads out of ErrorStop. ``ramp`` is what a halt brakes it with, in position
-    increments per s² (None: not known).
+    goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only when the
+    axis is seen to stand. ``ramp`` is what a halt brakes it with, in position increments per s² (None: not known). ``behind`` is
+    how many increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
+    ``led_speed`` the speed that was asked for, in increments per s.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
     goes_on: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
+    ends_at_rest: ClassVar[bool] = False
     ramp: float | None = None
+    behind: float | None = None
+    led_speed: float = 0.0
 
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:
@@ -151,6 +156,8 @@ class ModeSwitch:
         if self._deadline is None:
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
+        if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is of long ago
+            self._reference = image.position
         if self._is_shown(image, order):
             return True
         order.mode = self._mode

@@ -35,7 +35,7 @@ class Group:
         return iter(self._axes.values())
 
     def enable(self) -> Handle:
-        """Switch all power stages on; the last transition is taken by all together."""
+        """Switch all power stages on, once all axes stand; the last transition is taken by all together."""
         return self._all("enable()", c.Enable, together=True)
 
     def disable(self) -> Handle:

@@ -147,12 +147,15 @@ class Axis:
 
     # -- power and stopping ------------------------------------------------------------------------------------------
 
-    def enable(self) -> Handle:
+    def enable(self, *, moving: bool = False) -> Handle:
         """Switch the power stage on (MC_Power). Nothing moves by it: every target is preloaded.
+
+        An axis that moves without power (coasts, sags, is turned by hand) is awaited, and refused where it does not come to rest;
+        ``moving`` catches it in motion. It is done when the axis is seen to stand with its power on.
 
         Asked for again while it is under way, it goes on, and both handles end as it does; so do ``reset`` and all that stops.
         """
-        return self._submit("enable()", c.Enable())
+        return self._submit("enable(moving=True)" if moving else "enable()", c.Enable(moving))
 
     def disable(self, *, coast: bool = False) -> Handle:
         """Halt, then switch the power stage off (transitions 5, 6, 7); ``coast`` cuts the power at once (transition 9)."""

@@ -20,7 +20,9 @@ class Reference(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Enable:
-    """MC_Power, on."""
+    """MC_Power, on; ``moving`` catches an axis that moves, instead of waiting for its rest."""
+
+    moving: bool = False
 
 
 @dataclass(frozen=True, slots=True)

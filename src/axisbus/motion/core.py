@@ -20,20 +20,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Capabilities, Inputs, Outputs
+from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped
+from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
 from axisbus.motion.activity import Activity
+from axisbus.motion.arrival import Arrival
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
-from axisbus.motion.handle import Handle
-from axisbus.motion.image import Image
+from axisbus.motion.handle import Handle, Status
+from axisbus.motion.image import WITHOUT_POSITION_DEMAND, Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.restwait import RestWait
+from axisbus.motion.rundown import RunDown
 from axisbus.motion.running import Running
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
@@ -41,6 +45,7 @@ from axisbus.motion.stopping import REMEDIES, StopKind, Stopping, stop_error
 from axisbus.motion.supervision import Supervision
 
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {State.UNKNOWN}
 
 
@@ -54,13 +59,13 @@ class AxisCore:
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self.parameters = parameters
         self.capabilities = capabilities
-        window = parameters.timing.standstill_window
-        tolerance = max(2.0, (parameters.standstill_speed or 0.0) * window)
-        self.image = Image(capabilities, parameters.scan_period, tolerance, window)
+        window = parameters.timing.standstill_time
+        self.image = Image(capabilities, parameters.scan_period, parameters.standstill_tolerance, window)
         self.order = Order()
         self.history = History()
         self.supervision = Supervision(parameters, capabilities)
         self.stopping = Stopping(parameters)
+        self.run_down = RunDown(parameters)
         self.state = AxisState.DISABLED
         self.error: AxisbusError | None = None
         self.homed = False
@@ -71,6 +76,9 @@ class AxisCore:
         self.last_target: int | None = None
         self.halted = False
         self._story: FaultStory | None = None
+        self._arrival = Arrival(parameters)
+        self._rest_waits: list[RestWait] = []
+        self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
 
     @property
@@ -106,10 +114,13 @@ class AxisCore:
         image.update(inputs)
         self.tripped = None
         self.history.note(image)
+        self.run_down.look(image, self.touched)
         self._supervise(image)
         self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
+        if self._rest_waits:
+            self._step_rest_waits(image)
         order.halt = self.halted
         if self.ladder is None and self.activity is not None:
             self._step_activity(self.activity, image, order)
@@ -120,9 +131,23 @@ class AxisCore:
         self.halted = order.halt
         if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
             self.last_target = order.target_position
+        self._leave_no_old_target(image, order)
+        image.note_sent(order.target_position, bool(order.bits & cw.NEW_SET_POINT))
         outputs = order.outputs(image.state)
         order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
         return outputs
+
+    def _leave_no_old_target(self, image: Image, order: Order) -> None:
+        """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
+        if (
+            self._keeps_target
+            and order.target_position is None
+            and self.touched
+            and image.state is State.OPERATION_ENABLED
+            and image.mode in WITHOUT_POSITION_DEMAND
+            and image.mode != ModeOfOperation.HOMING
+        ):
+            order.target_position = image.position
 
     def snapshot(self) -> Snapshot:
         """Return what other threads may see of this axis."""
@@ -147,6 +172,7 @@ class AxisCore:
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every handle, with the error that ``ended`` makes for its name: the scan has ended."""
         handles = self.stopping.drop()
+        handles += [waiting.handle for waiting in self._rest_waits]
         if self._story is not None:
             handles += self._story.handles
         if self.running.handle is not None:
@@ -164,9 +190,10 @@ class AxisCore:
             if self._story is None and self.state is not AxisState.ERRORSTOP:
                 self._fault(image)
             return
-        if finding is None and self.powered and self.ladder is None:
-            ramp = None if self.activity is None else self.activity.ramp
-            finding = self.supervision.power(image, self.state, bounded=self.bounded, ramp=ramp)
+        if not self.powered or self.ladder is not None:
+            self.supervision.at_work()
+        elif finding is None:
+            finding = self.supervision.power(image, self.state, self.activity, bounded=self.bounded)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:
@@ -226,9 +253,7 @@ class AxisCore:
             story.doing = f" during {handle.name}" if handle.busy else ""
             story.handles.append(handle)
         self._story = story
-        self._stopped_for_sure = (
-            False  # whatever an earlier ladder saw: the drive itself brakes now, or coasts
-        )
+        self._stopped_for_sure = False  # an earlier ladder's: the drive itself brakes now, or coasts
         self._trip(story.tell(image, self.history))
         story.handles += self.stopping.drop()
         self.powered = False
@@ -257,6 +282,7 @@ class AxisCore:
         self.touched = True
         self._stopped_for_sure = False
         self.running.begin(activity, handle)
+        self._arrival.begin(activity, self.image.now)
         if state is not None:
             self.state = state
 
@@ -270,6 +296,27 @@ class AxisCore:
         if handle is not None:
             self.finish(handle, error)
 
+    def at_rest(self, handle: Handle, then: Callable[[], None]) -> None:
+        """Let something be done at rest: now, where the axis is seen to stand now, else as soon as it is."""
+        image = self.image
+        if image.standstill and image.now - image.position_stamp <= _NOW and not self.run_down.under_way:
+            then()
+            self.finish(handle)
+            return
+        self._rest_waits.append(RestWait(self.parameters, handle, then, image.now))
+        handle.status = Status.ACTIVE
+
+    def _step_rest_waits(self, image: Image) -> None:
+        for waiting in list(self._rest_waits):
+            try:
+                if not waiting.step(image):
+                    continue
+                waiting.then()
+                self.finish(waiting.handle)
+            except AxisbusError as error:
+                self.finish(waiting.handle, error)
+            self._rest_waits.remove(waiting)
+
     def finish(self, handle: Handle, error: AxisbusError | None = None) -> None:
         """End a handle, well (no error) or with the reason."""
         self.running.finish(handle, error)
@@ -278,7 +325,7 @@ class AxisCore:
         if not isinstance(activity, PositionMove):
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
-            done = activity.step(image, order)
+            done = self._arrival.complete(activity.step(image, order), image)
         except AxisbusError as error:
             self._activity_failed(error)
             return
@@ -334,7 +381,8 @@ class AxisCore:
         if isinstance(self.activity, Follow) and self.activity.brakes_along:
             self.fail(error, Rung.HALT, self.activity)
             return
-        self.fail(error, Rung.QUICK_STOP if self._runs_on_targets else Rung.HALT)
+        astray = self._runs_on_targets or isinstance(error, UncommandedMotion)
+        self.fail(error, Rung.QUICK_STOP if astray else Rung.HALT)
         if resetting:
             self.tripped = (
                 None  # the failure itself has been told; that it stays is no reason to stop others again
@@ -372,7 +420,7 @@ class AxisCore:
     def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:
         if ladder.rung is Rung.HALT:
             self.running.finish_handshake(image, order)
-        if ladder.step(image, order):
+        if ladder.step(image, order, self.run_down):
             self._stopped(ladder, image)
 
     def _stopped(self, ladder: StopLadder, image: Image) -> None:
@@ -394,5 +442,7 @@ class AxisCore:
         return AxisState.STOPPING if locked else AxisState.STANDSTILL
 
     def _end_stop(self, error: AxisbusError | None) -> None:
+        note = "" if self.ladder is None else self.ladder.witness
         for handle in self.stopping.drop():
+            handle.note = note
             self.finish(handle, error)

@@ -10,6 +10,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, TARGETS, State
 from axisbus.errors import DriveError, ModeError, StateError
 from axisbus.motion.activity import Activity, preload, require_position
+from axisbus.motion.enablerest import EnableRest
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.image import Image
 from axisbus.motion.interpolation import no_offsets
@@ -60,16 +61,19 @@ class Enable(Activity):
         candidates: Sequence[ModeOfOperation],
         gate: Gate = OPEN,
         takeover: Takeover | None = None,
+        *,
+        moving: bool = False,
     ) -> None:
         """``candidates``: the modes to be enabled in, best first. ``gate``: where several axes wait for each other.
 
-        ``takeover``: of a drive found enabled in a mode that follows its targets.
+        ``takeover``: of a drive found enabled in a mode that follows its targets. ``moving``: an axis that moves is not waited for.
         """
         self._parameters = parameters
         self._takeover = takeover
         self._taken_over = takeover is None
         self._left = False  # the mode in which it was found
         self._choose(candidates)
+        self._rest = EnableRest(parameters, moving)
         self._walk = StateWalk(parameters)
         self._offsets = no_offsets(parameters)
         self._gate = gate
@@ -91,7 +95,7 @@ class Enable(Activity):
         self._refuse(image)
         if not self._taken_over and not self._found_out(image, order):
             return False
-        if self._awaits_position(image, order):
+        if self._awaits_position(image, order) or self._awaits_rest(image, order):
             return False
         self._preload(image, order)
         if self._found_enabled is None:
@@ -112,7 +116,8 @@ class Enable(Activity):
             self._check_kept(image)
             return False
         self._enabled = True
-        return self._confirmed(image) and self._braked(image, order)
+        rests = self._rest.after(image, found=self._found_enabled)
+        return self._confirmed(image) and self._braked(image, order) and rests
 
     def _braked(self, image: Image, order: Order) -> bool:
         """Whether a drive that was found moving has come to rest: its halt brakes it on its own ramp, whatever moved it."""
@@ -160,6 +165,16 @@ class Enable(Activity):
             self._position_deadline = image.now + self._parameters.timing.transition
         if image.now > self._position_deadline:
             require_position(image, self._parameters.name, "enabling")
+        preload(order, None)
+        order.goal = image.state if image.state in TARGETS else None
+        self._walk.hold(image)
+        return True
+
+    def _awaits_rest(self, image: Image, order: Order) -> bool:
+        """Whether the axis still moves without power (coasts, sags, is turned by hand): it is not caught unless that "
+        "was asked for."""
+        if not self._rest.before(image):
+            return False
         preload(order, None)
         order.goal = image.state if image.state in TARGETS else None
         self._walk.hold(image)

@@ -31,6 +31,7 @@ class Follow(Activity):
     """
 
     mode = ModeOfOperation.CYCLIC_SYNC_POSITION
+    ends_at_rest = True
 
     def __init__(
         self,

@@ -36,22 +36,25 @@ class Handle:
     """One command under way.
 
     ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise what ended the command. A handle that
-    failed and was never looked at is reported by name when it is dropped.
+    failed and was never looked at is reported by name when it is dropped. ``note`` says what is to be known of an end that is
+    otherwise well: of a stop, by what less than its position the axis was seen to stand.
     """
 
-    __slots__ = ("__weakref__", "_callbacks", "_looked", "_waiter", "error", "name", "status")
+    __slots__ = ("__weakref__", "_callbacks", "_looked", "_waiter", "error", "name", "note", "status")
 
     def __init__(self, name: str, waiter: Waiter) -> None:
         """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``."""
         self.name = name
         self.status = Status.BUSY
         self.error: AxisbusError | None = None
+        self.note = ""
         self._waiter = waiter
         self._looked = False
         self._callbacks: deque[Callable[[], None]] = deque()
 
     def __repr__(self) -> str:
-        return f"<Handle {self.name}: {self.status.value}>"
+        note = f" ({self.note})" if self.note else ""
+        return f"<Handle {self.name}: {self.status.value}{note}>"
 
     @property
     def busy(self) -> bool:

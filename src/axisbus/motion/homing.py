@@ -51,6 +51,7 @@ class HomingRun(Activity):
     """A homing under way: mode and objects, a real rising edge of bit 4, then *attained and reached*; holds the step."""
 
     mode = ModeOfOperation.HOMING
+    ends_at_rest = True
 
     def __init__(self, job: HomingJob, parameters: AxisParameters) -> None:
         self._job = job

@@ -5,33 +5,53 @@ from __future__ import annotations
 import math
 
 from axisbus.cia301.emcy import Emcy
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply
 from axisbus.cia402.starvation import Starvation
-from axisbus.cia402.state import State, decode
+from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import BusError
+from axisbus.motion.still import Still
 from axisbus.units import INT32_HALF, INT32_SPAN
+
+_M = ModeOfOperation
+# In these 6062h is not what leads the motor (velocity, torque), or not anything that the master could judge (homing).
+WITHOUT_POSITION_DEMAND = frozenset(
+    {
+        _M.VELOCITY,
+        _M.PROFILE_VELOCITY,
+        _M.PROFILE_TORQUE,
+        _M.HOMING,
+        _M.CYCLIC_SYNC_VELOCITY,
+        _M.CYCLIC_SYNC_TORQUE,
+        _M.CYCLIC_SYNC_TORQUE_ANGLE,
+    }
+)
 
 
 class Image:
     """The decoded inputs of one axis; holds state: the unwrapped position and the anchor of the standstill test.
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments (they go on past
-    the wrap of INTEGER32). ``origin`` is the position that the user calls 0 (set by ``set_position``).
+    the wrap of INTEGER32). ``origin`` is the position that the user calls 0 (set by ``set_position``). ``led_to`` is the target
+    that was sent last in a cyclic position mode (None: there was none in this one), ``set_point`` the last one in profile position
+    mode; ``shows_target``: the drive's 6062h jumps to the
+    target of a move at once, so that it says nothing of where the axis is being led now.
     """
 
     __slots__ = (
-        "_anchor",
-        "_anchor_stamp",
         "_max_age",
         "_period",
         "_raw_position",
-        "_tolerance",
-        "_window",
+        "_still",
         "bus",
         "demand",
+        "demand_repeats",
+        "demand_stamp",
         "emcy",
         "gap",
+        "led_to",
         "mode",
+        "mode_stamp",
         "nmt",
         "now",
         "operational",
@@ -39,13 +59,15 @@ class Image:
         "position",
         "position_stamp",
         "replies",
-        "standstill",
+        "set_point",
+        "shows_target",
         "starvation",
         "state",
         "statusword",
         "statusword_stamp",
         "torque",
         "velocity",
+        "velocity_stamp",
     )
 
     def __init__(self, capabilities: Capabilities, period: float, tolerance: float, window: float) -> None:
@@ -56,10 +78,7 @@ class Image:
             for name in ("statusword", "mode", "position", "velocity", "torque", "demand")
         )
         self._period = period
-        self._tolerance = tolerance
-        self._window = window
-        self._anchor: int | None = None
-        self._anchor_stamp = -math.inf
+        self._still = Still(tolerance, window)
         self._raw_position: int | None = None
         self.now = -math.inf
         self.gap = 0.0  # seconds since the cycle before
@@ -71,12 +90,18 @@ class Image:
         self.statusword_stamp = -math.inf
         self.state = State.UNKNOWN
         self.mode: int | None = None
+        self.mode_stamp = -math.inf
         self.position: int | None = None
         self.position_stamp = -math.inf
         self.velocity: int | None = None
+        self.velocity_stamp = -math.inf
         self.torque: int | None = None
         self.demand: int | None = None
-        self.standstill = False
+        self.demand_stamp = -math.inf
+        self.demand_repeats = math.isfinite(self._max_age[5])  # else its silence says that it has not changed
+        self.led_to: int | None = None
+        self.set_point: int | None = None
+        self.shows_target = False
         self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
@@ -96,17 +121,51 @@ class Image:
         # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.
         since = now - max(0.0, self.gap - self._period) if self.gap < math.inf else now
         self._take_statusword(inputs.statusword, since - ages[0])
-        self.mode = _fresh(inputs.mode, since - ages[1])
+        self.mode, self.mode_stamp = _fresh(inputs.mode, since - ages[1], self.mode_stamp)
         self._take_position(inputs.position, since - ages[2])
-        self.velocity = _fresh(inputs.velocity, since - ages[3])
-        self.torque = _fresh(inputs.torque, since - ages[4])
-        self._take_demand(_fresh(inputs.demand, since - ages[5]))
+        self.velocity, self.velocity_stamp = _fresh(inputs.velocity, since - ages[3], self.velocity_stamp)
+        self.torque, _ = _fresh(inputs.torque, since - ages[4], 0.0)
+        raw, self.demand_stamp = _fresh(inputs.demand, since - ages[5], self.demand_stamp)
+        self.demand = None if raw is None or self.shows_target else self.unwrapped(raw)
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
             self.position = self._raw_position
-        self._anchor = None
+        self._still.forget()
+        self.demand = self.led_to = self.set_point = None  # they counted from the old one
+
+    def note_sent(self, target: int | None, is_set_point: bool) -> None:
+        """Take what was sent in this cycle: a target (None: none), and whether it went with a new set-point's edge."""
+        if self.mode != _M.CYCLIC_SYNC_POSITION:
+            self.led_to = None
+        elif target is not None:
+            self.led_to = target
+        if target is not None and is_set_point and self.mode == _M.PROFILE_POSITION:
+            self.set_point = target
+
+    @property
+    def standstill(self) -> bool:
+        """Whether the position has not moved over the window, by what is fresh; ``Standing`` asks more of a stop."""
+        return self._still.still
+
+    @property
+    def pull(self) -> int | None:
+        """How far the drive's controller is led from where the axis is, in increments; None where nobody knows, or nothing leads
+        it.
+
+        That is 6062h, and in a cyclic position mode the target that was sent, whichever is farther. In the modes without a position
+        controller 6062h has no meaning, and without power nothing pulls.
+        """
+        position = self.position
+        if position is None or self.state not in ENERGISED or self.mode in WITHOUT_POSITION_DEMAND:
+            return None
+        demand, led_to = self.demand, self.led_to
+        if led_to is None:
+            return None if demand is None else demand - position
+        if demand is None or abs(led_to - position) > abs(demand - position):
+            return led_to - position
+        return demand - position
 
     @property
     def reference(self) -> int | None:
@@ -124,7 +183,8 @@ class Image:
 
     def _take_position(self, sample: Sample | None, oldest: float) -> None:
         if sample is None or sample.stamp < oldest:
-            self.position, self.standstill, self._anchor = None, False, None
+            self.position = None
+            self._still.forget()
             return
         raw = sample.value
         if self._raw_position is None:
@@ -138,15 +198,7 @@ class Image:
         self._raw_position = raw
         if sample.stamp != self.position_stamp:
             self.position_stamp = sample.stamp
-            self._watch_standstill(self.position, sample.stamp)
-
-    def _watch_standstill(self, position: int, stamp: float) -> None:
-        """Standing means: within the tolerance of one anchor for the whole window."""
-        anchor = self._anchor
-        if anchor is None or abs(position - anchor) > self._tolerance:
-            self._anchor, self._anchor_stamp, self.standstill = position, stamp, False
-        elif stamp - self._anchor_stamp >= self._window:
-            self.standstill = True
+            self._still.feed(self.position, sample.stamp)
 
     def unwrapped(self, raw: int) -> int | None:
         """Return a position of the drive's own count as unwrapped increments; None while the actual position is unknown."""
@@ -154,9 +206,9 @@ class Image:
             return None
         return self.position + (raw - self._raw_position + INT32_HALF) % INT32_SPAN - INT32_HALF
 
-    def _take_demand(self, raw: int | None) -> None:
-        self.demand = None if raw is None else self.unwrapped(raw)
 
-
-def _fresh(sample: Sample | None, oldest: float) -> int | None:
-    return None if sample is None or sample.stamp < oldest else sample.value
+def _fresh(sample: Sample | None, oldest: float, before: float) -> tuple[int | None, float]:
+    """Return the value, None where it is too old, and the stamp of the newest one (``before`` where there is none)."""
+    if sample is None:
+        return None, before
+    return (None if sample.stamp < oldest else sample.value), sample.stamp

@@ -40,7 +40,9 @@ class Jog(Activity):
         if image.now > self._until:
             self.expired = True
             raise Stopped("jog was not renewed")
-        return self._move.step(image, order)
+        reached = self._move.step(image, order)
+        self.behind, self.led_speed = self._move.behind, self._move.led_speed
+        return reached
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""

@@ -2,9 +2,10 @@
 
 Theory of operation
 -------------------
-Standstill on any rung ends the ladder (with the power stage taken down first, where that was asked for). A deadline only leads
-further down, and asking again gives no more time. A drive that no longer drives its motor (any state but *operation enabled*,
-*quick stop active*, *fault reaction active*) has stopped as far as a master can make it stop.
+Standstill (see ``Standing``: seen since the rung began, and nothing that pulls) on any rung ends the ladder, with the power stage
+taken down first where that was asked for. A deadline only leads further down, and asking again gives no more time. A drive that no
+longer drives its motor (any state but *operation enabled*, *quick stop active*, *fault reaction active*) has stopped as far as a
+master can make it stop; one that this program had driven counts as stopped when it is seen to stand (``RunDown``).
 
 Without a fresh statusword the ladder begins at *quick stop*: that word (0x0002) is safe in every state, whereas the word of *halt*
 contains *enable operation*. It then goes by SDO too, and what it did is read back by SDO (``SdoPath``).
@@ -18,7 +19,6 @@ from __future__ import annotations
 from enum import Enum, IntEnum
 
 from axisbus.cia402 import controlword as cw
-from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError
@@ -27,7 +27,10 @@ from axisbus.motion.follow import Follow
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.relief import Relief, needs_relief
+from axisbus.motion.rundown import RunDown
 from axisbus.motion.sdo_path import SdoPath
+from axisbus.motion.standing import Standing
 
 
 class Rung(IntEnum):
@@ -57,6 +60,8 @@ _HOLDING_MODES = (
     ModeOfOperation.CYCLIC_SYNC_POSITION,
     ModeOfOperation.PROFILE_VELOCITY,
 )
+_UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
+_MAY_DRIVE = ENERGISED | {State.UNKNOWN}
 _NMT_STOP_TIME = 0.1
 # The entry of [axes.NAME.stop] that gives each rung its time.
 _TIMES = {Rung.HALT: "halt_time", Rung.QUICK_STOP: "quick_stop_time", Rung.DISABLE_VOLTAGE: "disable_time"}
@@ -78,9 +83,13 @@ class StopLadder:
         self._then = then
         self._follow = follow
         self._deadline: float | None = None
-        self._since = 0.0  # when the present rung began
+        self._standing = Standing(parameters, 0.0)  # since the present rung began
+        self._relief: Relief | None = None
         self._disabling = False
+        self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
+        self._stands_now = False
+        self._stood_before = False  # at the beginning of the stop
         self.rung = start
         self.path: list[Rung] = [start]
         self.seen = State.UNKNOWN  # by PDO, else by SDO
@@ -88,6 +97,10 @@ class StopLadder:
         self.late: list[str] = []  # the times of cell.toml that have passed: further down than was asked for
         self.blind = False  # the statusword was gone when a halt was asked for
         self.spared = False  # the power was left on because of the load
+        self.unseen = ""  # what was missing for standstill when a time passed
+        self.running_down = ""  # the same, of a motor without power
+        self.held = False  # something held the axis while its drive pulled (or may have)
+        self.witness = ""  # by what less than its position the axis was seen to stand
 
     @property
     def follow(self) -> Follow | None:
@@ -97,7 +110,7 @@ class StopLadder:
     @property
     def descended(self) -> bool:
         """Whether it came further down than was asked for, or (for the load's sake) not as far as it should have."""
-        return bool(self.late) or self.blind or self.spared
+        return bool(self.late) or self.blind or self.spared or self.held
 
     @property
     def takes_power(self) -> bool:
@@ -111,21 +124,33 @@ class StopLadder:
         if rung > self.rung and not self._disabling:
             self._go(rung)
 
-    def step(self, image: Image, order: Order) -> bool:
-        """Return True when the axis has stopped, or nothing more can be done; ``confirmed`` tells which."""
+    def step(self, image: Image, order: Order, run_down: RunDown) -> bool:
+        """Return True when the axis has stopped, or nothing more can be done; ``confirmed`` tells which.
+
+        ``run_down``: whether the motor may still turn without power.
+        """
         if self._deadline is None:
-            self._since = image.now
-            self._deadline = image.now + self._time(self.rung)
-        ended = self._step(image, order)
+            self._stood_before = image.standstill and len(self.path) == 1
+            self._begin_rung(image)
+        self._stands_now = self._standing.seen(image)
+        ended = self._step(image, order, run_down)
         if ended:
+            self.witness = self._standing.witness if self.seen in ENERGISED else ""
+            if not self.confirmed and image.position is not None and self.seen in _MAY_DRIVE:
+                self.unseen = self._standing.why_not(image)
             self._by_sdo.cancel(order)
+            self._end_relief(order)
         return ended
 
-    def _step(self, image: Image, order: Order) -> bool:
+    def _begin_rung(self, image: Image) -> None:
+        self._standing = Standing(self._parameters, image.now)
+        self._deadline = image.now + self._time(self.rung)
+
+    def _step(self, image: Image, order: Order, run_down: RunDown) -> bool:
         self._by_sdo.look(image, order)
         self.seen = self._by_sdo.state or image.state
         if self.seen not in ENERGISED and self.seen is not State.UNKNOWN:
-            return self._unpowered(image, order)
+            return self._unpowered(image, order, run_down)
         if image.state is State.UNKNOWN and self.rung is Rung.HALT:
             self.blind = True
             self._go(Rung.QUICK_STOP, image)
@@ -133,9 +158,15 @@ class StopLadder:
             return self._take_down(image, order)
         return _STEPS[self.rung](self, image, order)
 
-    def _unpowered(self, image: Image, order: Order) -> bool:
-        self.confirmed = True
+    def _unpowered(self, image: Image, order: Order, run_down: RunDown) -> bool:
         order.goal = State.SWITCH_ON_DISABLED
+        if run_down.under_way or (image.state is State.UNKNOWN and self._by_sdo.may_turn):
+            self.running_down = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
+            if self._rest_by is None:
+                self._rest_by = image.now + self._parameters.stop_times.disable
+            return image.now > self._rest_by
+        self.confirmed = True
+        self.running_down = ""
         if self._then is Then.HOLD or self.seen in (State.SWITCH_ON_DISABLED, State.FAULT):
             return True
         return self._expired(image)
@@ -148,7 +179,7 @@ class StopLadder:
             return self._quick_stop(image, order)
         if image.state is State.OPERATION_ENABLED:
             order.goal = State.OPERATION_ENABLED
-            if self._halt_in_mode(image, order):
+            if self._halt_in_mode(image, order) and self._relieved(image, order):
                 return self._stands(image, order)
         return self._next_if_late(image, Rung.QUICK_STOP)
 
@@ -164,7 +195,32 @@ class StopLadder:
         order.halt = True
         order.target_velocity = 0
         order.target_torque = 0
-        return self._standing(image)
+        return self._stands_now
+
+    def _relieved(self, image: Image, order: Order) -> bool:
+        """Whether nothing is left of an interrupted move that may pull; a drive that stays powered is given a new target for it.
+
+        An axis that stood in the middle of its move, before it was halted, was held by something: only without power is it safe.
+        """
+        if self._then is Then.DISABLE:
+            return True  # that takes away whatever pulls
+        if self._relief is None:
+            if not needs_relief(image, self._parameters) or image.position is None:
+                return True
+            if self._stood_before:
+                self.held, self.unseen = True, _UNSEEN_PULL
+                self._go(Rung.QUICK_STOP, image)
+                return False
+            self._relief = Relief(image.position, self._parameters)
+        if self._relief.step(image, order):
+            self._end_relief(order)
+            self._standing = Standing(self._parameters, image.now)  # once more: it may have moved by this
+        return False
+
+    def _end_relief(self, order: Order) -> None:
+        if self._relief is not None:
+            self._relief.cancel(order)
+            self._relief = None
 
     def _brake_along(self, follow: Follow, image: Image, order: Order) -> bool | None:
         """Brake along the path; return whether the axis stands, None where that is not possible (any more)."""
@@ -175,7 +231,7 @@ class StopLadder:
         except AxisbusError:  # a position that is gone, a limit in the way: the drive's own halt is left
             self._follow = None
             return None
-        return follow.at_rest and self._standing(image)
+        return follow.at_rest and self._stands_now
 
     def _hold_load(self, image: Image, order: Order) -> None:
         """A torque of 0 would drop the load: a mode that holds takes over."""
@@ -206,14 +262,14 @@ class StopLadder:
         if self._parameters.holds_load is HoldsLoad.NO:
             order.target_torque = 0  # a drive that does not hear the word would let its load fall
         self._by_sdo.send(order.word, image, order)
-        if self.seen is State.QUICK_STOP_ACTIVE and (self._standing(image) or self._by_sdo.stands):
+        if self.seen is State.QUICK_STOP_ACTIVE and (self._stands_now or self._by_sdo.stands):
             return not self._about_to_leave(image) and self._stands(image, order)
         if not self._must_hold(image):
             return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
         if not self._expired(image):
             return False
         self.spared = True
-        self.confirmed = self._standing(image)
+        self.confirmed = self._stands_now
         return True
 
     def _about_to_leave(self, image: Image) -> bool:
@@ -238,27 +294,13 @@ class StopLadder:
         order.nmt_stop = True
         return self._expired(image)
 
-    def _standing(self, image: Image) -> bool:
-        """Whether the axis stands: by its position, else its velocity, else by bit 10.
-
-        What was seen before this rung could act does not count: a motion may have been on its way to the drive, and bit 10 spoke of
-        the motion that is being stopped (a velocity that was reached, for one).
-        """
-        timing = self._parameters.timing
-        if image.now < self._since + timing.standstill_window:
-            return False
-        if image.position is not None:
-            return image.standstill
-        if image.velocity is not None:
-            return image.velocity == 0
-        if image.statusword is None or image.statusword_stamp <= self._since + timing.settle:
-            return False
-        return bool(image.statusword & sw.TARGET_REACHED)
-
     def _next_if_late(self, image: Image, rung: Rung) -> bool:
         if self._expired(image):
             key = "disable_time" if self._disabling else _TIMES[self.rung]
             self.late += [] if key in self.late else [key]
+            if not self._disabling and rung <= Rung.DISABLE_VOLTAGE:
+                self.unseen = self._standing.why_not(image)
+                self.held = self.held or self._standing.is_held(image)
             self._go(rung, image)
         return False
 
@@ -269,9 +311,10 @@ class StopLadder:
         self.rung = rung
         self.path.append(rung)
         self._disabling = False
-        self._deadline = None if image is None else image.now + self._time(rung)
+        self._relief = None
+        self._deadline = None
         if image is not None:
-            self._since = image.now
+            self._begin_rung(image)
 
     def _time(self, rung: Rung) -> float:
         times = self._parameters.stop_times

@@ -39,6 +39,7 @@ class AxisLeaving:
         self.error: AxisbusError | None = None
         self._core = core
         self._handle = Handle(f"{core.parameters.name}.stop ({command.reason})", NOBODY)
+        self._since = now
         self._until = now + ladder_time(core.parameters.stop_times)
         accept(core, command, self._handle)
 
@@ -72,8 +73,8 @@ class AxisLeaving:
         if not core.touched:
             return True
         image = core.image
-        if image.state in _MAY_MOVE and not core.stopped_for_sure:
-            return False
+        if not core.stopped_for_sure and (image.state in _MAY_MOVE or image.position_stamp < self._since):
+            return False  # no ladder has looked, and a position of before says nothing
         return image.standstill if image.position is not None else not image.velocity
 
     def _end(self, error: AxisbusError | None) -> None:

@@ -14,6 +14,7 @@ from axisbus.motion.profile import Profile, braking_distance, duration
 from axisbus.motion.setpoint import Phase, SetPoint
 
 _WINDOW_FLOOR = 20  # increments
+_ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken
 _WINDOW_SHARE = 0.02  # of the move's distance
 
 
@@ -21,6 +22,7 @@ class PositionMove(Activity):
     """A move in profile position mode: prepare, set-point handshake, arrival; holds its deadline and its progress."""
 
     mode = ModeOfOperation.PROFILE_POSITION
+    ends_at_rest = True
 
     def __init__(
         self,
@@ -38,6 +40,7 @@ class PositionMove(Activity):
         self._before = before
         self._start: int | None = None
         self._window = parameters.position_window
+        self._judged = False
         self._watch = _ArrivalWatch(target, profile, parameters)
 
     def step(self, image: Image, order: Order) -> bool:
@@ -53,6 +56,7 @@ class PositionMove(Activity):
         order.halt = order.halt and self._stays_halted(image)
         if not taken:
             return False
+        self._judge_demand(image)
         if self._arrived(image):
             return True
         self._watch.check(image)
@@ -86,6 +90,24 @@ class PositionMove(Activity):
         if self._window is None:
             self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
         self._watch.begin(image, distance)
+
+    def _judge_demand(self, image: Image) -> None:
+        """A drive whose 6062h is the target itself, at once, says nothing of where it leads the axis: it is not believed again."""
+        if self._judged:
+            return
+        self._judged = True
+        target, position = self.set_point.target, image.position
+        if (
+            image.demand is None
+            or position is None
+            or image.demand_stamp <= self.set_point.since - _ACKNOWLEDGED
+        ):
+            return
+        far = abs(target - position) > self._parameters.lag_allowed(
+            self._profile.speed or 0.0, by_position=False
+        )
+        if far and abs(image.demand - target) <= _WINDOW_FLOOR:
+            image.shows_target, image.demand = True, None
 
     def _arrived(self, image: Image) -> bool:
         """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""

@@ -96,10 +96,14 @@ class Timing:
     sdo: float = 3.0  # all transfers of one command
     progress: float = 2.0  # 6064h unchanged: the motion does not get on
     settle: float = 0.1  # bits of a former homing may still stand
-    standstill_window: float = 0.05
+    standstill_time: float = 0.05  # the positions of so long are compared
     jog: float = 0.2
     diagnosis: float = 0.4  # to read 603Fh and the maker's bits after a fault
 
+
+_LEAST_PULL = 20.0  # increments
+_PULL_TIME = 0.01  # seconds at max_velocity
+_LAG_TIME = 0.25  # seconds at the highest speed that was commanded
 
 Explain = Callable[[int, Mapping[tuple[int, int], int]], list[str]]
 
@@ -109,12 +113,22 @@ def no_explanation(_code: int, _details: Mapping[tuple[int, int], int]) -> list[
     return []
 
 
+def pull_window(standstill_window: float | None, position_window: float | None, speed: float) -> float:
+    """Return the window of ``AxisParameters.pull_window``; all in increments, ``speed`` the highest of the axis, per s."""
+    if standstill_window is not None:
+        return float(standstill_window)
+    if position_window is not None:
+        return max(_LEAST_PULL, 10.0 * position_window)
+    return max(_LEAST_PULL, _PULL_TIME * speed)
+
+
 @dataclass(frozen=True, slots=True)
 class AxisParameters:
     """Everything that one axis's core needs; made by ``machine`` from cell.toml, the EDS and the drive's own answers.
 
     ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``quick_stop_holds``: the drive stays enabled
-    after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one. ``explain_fault`` turns 603Fh
+    after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are ``standstill_window``
+    and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh
     and ``fault_objects`` into sentences (the make's table).
     """
 
@@ -130,11 +144,42 @@ class AxisParameters:
     modes: frozenset[ModeOfOperation] = frozenset()
     quick_stop_holds: bool = False
     position_window: int | None = None
+    standstill_window: int | None = None  # position increments
+    following_error: int | None = None  # position increments
+    drive_following_error: int | None = (
+        None  # position increments: the drive's own 6065h, for the position modes
+    )
+    drive_following_time: float = 0.0  # seconds: the drive's own 6066h
     standstill_speed: float | None = None  # position increments per second
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain_fault: Explain = no_explanation
     node: int = 0
     scan_period: float = 0.01
+
+    @property
+    def standstill_tolerance(self) -> float:
+        """Increments that a standing axis may wander within ``standstill_time``."""
+        return max(2.0, (self.standstill_speed or 0.0) * self.timing.standstill_time)
+
+    @property
+    def pull_window(self) -> float:
+        """Increments between demand and actual position within which nothing pulls a standing axis (``standstill_window``).
+
+        Where cell.toml does not say it: ten position windows, else 10 ms at ``max_velocity`` (at the default velocity where that is
+        missing), and never less than what a quiet encoder wanders.
+        """
+        speed = (self.limits.velocity or self.defaults.velocity or 0.0) * abs(self.units.position.factor)
+        return pull_window(self.standstill_window, self.position_window, speed)
+
+    def lag_allowed(self, speed: float, *, by_position: bool = True) -> float:
+        """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s.
+
+        ``by_position``: it is led by positions, which the drive's own following error window is for.
+        """
+        own = self.following_error
+        if own is None and by_position:
+            own = self.drive_following_error
+        return self.pull_window + (_LAG_TIME * speed if own is None else float(own))
 
     @property
     def path_deceleration(self) -> float | None:

@@ -30,6 +30,11 @@ class SdoPath:
         self._asked: dict[int, int] = {}  # request -> index
         self._due = 0.0
 
+    @property
+    def may_turn(self) -> bool:
+        """Whether the drive has a position, and two of them in a row were not yet the same."""
+        return self._has_position and not self.stands
+
     def look(self, image: Image, order: Order) -> None:
         """Read statusword and position where no PDO brings them."""
         if image.state is not State.UNKNOWN:

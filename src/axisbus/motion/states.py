@@ -8,6 +8,8 @@ from enum import Enum
 class AxisState(Enum):
     """State of an axis (PLCopen motion control part 1, 2.1)."""
 
+    __hash__ = object.__hash__  # members are looked up in sets in every cycle, and Enum's own is slow
+
     DISABLED = "Disabled"
     STANDSTILL = "Standstill"
     HOMING = "Homing"

@@ -124,6 +124,13 @@ def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:
             remedy=f"look why the drive {_TOO_SLOW['quick_stop_time']}, or raise quick_stop_time in "
             f"[axes.{name}.stop]; it is still energised",
         )
+    if ladder.held:
+        return DriveError(
+            f"{name}: something holds it in the middle of a move",
+            axis=name,
+            observed=seen,
+            remedy="look what holds it before it gets power again; it was stopped hard and cannot leap when it comes free",
+        )
     if not ladder.late:
         return None  # only the statusword was missing, and what had to happen has happened
     return DriveError(
@@ -139,6 +146,7 @@ def _seen(ladder: StopLadder) -> str:
     texts = ["stop ladder: " + " > ".join(rung.text for rung in ladder.path)]
     if ladder.late:
         texts.append(f"passed: {', '.join(ladder.late)}")
+    texts += [text for text in (ladder.unseen, ladder.running_down) if text]
     if ladder.spared:
         texts.append("its power was left on because it holds a load")
     texts.append(f"state {ladder.seen.value!r}")

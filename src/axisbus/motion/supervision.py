@@ -1,4 +1,4 @@
-"""What nobody asked for: lost node, dropped power, stale statusword, limits in danger; looked for in each cycle."""
+"""What nobody asked for: lost node, dropped power, stale statusword, an axis astray, limits in danger; looked for in each cycle."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from axisbus.cia402.port import Capabilities
 from axisbus.cia402.starvation import REMEDY
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
+from axisbus.motion.activity import Activity
 from axisbus.motion.diagnosis import join_remedies
+from axisbus.motion.following import Following
 from axisbus.motion.guard import Guard
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung
+from axisbus.motion.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.resting import Resting
 from axisbus.motion.states import MOVING, AxisState
 
 _POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
@@ -34,11 +38,14 @@ class Finding(NamedTuple):
 
 
 class Supervision:
-    """Watches one axis; holds whether its node was ever there and is lost, until when its silence is excused, and its guard."""
+    """Watches one axis; holds whether its node was there and is lost, when silence is excused, and the watches over its motion."""
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
         self._guard = Guard(parameters)
+        self._following = Following(parameters)
+        self._mode = ModeWatch(parameters.name)
+        self._resting = Resting(parameters)
         self._met_operational = False
         oldest = capabilities.max_age.get("statusword", math.inf)
         self._longest_gap = max(
@@ -68,22 +75,41 @@ class Supervision:
         return not image.operational and image.nmt in _RESTARTED
 
     def power(
-        self, image: Image, state: AxisState, *, bounded: bool = True, ramp: float | None = None
+        self, image: Image, state: AxisState, activity: Activity | None = None, *, bounded: bool = True
     ) -> Finding | None:
         """Return what endangers an axis that we have enabled and that is not being stopped.
 
-        ``bounded`` and ``ramp``: see ``Guard.danger``.
+        ``activity`` is what moves it (None: nothing does, it must rest); ``bounded``: see ``Guard.danger``.
         """
         if state is AxisState.ERRORSTOP:
-            return self._unknown(image)
+            return self._unknown(image) or self._unrest(image, activity)
         if state not in _POWERED:
             return None
         return (
             self._gap(image)
             or self._unknown(image)
             or self._dropped(image, state)
-            or self._danger(image, state, bounded, ramp)
+            or self._astray(image, state, activity)
+            or self._unrest(image, activity)
+            or self._danger(image, state, bounded, None if activity is None else activity.ramp)
         )
+
+    def at_work(self) -> None:
+        """The axis is being stopped, or is not ours to watch: its next rest begins anew."""
+        self._resting.forget()
+
+    def _astray(self, image: Image, state: AxisState, activity: Activity | None) -> Finding | None:
+        """A drive that leaves its mode, or does not go where it is led, is not under control: a quick stop is surer than a halt."""
+        moving = activity if state in MOVING else None
+        error = self._mode.error(image, moving) or self._following.error(image, moving)
+        return None if error is None else Finding(error, Rung.QUICK_STOP)
+
+    def _unrest(self, image: Image, activity: Activity | None) -> Finding | None:
+        if activity is not None:
+            self._resting.forget()
+            return None
+        error = self._resting.error(image)
+        return None if error is None else Finding(error, Rung.QUICK_STOP)
 
     def _gap(self, image: Image) -> Finding | None:
         """A program that was suspended comes back with values that look fresh and a world that has moved on."""

@@ -11,6 +11,7 @@ from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.prepare import Prepare
 from axisbus.motion.profile import Profile
+from axisbus.motion.ramped import ramped_way
 
 _VELOCITY_FLOOR = 2  # velocity increments
 _VELOCITY_SHARE = 0.05  # of the velocity asked for
@@ -32,12 +33,16 @@ class VelocityMove(Activity):
         self._prepare = prepare
         self._deadline: float | None = None
         self._commanded_at: float | None = None
+        self._ramped = ramped_way(profile, parameters)
         self.reached = False
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True once the velocity is reached; to be stepped on afterwards, to keep it."""
         if not self._prepare.step(image, order):
             return False
+        if self._ramped is not None:
+            self._ramped.step(image)
+            self.behind, self.led_speed = self._ramped.behind, abs(self._ramped.speed)
         order.target_velocity = self._profile.velocity
         order.halt = False
         if self._commanded_at is None:

@@ -70,7 +70,7 @@ class DirectPort:
         self.capabilities.max_age.update(self._ages(max_age or {}))
         self._synchronous = self._numbers(Source.SYNC_PDO)
         self._events = self._numbers(Source.EVENT_PDO)
-        self._polled = self._numbers(Source.SDO)
+        self._polled = self._numbers(Source.SDO) + self._silent_positions()
         self._primed = False
 
     def _sources(self, objects: dict[str, int], changes: dict[str, Source] | None) -> dict[str, Source]:
@@ -86,6 +86,12 @@ class DirectPort:
 
     def _numbers(self, source: Source) -> list[int]:
         return [number for number, name in enumerate(_INPUTS) if self.capabilities.inputs[name] is source]
+
+    def _silent_positions(self) -> list[int]:
+        """A position that is sent on change only is polled as well, as the bus does: its silence does not say that "
+        "the axis stands."""
+        silent = self.capabilities.inputs["position"] is Source.EVENT_PDO and self._event_timer is None
+        return [_INPUTS.index("position")] if silent else []
 
     # What motion calls.
 

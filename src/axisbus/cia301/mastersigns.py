@@ -1,0 +1,134 @@
+"""What another master looks like on the wire: the frames that masters and tools send, and slaves do not (CiA 301 7.2, CiA 305)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import Frame
+
+_FUNCTION, _NODE = 0x780, 0x7F
+_MEASURED = 3  # frames that a period is told of
+_STATE = 0x7F  # of a heartbeat's byte, without the toggle bit of node guarding; 0 is a boot-up message
+
+
+class Sign(Enum):
+    """What gives a master away, in the order in which it is told."""
+
+    NMT = "NMT commands"
+    HEARTBEAT = "heartbeats"
+    SYNC = "SYNC"
+    RPDO = "RPDOs"
+    SDO = "SDO requests"
+    GUARDING = "node guarding requests (remote frames)"
+    LSS = "LSS requests"
+
+
+_CYCLIC = frozenset({Sign.HEARTBEAT, Sign.SYNC})  # what comes at a period that says something
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """Who is who on a bus: ``nodes`` are the cell's slaves, ``masters`` the node IDs whose heartbeat is a master's.
+
+    SYNC is a sign at the COB-IDs ``syncs``; nothing is one at ``excused``, where the cell's own devices send.
+    """
+
+    nodes: frozenset[int]
+    masters: frozenset[int]
+    syncs: frozenset[int] = frozenset({cob.SYNC})
+    excused: frozenset[int] = frozenset()
+
+
+def sign_of(frame: Frame, cast: Cast) -> tuple[Sign, int | None] | None:
+    """Return what a frame gives away, and the node that it is of or for (None: the bus); None where a slave may send it."""
+    if frame.extended or frame.error or frame.can_id in cast.excused:
+        return None
+    function, node = frame.can_id & _FUNCTION, frame.can_id & _NODE
+    if frame.remote:  # of a PDO any consumer may ask
+        return (Sign.GUARDING, node) if function == cob.HEARTBEAT and node else None
+    if frame.can_id == cob.NMT:
+        return Sign.NMT, None
+    if frame.can_id in cast.syncs:
+        return Sign.SYNC, None
+    if frame.can_id == cob.LSS_RX:
+        return Sign.LSS, None
+    if function == cob.HEARTBEAT:
+        alive = bool(frame.data and frame.data[0] & _STATE)
+        return (Sign.HEARTBEAT, node) if alive and node in cast.masters else None
+    if function == cob.SDO_RX and node:
+        return Sign.SDO, node
+    return (Sign.RPDO, node) if function in cob.RPDO and node in cast.nodes else None
+
+
+@dataclass(slots=True)
+class Heard:
+    """Frames of one sign on one COB-ID; holds state: ``count``, and the times of the first and the last."""
+
+    sign: Sign
+    node: int | None
+    can_id: int
+    count: int
+    first: float
+    last: float
+
+    @property
+    def period(self) -> float | None:
+        """The mean time in seconds from one to the next; None of what comes as it comes, and of too few."""
+        if self.sign not in _CYCLIC or self.count < _MEASURED:
+            return None
+        return (self.last - self.first) / (self.count - 1)
+
+
+@dataclass(slots=True)
+class Signs:
+    """Collects what gives a master away; holds state: what was heard, by COB-ID."""
+
+    cast: Cast
+    _heard: dict[tuple[Sign, int], Heard] = field(default_factory=dict)
+
+    def note(self, frame: Frame) -> None:
+        """Take a frame, in the order of time."""
+        found = sign_of(frame, self.cast)
+        if found is None:
+            return
+        sign, node = found
+        one = self._heard.get((sign, frame.can_id))
+        if one is None:
+            self._heard[sign, frame.can_id] = Heard(sign, node, frame.can_id, 1, frame.time, frame.time)
+            return
+        one.count += 1
+        one.last = frame.time
+
+    @property
+    def heard(self) -> list[Heard]:
+        """What was heard so far, in the order of ``Sign`` and of COB-IDs."""
+        order = list(Sign)
+        return sorted(self._heard.values(), key=lambda one: (order.index(one.sign), one.can_id))
+
+
+def words(heard: Iterable[Heard]) -> list[str]:
+    """Return what was heard, one line for each sign: what, of or for whom, how many, how often."""
+    groups: dict[Sign, list[Heard]] = {}
+    for one in heard:
+        groups.setdefault(one.sign, []).append(one)
+    return [_line(sign, group) for sign, group in groups.items()]
+
+
+def _line(sign: Sign, group: list[Heard]) -> str:
+    nodes = sorted({one.node for one in group if one.node is not None})
+    whose = f" {'of' if sign is Sign.HEARTBEAT else 'to'} {_nodes(nodes)}" if nodes else ""
+    period = group[0].period if len(group) == 1 else None
+    often = f", every {period * 1000:.1f} ms" if period is not None else ""
+    return f"{sign.value}{whose} ({_identifiers(group)}): {sum(one.count for one in group)}{often}"
+
+
+def _nodes(nodes: list[int]) -> str:
+    return f"node{'s' * (len(nodes) > 1)} {', '.join(map(str, nodes))}"
+
+
+def _identifiers(group: list[Heard]) -> str:
+    found = [f"{one.can_id:03X}h" for one in group]
+    return ", ".join(found) if len(found) < 5 else f"{found[0]} to {found[-1]}"

@@ -1,0 +1,144 @@
+"""``axisbus monitor --listen``: what a bus tells by itself, look by look; nothing is sent."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+from axisbus.bus.listen import Listener
+from axisbus.bus.listenonly import manner
+from axisbus.cia301.mastersigns import words
+from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.machine import config
+from axisbus.machine.listening import listen_to
+from axisbus.machine.overview import Beat, NodeHeard, Overview
+from axisbus.machine.runtime import load_dictionaries
+from axisbus.machine.trace import plain, text
+
+_NOTHING = "nothing was heard: nobody sends, or not on this channel or at this bit rate"
+
+
+def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
+    """Show what is heard every so many seconds, ``count`` times (None: until Ctrl-C)."""
+    cell = config.load(path)
+    overview = Overview(cell, load_dictionaries(cell))
+    with ExitStack() as stack, suppress(KeyboardInterrupt):  # the usual end of listening
+        listener = listen_to(cell, stack, silent=True)
+        if not as_json:
+            say(f"listening on {cell.bus.interface}:{cell.bus.channel or ''}; {manner(cell.bus.interface)}")
+        _look_on(listener, overview, every, count, as_json)
+    if not as_json:
+        say_next(f"every frame in words: axisbus trace {path}; who answers (this sends): axisbus scan {path}")
+    return OK
+
+
+def _look_on(listener: Listener, overview: Overview, every: float, count: int | None, as_json: bool) -> None:
+    looks = 0
+    while count is None or looks < count:
+        before = overview.frames
+        for frame in listener.frames(every):
+            overview.feed(frame, time.monotonic())
+        rate, now = (overview.frames - before) / every, time.monotonic()
+        if as_json:
+            say_json(_plain(overview, rate, now))
+        else:
+            for line in lines(overview, rate, now):
+                say(line)
+        looks += 1
+
+
+def lines(overview: Overview, rate: float, now: float) -> list[str]:
+    """Return what is known now, and the news, which are taken; ``rate`` in frames per second."""
+    found = [f"bus        {'; '.join(_of_bus(overview, rate, now))}"]
+    for node_id in sorted(overview.nodes):
+        found += _of_node(overview.nodes[node_id], now)
+    for one in overview.take_news():
+        found.append(f"           !! {text.who(one)} {one.kind.value}: {text.what(one)}")
+    if overview.missed:
+        found.append(f"           !! {overview.missed} earlier ones are not shown (axisbus trace shows all)")
+    overview.missed = 0
+    return found
+
+
+def _of_bus(overview: Overview, rate: float, now: float) -> list[str]:
+    if not overview.frames:
+        return [_NOTHING]
+    found = [f"{rate:.0f} frames/s", f"SYNC {_pace(overview.sync, now)}"]
+    if overview.unknown:
+        found.append(f"{overview.unknown} frames of no known service")
+    signs = [line.rpartition(": ")[0] for line in words(overview.signs.heard)]
+    return [*found, f"a master sends {', '.join(signs)}" if signs else "no master was heard"]
+
+
+def _of_node(node: NodeHeard, now: float) -> list[str]:
+    who = f"{node.node_id} {node.name}".rstrip()
+    state = "NMT state not told" if node.state is None else node.state.text
+    heartbeat = "nothing heard" if not node.frames else f"{state}; heartbeat {_pace(node.beat, now)}"
+    return [
+        f"{who:<10} {heartbeat}",
+        *(
+            f"           {_before(newest.taken, now):>10}  {_direction(newest.one.from_node)}{text.what(newest.one)}"
+            for _, newest in sorted(node.newest.items())
+        ),
+    ]
+
+
+def _direction(from_node: bool) -> str:
+    return "" if from_node else "> "
+
+
+def _pace(beat: Beat, now: float) -> str:
+    if not beat.times:
+        return "not heard"
+    found = beat.intervals
+    if found is None:
+        return f"once, {_before(beat.taken, now)}"
+    mean, shortest, longest = (each * 1000 for each in found)
+    return f"every {mean:.1f} ms ({shortest:.1f} to {longest:.1f}), the last {_before(beat.taken, now)}"
+
+
+def _before(then: float, now: float) -> str:
+    return f"{max(0.0, now - then):.2f} s ago"
+
+
+# -- as JSON -----------------------------------------------------------------------------------------------------------
+
+
+def _plain(overview: Overview, rate: float, now: float) -> dict[str, Any]:
+    missed, overview.missed = overview.missed, 0
+    return {
+        "frames": overview.frames,
+        "frames_per_second": rate,
+        "unknown": overview.unknown,
+        "sync": _plain_beat(overview.sync, now),
+        "master": words(overview.signs.heard),
+        "nodes": [_plain_node(node, now) for _, node in sorted(overview.nodes.items())],
+        "news": [plain.plain(one) for one in overview.take_news()],
+        "news_missed": missed,
+    }
+
+
+def _plain_node(node: NodeHeard, now: float) -> dict[str, Any]:
+    return {
+        "node": node.node_id,
+        "name": node.name,
+        "frames": node.frames,
+        "state": None if node.state is None else node.state.text,
+        "heartbeat": _plain_beat(node.beat, now),
+        "newest": {
+            name: {"age": now - newest.taken, "count": newest.count, **plain.plain(newest.one)}
+            for name, newest in sorted(node.newest.items())
+        },
+    }
+
+
+def _plain_beat(beat: Beat, now: float) -> dict[str, float] | None:
+    if not beat.times:
+        return None
+    age = {"age": now - beat.taken}
+    found = beat.intervals
+    if found is None:
+        return age
+    return {**age, **dict(zip(("period", "shortest", "longest"), found, strict=True))}

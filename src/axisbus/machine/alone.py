@@ -1,0 +1,40 @@
+"""What a cell's bus must sound like before its first frame: who is no master, and how long to listen for one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from axisbus.cia301 import cob
+from axisbus.cia301.mastersigns import Cast
+from axisbus.eds.model import Eds
+from axisbus.machine.cell import BusConfig, CellConfig
+from axisbus.machine.checks import pdomodel
+
+LONGEST = 0.5  # seconds
+SHORTEST = 0.1  # seconds; a busy computer may hold frames back for some hundredths
+_MASTER = 127  # the node ID that masters have by custom
+
+
+def listening_time(bus: BusConfig) -> float:
+    """Return how long to listen, in seconds: two heartbeats and two cycles as this cell has them, so that one of each must come.
+
+    Without a heartbeat of ours nothing says how often another master shows itself: then as long as it ever takes.
+    """
+    if bus.heartbeat is None:
+        return LONGEST
+    return max(SHORTEST, min(LONGEST, 2 * max(bus.heartbeat, bus.scan_period)))
+
+
+def cast_of(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> Cast:
+    """Return who is who on a cell's bus: its devices are no masters, nor is the SYNC one that it says another device sends."""
+    bus, nodes = cell.bus, frozenset(cell.nodes)
+    syncs = frozenset({cob.SYNC, bus.sync_cob_id})
+    if bus.sync_producer == "external":
+        syncs -= {bus.sync_cob_id}
+    sent = frozenset(
+        pdo.cob_id
+        for node_id, node in cell.nodes.items()
+        if node_id in dictionaries
+        for pdo in pdomodel.device_pdos(node, dictionaries[node_id]).tpdos
+    )
+    return Cast(nodes, frozenset({_MASTER, bus.master_id}) - nodes, syncs, sent - {0})

@@ -1,0 +1,45 @@
+"""What the master will take for standing, and for following: the allowances that come of an axis's numbers where it "
+"does not say them."""
+
+from __future__ import annotations
+
+from axisbus.machine.cell import AxisConfig
+from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.machine.parameters import axis_parameters
+
+
+def allowances(case: Case) -> Found:
+    """Tell each axis's standstill window and lag, where ``standstill_window`` or ``following_error`` is left out."""
+    for drive in case.drives:
+        axis = drive.axis
+        if not axis.at.sound("scale", "velocity_scale", "acceleration_scale"):
+            continue
+        if axis.standstill_window is not None and axis.following_error is not None:
+            continue
+        parameters = axis_parameters(case.cell, axis.name, case.eds[axis.node])
+        window = parameters.pull_window / abs(parameters.units.position.factor)
+        yield case.note(
+            axis.at.line,
+            f"axis {axis.name} counts as standing within {window:.4g} {axis.unit} of where its drive leads it, and may lag "
+            f"{_lag(axis)} behind a motion",
+            f"{_why(axis)}; beyond both it is stopped (jammed, slipping, moving by itself)",
+        )
+
+
+def _lag(axis: AxisConfig) -> str:
+    if axis.following_error is not None:
+        return f"{axis.following_error:g} {axis.unit}"
+    return "the way of 0.25 s"
+
+
+def _why(axis: AxisConfig) -> str:
+    if axis.standstill_window is not None:
+        return "following_error is not set; the drive's own 6065h takes its place in position modes, where boot reads one"
+    if axis.position_window is not None:
+        return "standstill_window is not set: ten times position_window"
+    if axis.max_velocity is not None:
+        return "standstill_window is not set: the way of 10 ms at max_velocity, or ten of the drive's 6067h where boot reads one"
+    return "neither standstill_window nor position_window nor max_velocity is set: the way of 10 ms at the default velocity"
+
+
+CHECKS: tuple[Check, ...] = (allowances,)

@@ -1,0 +1,53 @@
+"""The end of a command that ends at rest: it is done when the axis is seen to stand, not when the drive says so."""
+
+from __future__ import annotations
+
+from axisbus.errors import MotionTimeout
+from axisbus.motion.activity import Activity
+from axisbus.motion.image import Image
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.standing import Standing
+
+
+class Arrival:
+    """Holds the look for standstill of the running command, and until when it may take after the command's own end."""
+
+    __slots__ = ("_deadline", "_parameters", "_standing")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._standing: Standing | None = None
+        self._deadline: float | None = None
+
+    def begin(self, activity: Activity, now: float) -> None:
+        """A command begins; what was received before does not count."""
+        self._standing = Standing(self._parameters, now) if activity.ends_at_rest else None
+        self._deadline = None
+
+    def complete(self, done: bool, image: Image) -> bool:
+        """Return whether a command has ended that is ``done`` by its own rule.
+
+        Raises:
+            MotionTimeout: the axis does not come to rest.
+        """
+        if self._standing is None:
+            return done
+        stands = self._standing.seen(image)
+        if not done or stands:
+            return done
+        if self._deadline is None:
+            self._deadline = image.now + self._parameters.timing.progress
+        if image.now > self._deadline:
+            raise self._late(self._standing.why_not(image))
+        return False
+
+    def _late(self, why: str) -> MotionTimeout:
+        name, time = self._parameters.name, self._parameters.timing.progress
+        return MotionTimeout(
+            f"{name}: does not come to rest",
+            axis=name,
+            observed=f"the drive has reported the end of the motion {time:g} s ago, but the axis was not seen to "
+            f"stand since: {why}",
+            remedy=f"look whether it oscillates (tuning), is driven by its load, or is held by something; standstill_velocity and "
+            f"standstill_window in [axes.{name}] say what counts as standing",
+        )

@@ -1,0 +1,53 @@
+"""Whether a drive stays in the mode that a motion works in: 6061h, watched while the axis moves."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import modes
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import ModeError
+from axisbus.motion.activity import Activity
+from axisbus.motion.image import Image
+
+_TWICE = 2  # samples in a row
+
+
+class ModeWatch:
+    """Holds whether the drive has shown the running command's mode, and how often in a row it then showed another."""
+
+    __slots__ = ("_activity", "_agreed", "_misses", "_name", "_stamp")
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._watch(None)
+
+    def _watch(self, activity: Activity | None) -> None:
+        self._activity = activity
+        self._agreed = False
+        self._misses = 0
+        self._stamp = -math.inf
+
+    def error(self, image: Image, activity: Activity | None) -> ModeError | None:
+        """Return that the drive has left the mode of ``activity`` by itself; None when it has not (as far as is known)."""
+        if activity is not self._activity:
+            self._watch(activity)
+        if activity is None or activity.mode is None or image.mode is None or image.mode_stamp == self._stamp:
+            return None
+        self._stamp = image.mode_stamp
+        if image.mode == activity.mode:
+            self._agreed, self._misses = True, 0
+            return None
+        self._misses += self._agreed
+        return self._left(activity.mode, image.mode) if self._misses >= _TWICE else None
+
+    def _left(self, mode: ModeOfOperation, shown: int) -> ModeError:
+        return ModeError(
+            f"{self._name}: the drive has left mode {int(mode)} ({modes.short(mode)}) by itself",
+            axis=self._name,
+            observed=f"6061h shows {shown} ({modes.short(ModeOfOperation(shown))}) in the middle of a motion, and "
+            f"nobody here has asked for it",
+            remedy="look for a commissioning tool or another master that writes 6060h, and in the drive's manual for "
+            "what makes it change "
+            "its mode (a limit, an input, a lost reference); the axis was stopped",
+        )

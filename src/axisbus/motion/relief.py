@@ -1,0 +1,58 @@
+"""The end of a stop in profile position mode without 6062h: a set-point where the axis stands, so that nothing pulls.
+
+Theory of operation
+-------------------
+A drive that was halted on its way keeps its old target. Nobody sees whether its controller leads the motor there (something may
+hold it), so it is given a new one: the position that it has now, at the lowest velocity. The halt stays set all the time; a drive
+that takes no set-point then is stopped harder.
+"""
+
+from __future__ import annotations
+
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import DriveError
+from axisbus.motion.activity import Transfers
+from axisbus.motion.image import Image
+from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.setpoint import SetPoint
+
+_LOWEST = 1  # 6081h, in the drive's own velocity increments
+
+
+def needs_relief(image: Image, parameters: AxisParameters) -> bool:
+    """Whether the drive may still be led to the target of an interrupted move, and nobody sees it."""
+    if image.mode != ModeOfOperation.PROFILE_POSITION or image.demand is not None:
+        return False
+    if image.set_point is None or image.position is None:
+        return False
+    return abs(image.set_point - image.position) > parameters.pull_window
+
+
+class Relief:
+    """A set-point at ``target`` under halt; holds its transfer and its handshake."""
+
+    __slots__ = ("_set_point", "_transfers", "failed")
+
+    def __init__(self, target: int, parameters: AxisParameters) -> None:
+        """``target``: the actual position, in unwrapped increments."""
+        slow = [(objects.PROFILE_VELOCITY, 0, _LOWEST)] if parameters.has(objects.PROFILE_VELOCITY) else []
+        self._transfers = Transfers(slow, parameters)
+        self._set_point = SetPoint(target, parameters.name, parameters.timing.acknowledge)
+        self.failed = ""
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the drive has the new target; ``failed`` says why it never will."""
+        order.halt = True
+        if self.failed:
+            return False
+        try:
+            return self._transfers.step(image, order) and self._set_point.step(image, order)
+        except DriveError as error:
+            self.failed = error.message
+            return False
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._transfers.cancel(order)

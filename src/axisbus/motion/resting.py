@@ -1,0 +1,77 @@
+"""What an axis does that nobody commands: enabled and at rest it must stay where it is, with nothing that pulls it."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import modes
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import UncommandedMotion
+from axisbus.motion.image import Image
+from axisbus.motion.parameters import AxisParameters
+
+_TWICE = 2  # samples in a row
+
+
+class Resting:
+    """Watches an axis that is enabled and at rest; holds the place where its rest began."""
+
+    __slots__ = ("_misses", "_parameters", "_place", "_stamp")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._place: int | None = None
+        self._stamp = 0.0
+        self._misses = 0
+
+    def forget(self) -> None:
+        """Something commands the axis, or its power is off: its next rest begins anew."""
+        self._place = None
+        self._misses = 0
+
+    def error(self, image: Image) -> UncommandedMotion | None:
+        """Return that the axis moves by itself, or is being pulled; None while it rests."""
+        position = image.position
+        if position is None or image.position_stamp == self._stamp:
+            return None
+        self._stamp = image.position_stamp
+        if self._place is None:
+            self._place = position
+        allowed = self._parameters.lag_allowed(0.0, by_position=False)
+        pull = image.pull or 0
+        if abs(position - self._place) <= allowed and abs(pull) <= allowed:
+            self._misses = 0
+            return None
+        self._misses += 1
+        if self._misses < _TWICE:
+            return None
+        if abs(position - self._place) <= allowed:
+            return self._pulled(image, position, pull)
+        return self._moves(image, position, self._place)
+
+    def _moves(self, image: Image, position: int, place: int) -> UncommandedMotion:
+        name, units = self._parameters.name, self._parameters.units.position
+        speed = self._parameters.units.velocity
+        moving = "" if image.velocity is None else f", now at {speed.to_units(image.velocity):g} {speed.unit}"
+        mode = (
+            ""
+            if image.mode is None
+            else f"; it shows mode {image.mode} ({modes.short(ModeOfOperation(image.mode))})"
+        )
+        return UncommandedMotion(
+            f"{name}: moves by itself",
+            axis=name,
+            observed=f"no command runs, and it went from {units.to_units(place - image.origin):g} to "
+            f"{units.to_units(position - image.origin):g} {units.unit}{moving}{mode}",
+            remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a "
+            "load that the motor "
+            f"cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
+        )
+
+    def _pulled(self, image: Image, position: int, pull: int) -> UncommandedMotion:
+        name, units = self._parameters.name, self._parameters.units.position
+        return UncommandedMotion(
+            f"{name}: stands, but its drive pulls it elsewhere",
+            axis=name,
+            observed=f"held at {units.to_units(position - image.origin):g} {units.unit}, led to a place "
+            f"{abs(units.to_units(pull)):g} {units.unit} away (6062h, or the last target)",
+            remedy="KEEP CLEAR: when it comes free, it leaps; look what holds it, with its power off",
+        )

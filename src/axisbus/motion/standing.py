@@ -1,0 +1,112 @@
+"""Whether an axis stands: seen by values newer than a beginning, and with nothing left that pulls it elsewhere.
+
+Theory of operation
+-------------------
+A stop that was asked for is not a stop that happened. An axis *stands* when three things have been seen since a moment (the
+beginning of a command, or of a rung of the stop ladder):
+
+1. Positions received after that moment lie within the tolerance of one place for the whole ``standstill_time``. What was received
+   before says nothing, however fresh it may count: an event-driven position may be half a second old.
+2. Nothing pulls: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
+   ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is
+   let go.
+3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is
+   less, and ``witness`` says so.
+
+The same definition serves the stop ladder, halt, stop, enable, moves, homing and ``set_position``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402 import statusword as sw
+from axisbus.motion.image import Image
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.still import Still
+
+
+class Standing:
+    """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
+
+    __slots__ = ("_by", "_parameters", "_since", "_still", "_still_speed")
+
+    def __init__(self, parameters: AxisParameters, since: float) -> None:
+        """``since``: what was received at or before this moment does not count (seconds of the scan's clock)."""
+        self._parameters = parameters
+        self._since = since
+        window = parameters.timing.standstill_time
+        self._still = Still(parameters.standstill_tolerance, window, since)
+        self._still_speed = Still(0.0, window, since)
+        self._by = ""
+
+    @property
+    def witness(self) -> str:
+        """By what less than its position the axis was seen standing; empty where the position said so."""
+        return self._by
+
+    def seen(self, image: Image) -> bool:
+        """Take this cycle's values; return whether the axis stands."""
+        if image.position is not None:
+            self._by = ""
+            still = self._still.feed(image.position, image.position_stamp)
+            return still and self._knows_demand(image) and not self.pulls(image)
+        if image.velocity is not None:
+            self._by = "its velocity (606Ch) is 0; where it stands is not known"
+            return self._rests(image)
+        self._by = "its drive says so (statusword bit 10); neither position nor velocity is known"
+        return self._says_so(image)
+
+    def pulls(self, image: Image) -> bool:
+        """Whether the controller leads the axis to somewhere else than where it is."""
+        pull = image.pull
+        return pull is not None and abs(pull) > self._parameters.pull_window
+
+    def _knows_demand(self, image: Image) -> bool:
+        """Whether 6062h was received since the axis came to rest: one that is polled may be of when it still moved."""
+        if image.demand is None or image.pull is None or not image.demand_repeats:
+            return True
+        return image.demand_stamp >= self._still.rested_since
+
+    def is_held(self, image: Image) -> bool:
+        """Whether it stands only because something holds it."""
+        return image.position is not None and self._still.still and self.pulls(image)
+
+    def why_not(self, image: Image) -> str:
+        """Say what is missing, for the error of a stop that was not seen."""
+        units = self._parameters.units.position
+        if image.position is None:
+            return "its position (6064h) is not known"
+        where = f"at {units.to_units(image.position - image.origin):g} {units.unit}"
+        if image.position_stamp <= self._since:
+            return f"{where} when it was last heard of, {image.now - image.position_stamp:.2g} s ago: no position has come since"
+        if not self._still.still:
+            return f"{where} and still moving{_speed_text(image, self._parameters)}"
+        pull = image.pull
+        if pull is not None and self.pulls(image):
+            return (
+                f"held {where}, but its drive pulls it to a place {abs(units.to_units(pull)):g} {units.unit} away: "
+                "when it comes free, it leaps"
+            )
+        return where
+
+    def _rests(self, image: Image) -> bool:
+        units, speed = self._parameters.units, self._parameters.standstill_speed or 0.0
+        velocity = float(image.velocity or 0)
+        if units.ratio_known:
+            velocity = abs(units.velocity.to_units(velocity) * units.position.factor)
+        moving = math.copysign(1.0, velocity) if abs(velocity) > speed else 0.0
+        return self._still_speed.feed(moving, image.velocity_stamp) and not moving
+
+    def _says_so(self, image: Image) -> bool:
+        settled = self._since + max(self._parameters.timing.settle, self._parameters.timing.standstill_time)
+        if image.statusword is None or image.statusword_stamp <= settled:
+            return False
+        return bool(image.statusword & sw.TARGET_REACHED)
+
+
+def _speed_text(image: Image, parameters: AxisParameters) -> str:
+    if image.velocity is None:
+        return ""
+    velocity = parameters.units.velocity
+    return f" at {velocity.to_units(image.velocity):g} {velocity.unit}"

@@ -1,0 +1,84 @@
+"""What a listener gathers of a bus: whatever comes, it can be told in lines and as JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.cia301.frame import Frame
+from axisbus.cia301.nmt import NmtState
+from axisbus.cli import monitor_listen
+from axisbus.machine import config
+from axisbus.machine.overview import Overview
+from axisbus.machine.runtime import load_dictionaries
+
+CELL = config.load(Path(__file__).parents[2] / "examples" / "cell.toml")
+FILES = load_dictionaries(CELL)
+
+
+def heard(*frames: Frame) -> Overview:
+    overview = Overview(CELL, FILES)
+    for frame in frames:
+        overview.feed(frame, 1000.0 + frame.time)
+    return overview
+
+
+COB_IDS = st.sampled_from(
+    [0, 0x80, 0x81, 0x100, 0x181, 0x201, 0x381, 0x581, 0x601, 0x701, 0x77F, 0x7E4, 0x7E5]
+)
+FRAMES = st.builds(
+    Frame,
+    st.floats(0, 10),
+    COB_IDS | st.integers(0, 0x7FF) | st.integers(0, 0x1FFF_FFFF),
+    st.binary(max_size=8),
+    st.booleans(),
+    st.booleans(),
+    st.booleans(),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(FRAMES, max_size=120))
+def test_whatever_comes_can_be_told(frames: list[Frame]) -> None:
+    overview = heard(*frames)
+    assert overview.frames == len(frames)
+    json.dumps(monitor_listen._plain(overview, 0.0, 1010.0), allow_nan=False)
+    for frame in frames:
+        overview.feed(frame, 1010.0)
+    assert len(monitor_listen.lines(overview, 0.0, 1010.0)) >= 1 + len(CELL.nodes)
+    assert overview.take_news() == []
+
+
+def test_the_periods_are_those_of_the_adapters_times() -> None:
+    overview = heard(*(Frame(tick * 0.004, 0x80) for tick in range(10)), Frame(0.05, 0x701, b"\x05"))
+    assert overview.sync.intervals == pytest.approx((0.004, 0.004, 0.004))
+    assert overview.nodes[1].beat.intervals is None
+    assert overview.nodes[1].state is NmtState.OPERATIONAL
+    assert overview.nodes[2].state is None
+
+
+def test_a_boot_up_begins_the_heartbeats_anew() -> None:
+    beats = [Frame(0.1 * tick, 0x701, b"\x05") for tick in range(4)]
+    overview = heard(*beats, Frame(5.0, 0x701, b"\0"), Frame(5.1, 0x701, b"\x7f"), Frame(5.2, 0x701, b"\x7f"))
+    assert overview.nodes[1].state is NmtState.PRE_OPERATIONAL
+    assert overview.nodes[1].beat.intervals == pytest.approx((0.1, 0.1, 0.1))
+    assert [one.kind.value for one in overview.take_news()] == ["boot-up"]
+
+
+def test_the_newest_of_a_pdo_replaces_the_one_before() -> None:
+    overview = heard(*(Frame(0.01 * count, 0x181, bytes(8)) for count in range(3)))
+    (newest,) = overview.nodes[1].newest.values()
+    assert newest.count == 3
+    assert newest.taken == pytest.approx(1000.02)
+
+
+def test_news_that_are_too_many_are_counted() -> None:
+    overview = heard(*(Frame(0.01 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(70)))
+    told = monitor_listen.lines(overview, 70.0, 1001.0)
+    assert sum("EMCY" in line for line in told) == 50
+    assert "20 earlier ones are not shown" in told[-1]
+    assert not any("not shown" in line for line in monitor_listen.lines(overview, 0.0, 1002.0))

@@ -1,0 +1,119 @@
+"""Masters of other people on a virtual channel: the frames that they send, over and over, and an ear that hears everybody's."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import NamedTuple
+
+import can
+
+TICK = 0.01  # seconds between two rounds
+
+
+class Says(NamedTuple):
+    """One frame and how often it comes: every so many rounds."""
+
+    can_id: int
+    data: str = ""  # hex digits
+    remote: bool = False
+    every: int = 1
+    extended: bool = False
+
+
+# One sign each; what a master of this kind cannot hide.
+SIGNS: dict[str, tuple[Says, ...]] = {
+    "a heartbeat of 127": (Says(0x77F, "05", every=5),),
+    "SYNC": (Says(0x80),),
+    "SDO requests": (Says(0x601, "40 41 60 00 00 00 00 00", every=3),),
+    "SDO requests to a node of no cell": (Says(0x605, "40 00 10 00 00 00 00 00", every=3),),
+    "an NMT command": (Says(0x000, "01 05", every=5),),
+    "RPDOs": (Says(0x201, "0F 00", every=2),),
+    "node guarding": (Says(0x701, remote=True, every=5),),
+    "LSS": (Says(0x7E5, "04 01 00 00 00 00 00 00", every=5),),
+}
+# Whole masters, as their default settings make them.
+MASTERS: dict[str, tuple[Says, ...]] = {
+    "lely": (Says(0x000, "01 00", every=10), Says(0x701, "05", every=5), Says(0x80)),
+    "ros2_canopen": (Says(0x80), Says(0x201, "0F 00 00 00 00 00"), Says(0x602, "40 64 60 00 00 00 00 00")),
+    "a script on canopen": (Says(0x601, "2B 40 60 00 06 00 00 00", every=4),),
+    "CODESYS": (Says(0x77F, "05", every=10), Says(0x80), Says(0x702, remote=True, every=10)),
+}
+# What devices and tools that only listen put on a bus.
+HARMLESS: dict[str, tuple[Says, ...]] = {
+    "heartbeats of another slave": (Says(0x732, "05", every=5),),
+    "its boot-up messages": (Says(0x732, "00", every=5),),
+    "boot-up messages of 127": (Says(0x77F, "00", every=5),),
+    "EMCY": (Says(0x081, "00 00 00 00 00 00 00 00", every=5), Says(0xB2, "10 81 11 00 00 00 00 00", every=5)),
+    "TPDOs": (Says(0x1B2, "37 06"), Says(0x2B2, "00"), Says(0x3B2, "00"), Says(0x4B2, "00")),
+    "PDOs between other slaves": (Says(0x232, "37 06"),),
+    "TIME": (Says(0x100, "00 00 00 00 98 3A", every=5),),
+    "an SDO response": (Says(0x5B2, "80 00 10 00 00 00 02 06", every=5),),
+    "LSS answers": (Says(0x7E4, "50 00 00 00 00 00 00 00", every=5),),
+    "frames of 29 bits": (Says(0x80, extended=True), Says(0x1000077F, "05", extended=True)),
+    "a remote frame for a TPDO": (Says(0x1B2, remote=True, every=5),),
+}
+
+
+class OtherMaster:
+    """Says something over and over on a channel while its block lasts; ``counted`` is how many frames went out."""
+
+    def __init__(self, channel: str, says: tuple[Says, ...], tick: float = TICK) -> None:
+        self.counted = 0
+        self._says = says
+        self._tick = tick
+        self._bus = can.Bus(interface="virtual", channel=channel)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="another master", daemon=True)
+
+    def __enter__(self) -> OtherMaster:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join(5.0)
+        self._bus.shutdown()
+
+    def _run(self) -> None:
+        begin, rounds = time.monotonic(), 0
+        while not self._over.wait(max(0.0, begin + rounds * self._tick - time.monotonic())):
+            for one in self._says:
+                if rounds % one.every == 0:
+                    self._bus.send(_message(one))
+                    self.counted += 1
+            rounds += 1
+
+
+def _message(one: Says) -> can.Message:
+    return can.Message(
+        arbitration_id=one.can_id,
+        data=None if one.remote else bytes.fromhex(one.data),
+        is_remote_frame=one.remote,
+        is_extended_id=one.extended,
+    )
+
+
+class Ear:
+    """Hears every frame on a channel while its block lasts; ``ids`` are the COB-IDs that somebody has used."""
+
+    def __init__(self, channel: str) -> None:
+        self._bus = can.Bus(interface="virtual", channel=channel)
+        self.heard: list[can.Message] = []
+
+    def __enter__(self) -> Ear:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.take()
+        self._bus.shutdown()
+
+    def take(self) -> None:
+        """Take what has come."""
+        while (message := self._bus.recv(0)) is not None:
+            self.heard.append(message)
+
+    @property
+    def ids(self) -> set[int]:
+        """The COB-IDs of what was taken."""
+        return {message.arbitration_id for message in self.heard}

@@ -1,0 +1,417 @@
+"""A stop is believed only when it is seen: jams, drives that go their own way, and values that are older than the stop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from axisbus import eds
+from axisbus.cia402.port import Source
+from axisbus.errors import FollowingError, ModeError, StateError, UncommandedMotion
+from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
+from axisbus.sim.build import motor_from_eds
+from axisbus.sim.device import Device
+from kit.cell import MODULE
+from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
+
+FILE = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
+
+PP, PV, TQ, CSP = 1, 3, 4, 8  # values of 6060h (CiA 402-2 8.4.9)
+ALL_MODES = frozenset(range(1, 11))
+
+
+def slip(cell, mode: int) -> float:
+    """Let the drive leave its mode by itself, and not take it back; return the moment."""
+    moment = cell.moment()
+    cell.drive().mode = mode
+    cell.drive().dials.modes_refused = ALL_MODES - {mode}
+    return moment
+
+
+def going(cell, what: str, velocity: float = 60.0):
+    """Let x move in a mode, far from any end; return the handle."""
+    starts = {
+        "pp": lambda: cell.x.move_relative(1000.0, velocity=velocity),
+        "pv": lambda: cell.x.move_velocity(velocity),
+        "csp": lambda: cell.x.follow(Trapezoid(cell.x.position, cell.x.position + 1000.0, velocity, 720.0)),
+    }
+    handle = starts[what]()
+    cell.run(0.6)
+    cell.must_move(faster_than=0.7 * velocity)
+    return handle
+
+
+# -- jams ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("eds", [MODULE, "builtin:generic-cia402"])
+@pytest.mark.parametrize("what", ["pp", "pv", "csp"])
+def test_a_jam_in_mid_move_is_told_at_once_and_nothing_leaps_when_it_goes(story, golden, eds, what):
+    """Reproductions 12 and 27: the rotor was held, the demand ran away, and it leapt with 1100 deg/s when it came free."""
+    more = (
+        "" if eds == MODULE else "following_error = 15.0"
+    )  # instead of the drive's own, which is two hundred degrees
+    cell = story.simulated("x", eds=eds, axis=more).enabled()
+    handle = going(cell, what)
+    cell.jam()
+    began = cell.now
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, limit=2.0)
+    assert (
+        cell.now - began < 0.25 + 4.0 / 60.0 + 0.6
+    )  # the lag allowed, and what the model of a velocity forgets
+    assert isinstance(cell.x.error, FollowingError)
+    if eds == MODULE:
+        golden(f"jam_{what}", cell.x.error)
+    cell.run(3.0)
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+    assert not handle.busy
+
+
+@pytest.mark.parametrize("way", ["stop", "halt", "disable", "quick_stop"])
+@pytest.mark.parametrize("what", ["pp", "csp"])
+def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(story, way, what):
+    """Reproduction 30: stop() and halt() were done at full torque, with the demand 93 deg away."""
+    cell = story.simulated(
+        "x", eds=MODULE, axis="following_error = 1000.0"
+    ).enabled()  # nobody tells it before
+    going(cell, what)
+    cell.jam()
+    cell.run(1.5)
+    stopped = getattr(cell.x, way)()
+    error = cell.end_of(stopped)
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+    if error is not None:
+        assert "pulls it to a place" in error.observed
+        assert cell.stage() in OFF
+
+
+def test_a_stop_on_a_jam_says_that_something_holds_the_axis(story, golden):
+    cell = story.simulated("x", eds=MODULE, axis="following_error = 1000.0").enabled()
+    going(cell, "pp")
+    cell.jam()
+    cell.run(1.5)
+    golden("stop_on_a_jam", cell.failure_of(cell.x.stop()))
+
+
+def test_a_reset_after_a_jam_leaves_nothing_that_pulls(story):
+    """Reproduction 30: after the motion's time-out and reset(), it leapt 123 deg."""
+    cell = story.simulated("x", eds=MODULE, axis="following_error = 1000.0").enabled()
+    handle = cell.x.move_relative(120.0, velocity=60.0)
+    cell.run(0.5)
+    cell.jam()
+    cell.failure_of(handle, limit=15.0)
+    cell.until(lambda: cell.core().ladder is None)
+    cell.x.reset().wait(5)
+    cell.run(1.0)
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+
+
+@pytest.mark.parametrize("way", ["stop", "halt"])
+def test_a_jam_on_a_drive_without_6062h_ends_without_power(story, golden, way):
+    port = {"inputs": {"demand": Source.NONE}}
+    cell = story.simulated("x", port=port, axis="following_error = 1000.0").enabled()
+    going(cell, "pp")
+    cell.jam()
+    cell.run(0.5)
+    error = cell.failure_of(getattr(cell.x, way)())
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+    assert cell.stage() in OFF
+    if way == "halt":
+        golden("held_without_6062h", error)
+
+
+def test_a_halt_on_a_drive_without_6062h_leaves_it_no_old_target(story):
+    cell = story.simulated("x", port={"inputs": {"demand": Source.NONE}}).enabled()
+    going(cell, "pp")
+    cell.x.halt().wait(5)
+    place, moment = cell.where(), cell.moment()
+    cell.drive().dials.ignore_halt = True  # what then would go on to the target that it has
+    cell.run(3.0)
+    assert cell.farthest(since=moment)[1] < place + 0.5
+    assert cell.x.state is AxisState.STANDSTILL
+
+
+def test_a_drive_whose_6062h_is_its_target_can_be_halted_and_does_not_trip(story):
+    cell = story.simulated("x")
+    drive = cell.drive()
+    publish = drive._publish
+
+    def published() -> None:
+        publish()
+        drive.position_demand = drive.target_position if int(drive.power.stage) == ENABLED else drive.position
+
+    drive._publish = published
+    cell.device().write(0x6065, 0, 0xFFFFFFFF)
+    cell.enabled()
+    going(cell, "pp")
+    assert cell.x.state is AxisState.DISCRETE_MOTION
+    cell.x.halt().wait(5)
+    cell.must_stand(within=0.1, stages=ENABLED)
+
+
+# -- lag that a drive may have -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("lag", [0.002, 0.02, 0.1, 0.2])
+@pytest.mark.parametrize("velocity", [3.0, 60.0, 300.0])
+def test_a_drive_that_lags_trips_nothing(story, lag, velocity):
+    def lagging():
+        dictionary = eds.load(FILE)
+        return {1: Device(dictionary, 1, params=replace(motor_from_eds(dictionary), lag=lag))}
+
+    cell = story.simulated("x", devices=lagging).enabled()
+    cell.device().write(0x6065, 0, 0xFFFFFFFF)
+    cell.x.move_relative(velocity, velocity=velocity).wait(20)
+    cell.x.move_velocity(velocity).wait(10)
+    cell.run(2.0)
+    cell.x.move_velocity(-velocity).wait(10)
+    cell.run(1.0)
+    cell.x.halt().wait(10)
+    cell.x.follow(Trapezoid(cell.x.position, cell.x.position + velocity, velocity, 300.0)).wait(20)
+    assert cell.x.state is AxisState.STANDSTILL
+
+
+# -- the drive leaves its mode -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("to", [PV, PP])
+def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(story, golden, to):
+    """Reproductions 11 and 20: csp fell to pv and ended 91 deg beyond the position limit."""
+    cell = story.simulated("x", eds=MODULE, axis="position_limits = [-180.0, 180.0]").enabled()
+    cell.x.home().wait(5)
+    cell.x.follow(Trapezoid(cell.x.position, 150.0, 60.0, 720.0))
+    cell.run(0.6)
+    cell.drive().target_velocity = round(60.0 * 100)
+    moment = slip(cell, to)
+    cell.must_stand(within=1.0, stages=OFF, for_good=3.0)
+    assert cell.farthest(since=moment)[1] < 60.0
+    assert isinstance(cell.x.error, ModeError)
+    if to == PV:
+        golden("mode_slips", cell.x.error)
+
+
+@pytest.mark.parametrize("to", [PP, CSP])
+def test_a_drive_that_leaves_pv_goes_back_to_no_old_target(story, to):
+    """Reproduction 28: 607Ah was that of 3 s and 90 deg ago, and the drive went there."""
+    cell = story.simulated("x", eds=MODULE).enabled()
+    cell.x.move_velocity(30.0)
+    cell.run(3.0)
+    place = cell.where()
+    moment = slip(cell, to)
+    cell.run(2.0)
+    low, high = cell.farthest(since=moment)
+    assert place - 1.0 < low < high < place + 5.0
+    assert isinstance(cell.x.error, ModeError)
+
+
+def test_a_mode_that_is_still_on_its_way_is_no_slip(story):
+    cell = story.simulated("x").enabled()
+    cell.drive().dials.mode_delay = 0.3
+    cell.x.move_velocity(50.0).wait(5)
+    cell.x.move_relative(10.0).wait(5)
+    assert cell.x.state is AxisState.STANDSTILL
+
+
+# -- at rest -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_halted_drive_that_goes_on_to_its_old_target_is_stopped_and_told(story, golden):
+    """Reproduction 22: Standstill while the drive went on to 150 deg."""
+    cell = story.simulated("x", eds=MODULE).enabled()
+    cell.x.move_relative(150.0)
+    cell.run(0.6)
+    cell.x.halt().wait(5)
+    place = cell.where()
+    moment = cell.moment()
+    cell.drive().dials.ignore_halt = True
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+    cell.must_stand(within=1.0, stages=OFF)
+    assert cell.farthest(since=moment)[1] < place + 15.0
+    assert isinstance(cell.x.error, UncommandedMotion)
+    golden("moves_by_itself", cell.x.error)
+
+
+def test_an_axis_that_is_held_at_rest_by_something_else_is_told(story):
+    """A jam that comes with the demand far away, seen at rest: it would leap."""
+    cell = story.simulated("x", eds=MODULE).enabled()
+    cell.run(0.5)
+    cell.jam()
+    cell.drive().axis.position += 30.0 * 100  # what leads the motor
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+    assert "pulls it elsewhere" in cell.x.error.message
+    cell.run(2.0)
+    moment = cell.free()
+    cell.run(1.0)
+    cell.must_not_leap(since=moment)
+
+
+def test_a_disabled_axis_may_be_turned_by_hand(story):
+    cell = story.simulated("x").enabled()
+    cell.x.disable().wait(5)
+    cell.drive().axis.motor.velocity = 5_000.0
+    cell.run(0.1)
+    assert cell.x.state is AxisState.DISABLED
+    assert cell.x.error is None
+    cell.x.halt().wait(5)  # it was seen to stand since its power went: there is nothing to stop
+
+
+# -- enabling ------------------------------------------------------------------------------------------------------------
+
+
+def coasting(cell, velocity: float = 200.0) -> None:
+    """Let the motor turn without power, with next to no friction."""
+    cell.drive().axis.motor.velocity = velocity * 100
+    cell.drive().axis.motor._viscous = 0.0
+    cell.drive().axis.motor.params = type(cell.drive().params)(friction=0.0)
+
+
+def test_an_axis_that_moves_is_not_enabled(story, golden):
+    cell = story.simulated("x")
+    coasting(cell)
+    moment = cell.moment()
+    failed = cell.failure_of(cell.x.enable())
+    assert isinstance(failed, StateError)
+    golden("enable_while_moving", failed)
+    assert not cell.was_energised(since=moment)
+
+
+def test_an_axis_that_comes_to_rest_in_time_is_enabled_then(story):
+    cell = story.simulated("x")
+    cell.drive().axis.motor.velocity = 3_000.0  # its own friction brakes it
+    moment = cell.moment()
+    cell.x.enable().wait(10)
+    energised = [sample for sample in cell.record().since(moment) if sample.stage == ENABLED]
+    assert abs(energised[0].velocity) < 1.0
+    assert cell.stage() == ENABLED
+
+
+def test_a_moving_axis_is_caught_where_that_is_asked_for(story):
+    cell = story.simulated("x")
+    coasting(cell, 50.0)
+    cell.x.enable(moving=True).wait(10)
+    cell.must_stand(within=0.1, stages=ENABLED)
+
+
+def test_a_drive_that_goes_on_to_its_old_target_when_enabled_is_stopped(story, golden):
+    """A real foreign slave does: it said Standstill at 50 units/s, with exit code 0."""
+    cell = story.simulated("x", eds=MODULE)
+    drive, moment = cell.drive(), cell.moment()
+
+    def run(dt: float) -> None:
+        drive.axis.follow(drive.axis.position + 5_000.0 * dt, 5_000.0, dt)
+
+    drive._run = run
+    failed = cell.failure_of(cell.x.enable())
+    assert isinstance(failed, UncommandedMotion)
+    golden("moves_on_enable", failed)
+    cell.must_stand(within=2.0, stages=OFF)
+    assert cell.farthest(since=moment)[1] < 15.0
+
+
+def test_the_position_is_not_set_while_the_axis_moves(story):
+    cell = story.simulated("x")
+    coasting(cell, 100.0)
+    cell.run(0.1)
+    failed = cell.failure_of(cell.x.set_position(0.0))
+    assert isinstance(failed, StateError)
+    assert "still moving" in failed.observed
+    assert not cell.x.homed
+
+
+# -- off, and still moving -----------------------------------------------------------------------------------------------
+
+
+def test_a_motor_that_turns_on_without_power_has_not_stopped(story, golden):
+    """Seen on a foreign slave: reported stopped at 5 m/s."""
+    cell = story.simulated("x", stop='quick_stop = "coast"\nquick_stop_time = "300ms"').enabled()
+    cell.x.move_velocity(300.0).wait(5)
+    cell.drive().axis.motor._viscous = 0.0
+    cell.drive().axis.motor.params = type(cell.drive().params)(friction=0.0)
+    failed = cell.failure_of(cell.x.quick_stop())
+    assert cell.stage() == SWITCH_ON_DISABLED
+    cell.must_move()
+    golden("off_and_still_moving", failed)
+
+
+def test_a_motor_that_runs_down_without_power_is_awaited(story):
+    cell = story.simulated("x", stop='quick_stop = "coast"').enabled()
+    cell.x.move_velocity(100.0).wait(5)
+    cell.x.quick_stop().wait(10)
+    assert cell.speed() == 0.0
+    cell.must_stand(within=0.1, stages=OFF)
+
+
+# -- what is older than the stop -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("timer", [0.1, 0.5])
+def test_a_position_from_before_the_stop_does_not_count(story, timer):
+    """Reproduction 18: an event-driven position half a second old, from before the motion, counted as standing."""
+    port = {"inputs": {"position": Source.EVENT_PDO, "velocity": Source.NONE}, "event_timer": timer}
+    cell = story.simulated("x", port=port | {"max_age": {"position": 3 * timer + 0.05}}).enabled()
+    silence(cell, timer)
+    cell.x.move_velocity(10.0)
+    cell.run(0.15)
+    cell.x.halt().wait(5)
+    assert cell.speed() == 0.0
+    cell.must_stand(within=0.0, stages=ENABLED)
+
+
+def silence(cell, timer: float) -> None:
+    """Let the position be sent by its timer alone, and wait until it has just been."""
+    port, number = cell.port(), 2
+    last = {"at": cell.now, "sample": port._samples[number]}
+    advance = port.advance
+
+    def slow(now: float, messages: tuple) -> None:
+        advance(now, messages)
+        if now - last["at"] >= timer - 1e-9:
+            last.update(at=now, sample=port._samples[number])
+        port._samples[number] = last["sample"]
+
+    port.advance = slow
+    cell.until(lambda: cell.now - last["at"] < 0.011)
+    cell.run(2 * timer)
+
+
+def test_what_less_than_a_position_saw_the_stop_is_said(story):
+    cell = story.simulated("x").enabled()
+    cell.x.move_velocity(50.0).wait(5)
+    port, advance = cell.port(), cell.port().advance
+
+    def without_position(now: float, messages: tuple) -> None:
+        advance(now, messages)
+        port._samples[2] = port._samples[5] = None
+
+    port.advance = without_position
+    handle = cell.x.halt().wait(5)
+    assert "velocity (606Ch) is 0" in handle.note
+    assert "not known" in repr(handle)
+
+
+@pytest.mark.parametrize("way", ["stop", "halt"])
+def test_a_demand_from_before_the_jam_does_not_count(story, way):
+    """6062h polled every quarter of a second: the last one is of when the axis still went along with it."""
+    cell = story.simulated("x", eds=MODULE, port=POLLED_DEMAND, axis="following_error = 1000.0").enabled()
+    going(cell, "pp")
+    cell.until(lambda: cell.now - cell.core().image.demand_stamp < 0.011)
+    cell.jam()
+    cell.run(0.1)
+    cell.end_of(getattr(cell.x, way)())
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+
+
+POLLED_DEMAND = {"inputs": {"demand": Source.SDO}, "max_age": {"demand": 0.8}, "sdo_poll": 0.25}
