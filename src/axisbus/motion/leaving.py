@@ -73,9 +73,14 @@ class AxisLeaving:
         if not core.touched:
             return True
         image = core.image
-        if not core.stopped_for_sure and (image.state in _MAY_MOVE or image.position_stamp < self._since):
-            return False  # no ladder has looked, and a position of before says nothing
-        return image.standstill if image.position is not None else not image.velocity
+        if image.state in _MAY_MOVE and not core.stopped_for_sure:
+            return False
+        if image.position is None:
+            return not image.velocity
+        seen_since = (
+            core.stopped_for_sure or image.position_stamp >= self._since
+        )  # one of before says nothing
+        return image.standstill and seen_since
 
     def _end(self, error: AxisbusError | None) -> None:
         self.over, self.error = True, error
