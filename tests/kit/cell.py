@@ -10,6 +10,7 @@ from unittest.mock import patch
 
 from axisbus.errors import AxisbusError
 from axisbus.machine import direct
+from axisbus.machine.exit import EXIT
 from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 from axisbus.motion.core import AxisCore
@@ -230,7 +231,7 @@ class Stage:
     def __exit__(self, *_: object) -> None:
         for machine in self._cells:
             if isinstance(machine.scan.cycle, DirectCycle):
-                machine._signals.restore()
+                EXIT.part(machine.scan)
                 machine.scan.ended = True
             else:
                 with suppress(Exception):  # a story has told what becomes of it

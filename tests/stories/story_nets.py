@@ -12,6 +12,7 @@ from axisbus.machine.node_stop import NodeStop
 from axisbus.machine.stopping import NO_WATCHDOG
 from axisbus.machine.supervisor import Supervisor
 from axisbus.motion.ladder import StopLadder
+from axisbus.motion.leaving import AxisLeaving
 from axisbus.sim.direct import DirectCycle
 
 
@@ -26,7 +27,10 @@ def _nothing(*_: object) -> None:
 
 # Net: what is replaced (owner, attribute, replacement).
 NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
-    "the stop ladder": ((StopLadder, "step", _says_it_stands),),
+    "the stop ladder": (
+        (StopLadder, "step", _says_it_stands),
+        (AxisLeaving, "_seen_at_rest", True),
+    ),
     "the quick stop of a dead scan": (
         (DirectCycle, "quick_stop_all", _nothing),
         (CanCycle, "quick_stop_all", _nothing),

@@ -36,6 +36,7 @@ import can
 from axisbus.bus import adapter, errorframe, failures
 from axisbus.bus.controller import Controller, ControllerEvent
 from axisbus.bus.errorframe import Condition
+from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.network import Network
 from axisbus.bus.recording import of_message
 from axisbus.cia301.frame import Frame
@@ -54,6 +55,8 @@ STATE_PERIOD = 0.1  # seconds between two looks at the driver's own state, where
 STUCK = (
     1.0  # seconds after which a send that has not returned will not; a slow driver's take some milliseconds
 )
+STUCK_SLICE = 0.02  # seconds; one that takes much longer shows that this program does not run
+STARVED = 10.0  # seconds that the other thread is given where neither runs
 
 _LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 
@@ -95,9 +98,11 @@ class Channel:
         self._send_lock = threading.Lock()
         self._state_lock = threading.Lock()
         self._closing = False
+        self._inherited = False  # by a forked child
         self.network = Network(self)
         self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
         self._thread.start()
+        disown_in_children(self)
 
     @classmethod
     def open(
@@ -205,6 +210,8 @@ class Channel:
 
         Each frame is tried on its own, so that one failure stops no other. Bounded to about 0.1 s unless the driver itself blocks.
         """
+        if self._inherited:
+            return 0
         deadline = time.monotonic() + URGENT_TOTAL
         locked = self._send_lock.acquire(timeout=URGENT_LOCK)
         try:
@@ -237,6 +244,13 @@ class Channel:
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the adapter is gone either way
             self.counters.errors.append(f"on closing: {error}")
 
+    def disown(self) -> None:
+        """Be of no use in a forked child: nothing is sent, and the adapter is the parent's to close."""
+        self._closing = self._inherited = True
+        self._send_lock, self._state_lock = threading.Lock(), threading.Lock()
+        self._failure = failures.inherited(self.name)
+        self.bus._is_shutdown = True  # else python-can would shut the adapter down when the child ends
+
     def __enter__(self) -> Channel:
         return self
 
@@ -262,9 +276,7 @@ class Channel:
             time.sleep(SEND_PAUSE)
 
     def _attempt(self, message: can.Message) -> Exception | None:
-        if not self._send_lock.acquire(timeout=STUCK):
-            self.fail(failures.stuck(self.name, STUCK))
-            self.check()
+        self._acquire_send_lock()
         try:
             self.bus.send(message, self._send_timeout)
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
@@ -272,6 +284,22 @@ class Channel:
         finally:
             self._send_lock.release()
         return None
+
+    def _acquire_send_lock(self) -> None:
+        """Wait for another thread's send; whose fault it is that this does not end is told by whether we ran meanwhile."""
+        began = before = time.monotonic()
+        ran = 0.0
+        while not self._send_lock.acquire(timeout=STUCK_SLICE):
+            now = time.monotonic()
+            ran += min(now - before, 2 * STUCK_SLICE)
+            before = now
+            if ran >= STUCK or now - began >= STARVED:
+                self.fail(
+                    failures.stuck(self.name, STUCK)
+                    if ran >= STUCK
+                    else failures.starved(self.name, now - began)
+                )
+                self.check()
 
     def _is_final(self, error: Exception) -> bool:
         """Whether no later attempt can succeed; only SocketCAN's error codes are the operating system's."""

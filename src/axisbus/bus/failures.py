@@ -6,6 +6,7 @@ import can
 
 from axisbus.bus import socketcan
 from axisbus.bus.errorframe import WHAT_TO_CHECK, ErrorCounters
+from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import AdapterError, BusError, BusOff
 
 _REOPEN = "check the adapter's plug and whether the interface was taken down, then open the machine again"
@@ -53,6 +54,24 @@ def stuck(name: str, seconds: float) -> AdapterError:
         f"the CAN adapter {name} is stuck in its driver",
         observed=f"a frame that was given to it {seconds:g} s ago has not been taken",
         remedy="pull the adapter out and plug it in again, update its driver, then open the machine again",
+    )
+
+
+def inherited(name: str) -> AdapterError:
+    """A forked child has a copy of it."""
+    return AdapterError(
+        f"the CAN channel {name} belongs to the process that opened it",
+        observed="this process was forked from that one, and two on one adapter would be two masters",
+        remedy="use it in the process that opened it; begin worker processes before that, or with the start method 'spawn'",
+    )
+
+
+def starved(name: str, seconds: float) -> AdapterError:
+    """A send of another thread has not returned, and neither thread was given time."""
+    return AdapterError(
+        f"this program hardly ran for {seconds:.2g} s: a frame could not be given to the CAN adapter {name}",
+        observed="the thread that was giving it the frame before was not run; the adapter is not known to be at fault",
+        remedy=f"{REMEDY}; then open the machine again",
     )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from axisbus.bus.channel import Channel
 from axisbus.cia301 import sync
 from axisbus.cia301.sync import SyncWatch
+from axisbus.cia402.starvation import REMEDY, Starvation
 from axisbus.errors import BusError, SyncError
 
 _SLICE = 0.05  # seconds between two looks whether the channel still works
@@ -37,6 +38,7 @@ class SyncConsumer:
         self._clock = clock
         self._changed = threading.Condition()
         self._stamps: list[float] = []  # of the SYNCs that nobody has taken yet
+        self._starvation = Starvation()
         channel.subscribe(cob_id, self._on_frame)
 
     @property
@@ -105,11 +107,19 @@ class SyncConsumer:
         with self._changed:
             if not self._stamps:
                 left = _SLICE if deadline is None else deadline - self._clock()
-                self._changed.wait(min(max(left, 0.0), _SLICE))
+                self._wait(min(max(left, 0.0), _SLICE))
             stamps = list(self._stamps)
             if not keep:
                 self._stamps.clear()
         return stamps
+
+    def _wait(self, seconds: float) -> None:
+        """Wait for a SYNC; coming back far too late is no fault of its producer."""
+        began = self._clock()
+        self._changed.wait(seconds)
+        late = self._clock() - began - seconds
+        if late > _SLICE / 2:
+            self._starvation.note(self._clock(), late)
 
     def _on_frame(self, _data: bytes, stamp: float) -> None:
         with self._changed:
@@ -135,9 +145,11 @@ class SyncConsumer:
 
     def _missing(self, now: float) -> BusError:
         since = (self._watch.deadline or now) - self._watch.patience
+        remedy = "look at the device that sends SYNC (lost, stopped, reset?); sync_timeout in [bus] allows it more time"
+        starved = self._starvation.text(now)
         return SyncError(
-            "SYNC of the other producer is missing",
+            f"{starved}, and SYNC was not heard" if starved else "SYNC of the other producer is missing",
             observed=f"none on {self.cob_id:03X}h for {(now - since) * 1000:.1f} ms, expected within "
             f"{self._watch.patience * 1000:g} ms",
-            remedy="look at the device that sends SYNC (lost, stopped, reset?); sync_timeout in [bus] allows it more time",
+            remedy=f"{REMEDY}; if it stays away all the same: {remedy}" if starved else remedy,
         )

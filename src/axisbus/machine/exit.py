@@ -1,26 +1,35 @@
-"""Ctrl-C and SIGTERM: the scan is asked for a stop at once; the exception that ends the program comes right after.
+"""Ctrl-C and SIGTERM, for all machines of the process: every scan is asked for a stop, then an exception ends the program.
 
 Theory of operation
 -------------------
-The scan does the stopping, in its own thread, whatever the main thread does meanwhile. A listening thread (``wakeup``) asks for it
-the moment that the signal comes; the handler, which Python runs in the main thread only, asks too where it is first, and raises
+There is one owner of the signals (``EXIT``), however many machines are open and in whatever order they are closed: the handlers are
+installed with the first, and given back when the last is closed (only the main thread can do either). A signal stops every machine.
+
+The scans do the stopping, in their own threads, whatever the main thread does meanwhile. A listening thread (``wakeup``) asks for
+it the moment that the signal comes; the handler, which Python runs in the main thread only, asks too where it is first, and raises
 ``KeyboardInterrupt`` (``SystemExit`` 143 for SIGTERM) in the main thread, so that ``time.sleep``, ``handle.wait`` or an event loop
-end and the ``with`` block is left. Inside ``Machine.close`` it is kept until everything stands: leaving is what is being done
-already. A second signal makes the stop a quick stop.
+end and the ``with`` block is left. While the main thread leaves a machine it is kept until everything stands: leaving is what is
+being done already. A second signal makes the stop a quick stop.
 
 Leaving begins with the *call* of what leaves: of two signals that come together the second is handled on the first instruction of
 ``__exit__``, before any of its lines could say so, or on the first of the first one's own handler, which must not be thrown off its
 way by it. The interrupted frames tell it.
+
+A forked child has its parent's handlers and, in the operating system's eyes, its ends of the sockets: it gives all of them up, and
+a signal that comes in between waits until it has.
 """
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from types import CodeType, FrameType
 from typing import Any
 
+from axisbus.bus.inherited import disown_in_children
 from axisbus.machine.wakeup import Wakeup
 from axisbus.motion.scan import Scan
 
@@ -28,56 +37,113 @@ _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 
 
 class ExitSignals:
-    """Installed handlers; holds how many signals have come and the handlers that were there before.
+    """Holds the scans to be stopped, how many signals have come, and the handlers that were there before.
 
-    ``closing`` is set by whoever begins to leave; ``pending`` is then the exception to be raised when everything stands.
+    ``pending`` is the exception to be raised when everything stands, for a signal that came while a machine was being left.
     """
 
-    def __init__(self, scan: Scan, *leaving: Callable[..., object]) -> None:
-        """``leaving``: the functions by which a machine is left."""
-        self._scan = scan
-        self._keeps: frozenset[CodeType] = frozenset(
-            function.__code__ for function in (*leaving, ExitSignals._handle)
-        )
+    def __init__(self) -> None:
+        self._keeps: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
+        self._lock = threading.Lock()  # never taken by a handler
+        self._scans: dict[Scan, int] = {}  # with the number of signals that had come before it was there
         self._before: dict[signal.Signals, Any] = {}
         self._wakeup: Wakeup | None = None
         self._heard = 0
         self._handled = 0
-        self.closing = False
         self.pending: BaseException | None = None
 
-    def install(self, listen: bool) -> None:
-        """Take the signals over; only possible (and only done) in the main thread.
+    def keep_within(self, *leaving: Callable[..., object]) -> None:
+        """Raise nothing while one of these functions runs in the main thread: by them a machine is left."""
+        self._keeps |= {function.__code__ for function in leaving}
+
+    def join(self, scan: Scan, *, listen: bool) -> None:
+        """Let signals stop ``scan``; they are taken over where this is the main thread.
 
         ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile.
         """
+        with self._lock:
+            self._scans = {**self._scans, scan: self._came}
         if threading.current_thread() is not threading.main_thread():
             return
-        for number in _SIGNALS:
-            self._before[number] = signal.signal(number, self._handle)
-        if listen:
+        self._take_over()
+        if listen and self._wakeup is None:
+            self._handled = self._heard = self._came
             self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
             self._wakeup.start()
 
-    def restore(self) -> None:
-        """Give the signals back to whoever had them."""
-        if self._wakeup is not None and threading.current_thread() is threading.main_thread():
+    def part(self, scan: Scan) -> None:
+        """Let signals no longer stop ``scan``; harmless when repeated. Without any left, the signals are given back."""
+        with self._lock:
+            self._scans = {other: came for other, came in self._scans.items() if other is not scan}
+        self._settle()
+
+    def take(self) -> BaseException | None:
+        """Return what a signal has left to be raised, once."""
+        pending, self.pending = self.pending, None
+        return pending
+
+    def disown(self) -> None:
+        """Let a forked child have its signals to itself."""
+        self._lock = threading.Lock()
+        self._scans = {}
+        self.pending = None
+        if self._wakeup is not None:
+            self._wakeup.drop()
+            self._wakeup = None
+        self._give_back()
+
+    @property
+    def listens(self) -> bool:
+        """Whether signals are heard in a thread."""
+        return self._wakeup is not None
+
+    @property
+    def _came(self) -> int:
+        return max(self._heard, self._handled)
+
+    def _take_over(self) -> None:
+        for number in _SIGNALS:
+            now = signal.getsignal(number)
+            if now != self._handle:
+                self._before[number] = now
+                signal.signal(number, self._handle)
+
+    def _settle(self) -> None:
+        """Give the signals back where nobody is left to be stopped; done by the main thread when it comes to it."""
+        if self._scans or threading.current_thread() is not threading.main_thread():
+            return
+        if self._wakeup is not None:
             self._wakeup.stop()
             self._wakeup = None
-        while self._before:
-            number, handler = self._before.popitem()
-            if threading.current_thread() is threading.main_thread():
+        self._give_back()
+
+    def _give_back(self) -> None:
+        for number, handler in self._before.items():
+            if signal.getsignal(number) == self._handle:  # else somebody has taken it since, and keeps it
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
+        if not self._scans:  # the last machine was closed in another thread
+            self._pass_on(number, frame)
+            return
         self._handled += 1
         if self._handled > self._heard:  # the listening thread is not there, or later than we are
-            self._scan.request_stop(_SIGNALS[signal.Signals(number)], quick=self._handled > 1)
+            self._ask(number, self._handled)
         error: BaseException = SystemExit(143) if number == signal.SIGTERM else KeyboardInterrupt()
-        if self.closing or self._interrupts_us(frame):
+        if self._interrupts_us(frame):
             self.pending = error
         else:
             raise error
+
+    def _pass_on(self, number: int, frame: FrameType | None) -> None:
+        """Let whoever had the signal before us have it: no machine is there."""
+        self._settle()
+        before = self._before.get(signal.Signals(number))
+        if callable(before):
+            before(number, frame)
+        elif before is not signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
 
     def _interrupts_us(self, frame: FrameType | None) -> bool:
         """Whether the signal came while a machine was being left, or within the handler of another signal."""
@@ -89,5 +155,40 @@ class ExitSignals:
 
     def _hear(self, number: int) -> None:
         """Ask for the stop (the listening thread calls this); a second request for the same signal does no harm."""
+        if not self._scans or signal.getsignal(number) != self._handle:
+            return  # nobody is left to be stopped, or the program has taken the signal for itself
         self._heard += 1
-        self._scan.request_stop(_SIGNALS[signal.Signals(number)], quick=self._heard > 1)
+        self._ask(number, self._heard)
+
+    def _ask(self, number: int, count: int) -> None:
+        for scan, before in self._scans.items():
+            scan.request_stop(_SIGNALS[signal.Signals(number)], quick=count - before > 1)
+
+
+EXIT = ExitSignals()
+disown_in_children(EXIT)
+
+
+class _Held(threading.local):
+    """The signal mask of a thread that forks."""
+
+    mask: set[int] | None = None
+
+
+_held = _Held()
+
+
+def _before_fork() -> None:
+    """Hold the signals back: one that reached the child before it has disowned us would be heard by us."""
+    if EXIT.listens:
+        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+
+
+def _after_fork() -> None:
+    mask, _held.mask = _held.mask, None
+    if mask is not None:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+if sys.platform != "win32":
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork, after_in_child=_after_fork)

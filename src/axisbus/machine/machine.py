@@ -5,27 +5,29 @@ from __future__ import annotations
 import atexit
 import gc
 import itertools
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
 from axisbus.bus.controller import ControllerEvent
+from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.nodeevents import BAD, NodeEvent
 from axisbus.cia402.port import Port, Waiter
-from axisbus.errors import AxisbusError, NodeError, StateError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.machine import config
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.check import check_cell
+from axisbus.machine.closing import Closing
 from axisbus.machine.direct import build_direct
-from axisbus.machine.exit import ExitSignals
+from axisbus.machine.exit import EXIT
 from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Stopped, scan_failure
+from axisbus.machine.parting import Stopped, lost_without_axes, scan_failure
 from axisbus.machine.pickup import Pickup
 from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
@@ -37,9 +39,12 @@ from axisbus.motion.axes import Group
 from axisbus.motion.axis import Axis
 from axisbus.motion.core import AxisCore
 from axisbus.motion.handle import ThreadWaiter
+from axisbus.motion.leaving import ladder_time
 from axisbus.motion.policy import LostNode
 from axisbus.motion.scan import PumpWaiter, Scan
 from axisbus.sim.device import Device
+
+log = logging.getLogger("axisbus")
 
 _CLOSE_MARGIN = 2.0
 _FIRST_VALUES = (
@@ -72,13 +77,15 @@ class Machine:
             LostNode(cell.bus.on_lost_node),
         )
         self._pickup = Pickup(runtime.late, self._join)
-        self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan, self._pickup.look)
+        self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan, self._between_cycles)
         self._roster = Roster(cell, runtime.booted, self.scan, self._waiter)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
-        self._signals = ExitSignals(self.scan, Machine.__exit__, Machine.close, Machine._close)
+        self._closing = Closing(
+            self._leave, self.scan.request_stop, getattr(self._waiter, "is_pumping", None)
+        )
         self._thread: ScanThread | None = None
-        self._closed = False
+        self._inherited = False  # by a forked child
 
     @classmethod
     def open(cls, path: str | Path, *, beside: bool = False) -> Machine:
@@ -123,6 +130,7 @@ class Machine:
             machine._begin()
         except BaseException:  # a signal, as a rule: nobody has the machine yet who could close it
             machine._close("opening it was interrupted")
+            EXIT.take()
             raise
         return machine
 
@@ -223,14 +231,7 @@ class Machine:
 
     def _node_event(self, event: NodeEvent) -> None:
         if event.kind in BAD:
-            self.scan.trip(
-                NodeError(
-                    f"node {event.node} {event.kind.value}",
-                    node=event.node,
-                    observed=str(event),
-                    remedy='look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on',
-                )
-            )
+            self.scan.trip(lost_without_axes(event, self.scan.starvation.text(self.scan.cycle.now())))
 
     # -- running and closing -----------------------------------------------------------------------------------------
 
@@ -242,9 +243,10 @@ class Machine:
     ) -> None:
         reason = "the with block ended" if error is None else f"{type(error).__name__} ended the with block"
         failures = self._close(reason)
-        if error is None or (isinstance(error, Exception) and self._signals.pending is not None):
+        if error is None or (isinstance(error, Exception) and EXIT.pending is not None):
             self._raise(failures)
         elif error is not None:
+            EXIT.take()  # a signal that came meanwhile: the program ends already
             _add_notes(error, failures)
 
     def close(self) -> None:
@@ -264,21 +266,27 @@ class Machine:
             assert isinstance(self._waiter, PumpWaiter)
             self._waiter.pump()
             self._waiter.wait(self._roster.has_values, _FIRST_VALUES)
-            self._signals.install(listen=False)
+            EXIT.join(self.scan, listen=False)
             return
         assert isinstance(self._waiter, ThreadWaiter)
+        disown_in_children(self)
         self._thread = ScanThread(self.scan, self._waiter, self.cell.bus.sync_timeout)
         self._thread.start()
         self._pickup.start()
         atexit.register(self._at_exit)
-        self._signals.install(listen=True)
+        EXIT.join(self.scan, listen=True)
         self._waiter.wait(self._roster.has_values, _FIRST_VALUES)
 
     def _close(self, reason: str) -> list[AxisbusError]:
-        if self._closed:
+        """Close, or wait for whoever closes; return what went wrong. In a forked child there is nothing to be closed."""
+        if self._inherited:
             return []
-        self._signals.closing = True  # first: from here on a signal waits until all is done
-        self._closed = True
+        failures = self._closing.run(reason)
+        if self._closing.over:
+            EXIT.part(self.scan)  # once more: only the main thread can give signals back
+        return failures
+
+    def _leave(self, reason: str) -> list[AxisbusError]:
         rescued: list[Stopped] = []
         try:
             self._stop_axes(reason)
@@ -289,15 +297,22 @@ class Machine:
                 touched = [name for name, core in self.scan.axes.items() if core.touched]
                 rescued = self._runtime.rescue(touched)
             self._runtime.leave(self.scan.axes, rescued)
-            self._signals.restore()
+            EXIT.part(self.scan)
         return self._failures(rescued)
 
     def _stop_axes(self, reason: str) -> None:
-        times = [core.parameters.stop_times for core in self.scan.axes.values()]
-        longest = max((t.halt + t.quick_stop + 2 * t.disable for t in times), default=0.0)
-        self.scan.refuse_commands()
+        """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
+        times = [ladder_time(core.parameters.stop_times) for core in self.scan.axes.values()]
+        until = self.scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
         self.scan.request_stop(reason)
-        self._waiter.wait(lambda: self.scan.has_stopped, longest + _CLOSE_MARGIN)
+        interruption: BaseException | None = None
+        while not self.scan.has_stopped and self.scan.cycle.now() < until:
+            try:
+                self._waiter.wait(lambda: self.scan.has_stopped, until - self.scan.cycle.now())
+            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
+                interruption = error
+        if interruption is not None:
+            raise interruption
 
     def _end_scan(self) -> None:
         self.scan.quit()
@@ -316,15 +331,34 @@ class Machine:
 
     def _raise(self, failures: list[AxisbusError]) -> None:
         """Raise what a signal left behind while the machine was being closed, else what went wrong."""
-        pending, self._signals.pending = self._signals.pending, None
+        pending = (
+            EXIT.take()
+        )  # from here on nothing is called that a signal could interrupt, where all went well
         if pending is not None:
             _add_notes(pending, failures)
             raise pending
-        _raise(failures)
+        if failures:
+            _raise(failures)
 
     def _at_exit(self) -> None:
-        with suppress(AxisbusError):
-            self._close("the program ended")
+        for failure in self._close("the program ended"):
+            log.error("while the program ended: %s", failure)
+
+    def _between_cycles(self, now: float) -> None:
+        """What threads do in real time."""
+        self._pickup.look(now)
+        self._closing.finish()
+
+    def disown(self) -> None:
+        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+        self._inherited = True
+        self.scan.disown()
+        assert isinstance(self._waiter, ThreadWaiter)
+        self._waiter.disown()
+        atexit.unregister(self._at_exit)
+
+
+EXIT.keep_within(Machine.__exit__, Machine.close, Machine._close)
 
 
 def boot(
@@ -380,5 +414,4 @@ def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:
 def _raise(failures: list[AxisbusError]) -> None:
     if len(failures) == 1:
         raise failures[0]
-    if failures:
-        raise ExceptionGroup("not everything could be stopped as asked", failures)
+    raise ExceptionGroup("not everything could be stopped as asked", failures)

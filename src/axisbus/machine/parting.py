@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
 
-from axisbus.errors import ScanError, in_a_line
+from axisbus.bus.nodeevents import NodeEvent
+from axisbus.cia402.starvation import REMEDY
+from axisbus.errors import NodeError, ScanError, in_a_line
 from axisbus.machine.boot import Booted
 from axisbus.motion.core import AxisCore
 from axisbus.motion.diagnosis import join_remedies
@@ -51,6 +53,21 @@ def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, boo
     if not all(seen.get(core.parameters.name, core.rests) for core in ours):
         return Parting.ARMED
     return Parting.AS_FOUND if node.found_enabled and not ours else Parting.REST
+
+
+def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
+    """Return what stops the cell when a node is lost that has no axis; ``starved``: that this program did not run, in words."""
+    remedy = 'look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on'
+    if not starved:
+        return NodeError(
+            f"node {event.node} {event.kind.value}", node=event.node, observed=str(event), remedy=remedy
+        )
+    return NodeError(
+        f"{starved}, and node {event.node} {event.kind.value}",
+        node=event.node,
+        observed=str(event),
+        remedy=join_remedies(REMEDY, f"if it is so all the same: {remedy}"),
+    )
 
 
 def scan_failure(failure: BaseException, rescued: Iterable[Stopped]) -> ScanError:

@@ -1,24 +1,20 @@
-"""The thread that runs a machine's scan in real time, with its supervisor, and what of Python is set for it meanwhile."""
+"""The thread that runs a machine's scan in real time, with the supervisor that watches it."""
 
 from __future__ import annotations
 
-import gc
-import sys
 import threading
 
 from axisbus.machine.supervisor import Supervisor
+from axisbus.machine.tuning import TUNING
 from axisbus.motion.handle import ThreadWaiter
 from axisbus.motion.scan import Scan
 
-_SWITCH_INTERVAL = (
-    0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
-)
 _HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
 _JOIN = 2.0
 
 
 class ScanThread:
-    """Holds the thread, the supervisor that watches it, and Python's own switch interval until ``stop``."""
+    """Holds the thread, and the supervisor that watches it, until ``stop``."""
 
     def __init__(self, scan: Scan, waiter: ThreadWaiter, sync_timeout: float | None) -> None:
         """``sync_timeout``: seconds that the scan may wait for another device's SYNC."""
@@ -27,12 +23,10 @@ class ScanThread:
         self._thread = threading.Thread(target=scan.run, name="axisbus scan", daemon=True)
         patience = max(_HUNG, 20 * scan.period, _HUNG + (sync_timeout or 0.0))
         self._supervisor = Supervisor(scan, self._thread, patience)
-        self._switch_interval = sys.getswitchinterval()
 
     def start(self) -> None:
         """Let the scan run."""
-        sys.setswitchinterval(_SWITCH_INTERVAL)
-        gc.freeze()  # a full collection over the dictionaries takes several periods
+        TUNING.take()
         self._scan.waiter = self._waiter
         self._thread.start()
         self._waiter.scan_thread = self._thread.ident
@@ -47,5 +41,4 @@ class ScanThread:
         self._supervisor.stop()
         if self._thread.is_alive():
             self._thread.join(_JOIN)
-        sys.setswitchinterval(self._switch_interval)
-        gc.unfreeze()
+        TUNING.give_back()

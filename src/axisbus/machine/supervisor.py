@@ -5,10 +5,20 @@ from __future__ import annotations
 import threading
 import time
 
+from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import ScanError
+from axisbus.machine.whereabouts import Place, Whereabouts, whereabouts
 from axisbus.motion.scan import Scan
 
 _ROUND = 0.02
+_ON_TIME = 0.04  # seconds; a round that takes longer shows that this program did not run
+_STARVED = 10  # times the patience after which a scan that is given no time counts as hung all the same
+_BUSY = "look what else this computer is busy with"
+_CALLBACK = (
+    "let a callback or an observer only note what it has to tell (a queue, an event), and do the work in a thread of the program's "
+    "own; then open the machine again"
+)
+_REMEDY = "look at the adapter and its driver (a send that blocks), then open the machine again"
 
 
 class Supervisor:
@@ -36,25 +46,44 @@ class Supervisor:
             self._thread.join(1.0)
 
     def _run(self) -> None:
-        seen, since = self._scan.lateness.cycles, time.monotonic()
-        before = since
+        cycles, last = self._scan.lateness.cycles, time.monotonic()
+        ran = 0.0  # seconds since the last cycle in which we ran ourselves: what we did not, the scan could not either
+        before = last
         while not self._done.wait(_ROUND):
             now = time.monotonic()
-            if now - before > 10 * _ROUND or self._scan.lateness.cycles != seen:
-                since = now  # it advances, or we were all suspended together
-                seen = self._scan.lateness.cycles
+            ran += now - before if now - before < _ON_TIME else _ROUND
             before = now
+            if self._scan.lateness.cycles != cycles:
+                cycles, last, ran = self._scan.lateness.cycles, now, 0.0
             if self._scan.ended:
                 return
-            if not self._watched.is_alive() or now - since > self._patience:
-                self._take_over(now - since)
+            silent = now - last
+            if not self._watched.is_alive() or ran > self._patience or silent > _STARVED * self._patience:
+                self._take_over(silent, silent - ran)
                 return
 
-    def _take_over(self, silent: float) -> None:
-        alive = self._watched.is_alive()
-        self._scan.failure = ScanError(
-            "the scan of the bus hangs" if alive else "the scan's thread ended",
-            observed=f"no cycle for {silent:.2f} s",
-            remedy="look at the adapter and its driver (a send that blocks), then open the machine again",
-        )
+    def _take_over(self, silent: float, missing: float) -> None:
+        place = whereabouts(self._watched.ident) if self._watched.is_alive() else None
+        self._scan.failure = _failure(place, silent, missing)
         self._scan.end()
+
+
+def _failure(place: Whereabouts | None, silent: float, missing: float) -> ScanError:
+    """Return why there was no cycle for ``silent`` seconds, in ``missing`` of which this program did not run at all."""
+    seen = f"no cycle for {silent:.2f} s"
+    if place is None:
+        return ScanError("the scan's thread ended", observed=seen, remedy=_REMEDY)
+    if missing > silent / 2:
+        message = f"this program did not run for {missing:.2f} s, and the scan of the bus did no cycle"
+        return ScanError(message, observed=seen, remedy=f"{REMEDY}; then open the machine again")
+    if place.place is Place.DRIVER:
+        return ScanError("the scan of the bus hangs", observed=seen, remedy=_REMEDY)
+    seen += f"; its thread is in {place.text}, not in the adapter's driver"
+    if place.place is Place.PROGRAM:
+        message = "the scan of the bus is held up by code of the program's own that it has called"
+        return ScanError(message, observed=seen, remedy=_CALLBACK)
+    return ScanError(
+        "the scan of the bus was not run",
+        observed=seen,
+        remedy=f"{_BUSY}; {REMEDY}; then open the machine again",
+    )

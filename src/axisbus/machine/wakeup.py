@@ -57,6 +57,12 @@ class Wakeup:
         self._inside.close()
         self._outside.close()
 
+    def drop(self) -> None:
+        """Let go of what a forked child has inherited: it would hear, and answer for, its parent."""
+        signal.set_wakeup_fd(_NOBODY)
+        self._inside.close()
+        self._outside.close()
+
     def _run(self) -> None:
         while (number := self._inside.recv(1)) not in (_END, b""):
             self._hear(number[0])

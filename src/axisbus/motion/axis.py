@@ -39,7 +39,10 @@ class Axis:
         self._waiter = waiter
 
     def __repr__(self) -> str:
-        return f"<Axis {self.name}: {self.state.value}>"
+        known = self._scan.dead is None
+        return (
+            f"<Axis {self.name}: {self.snapshot.state.value if known else 'unknown, its scan does not run'}>"
+        )
 
     # -- what it is and where it is ----------------------------------------------------------------------------------
 
@@ -50,17 +53,28 @@ class Axis:
 
     @property
     def state(self) -> AxisState:
-        """PLCopen's state, as of the last cycle."""
+        """PLCopen's state, as of the last cycle.
+
+        Raises:
+            StaleError: it is unknown: the scan has failed.
+        """
+        self._require_scan("state")
         return self.snapshot.state
 
     @property
     def error(self) -> AxisbusError | None:
-        """Why the axis is in ErrorStop; None when it is not."""
-        return self.snapshot.error
+        """Why the axis is in ErrorStop, or why nothing is known of it: the scan has failed. None when all is well."""
+        dead = self._scan.dead
+        return self.snapshot.error if dead is None else self._unknown("state", dead)
 
     @property
     def homed(self) -> bool:
-        """Whether its position is a confirmed one: homed, or set by ``set_position``, since the machine was opened."""
+        """Whether its position is a confirmed one: homed, or set by ``set_position``, since the machine was opened.
+
+        Raises:
+            StaleError: it is unknown: the scan has failed.
+        """
+        self._require_scan("position")
         return self.snapshot.homed
 
     @property
@@ -96,12 +110,7 @@ class Axis:
     def _known(self, value: int | None, what: str) -> int:
         silent = self._scan.silent
         if silent is not None:
-            raise StaleError(
-                f"{self.name}: its {what} is unknown",
-                axis=self.name,
-                observed=silent,
-                remedy="read it while the machine is open; axis.snapshot keeps what was seen last, with its time",
-            )
+            raise self._unknown(what, silent)
         if value is None:
             raise StaleError(
                 f"{self.name}: its {what} is unknown",
@@ -110,6 +119,23 @@ class Axis:
                 remedy="check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)",
             )
         return value
+
+    def _require_scan(self, what: str) -> None:
+        """Check that the scan lives, or was ended well; raises StaleError."""
+        dead = self._scan.dead
+        if dead is not None:
+            raise self._unknown(what, dead)
+
+    def _unknown(self, what: str, why: str) -> StaleError:
+        remedy = "read it while the machine is open"
+        if self._scan.failure is not None:
+            remedy = "make sure that the axis stands, then close the machine, which tells more"
+        return StaleError(
+            f"{self.name}: its {what} is unknown",
+            axis=self.name,
+            observed=why,
+            remedy=f"{remedy}; axis.snapshot keeps what was seen last, with its time",
+        )
 
     def _why_unknown(self, what: str) -> str:
         name = what.partition(" ")[0]
@@ -356,7 +382,7 @@ class Axis:
         return self._parameters.units.position.to_units(target) if endless else position
 
     def _require_homed(self, name: str) -> None:
-        if self._parameters.homing.required and not self.homed:
+        if self._parameters.homing.required and not self.snapshot.homed:
             raise ArgumentError(
                 f"{self.name}.{name}: the axis is not homed",
                 observed="its absolute position is not confirmed since the machine was opened",

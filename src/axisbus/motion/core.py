@@ -101,6 +101,11 @@ class AxisCore:
         return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
 
     @property
+    def stopped_for_sure(self) -> bool:
+        """Whether the last stop ladder has seen the axis stopped, and nothing has set it going since."""
+        return self._stopped_for_sure
+
+    @property
     def bounded(self) -> bool:
         """Whether the position limits hold: where homing is required they promise nothing before it."""
         return self.homed or not self.parameters.homing.required
@@ -268,6 +273,7 @@ class AxisCore:
             story.doing = f" during {handle.name}" if handle.busy else ""
             story.handles.append(handle)
         self._story = story
+        self._stopped_for_sure = False  # an earlier ladder's: the drive itself brakes now, or coasts
         self._trip(story.tell(image, self.history))
         story.handles += self.stopping.drop()
         self.powered = False

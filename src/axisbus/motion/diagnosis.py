@@ -6,7 +6,7 @@ from collections import deque
 
 from axisbus.cia301 import emcy
 from axisbus.cia301.nmt import NmtState
-from axisbus.cia402 import modes, objects
+from axisbus.cia402 import modes, objects, starvation
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError
@@ -17,6 +17,7 @@ from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 
 THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
+_LINE = "\n            "  # between two remedies, under the word "remedy"
 _RECENT = 5.0  # seconds that an EMCY counts as belonging to what happens now
 
 # What to check first, by class of the error code (first hex digit, then the exact ones that deserve their own).
@@ -39,6 +40,9 @@ _REMEDY_BY_CODE = {
     0x7121: "the motor is blocked: look at the mechanics and the brake",
 }
 
+
+# What a drive says that has heard too little of us: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA 402-2, 603Fh).
+_OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
 
 _NO_OTHER = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN})
 
@@ -115,13 +119,16 @@ class FaultStory:
         texts += [f"EMCY {emcy.describe(entry.code)}{_register(entry)}" for entry in recent[-2:]]
         texts.append(f"path: {history.path()}")
         came = "was found in" if history.began_in_fault else "went into"
-        return DriveFault(
+        fault = DriveFault(
             f"{name}: the drive {came} fault{self.doing}",
             axis=name,
             code=code,
             observed="; ".join(texts),
             remedy=f"{remedy(code)}; then reset it: axis.reset()",
         )
+        if code in _OF_OUR_SILENCE:
+            name_starvation(fault, image)
+        return fault
 
 
 def first_observation(error: AxisbusError) -> str:
@@ -131,7 +138,8 @@ def first_observation(error: AxisbusError) -> str:
 
 def join_remedies(first: str, then: str) -> str:
     """Return two remedies, a line each under the word "remedy"; what is said already is not said twice."""
-    return then if not first or first in then else f"{first}\n            {then}" if then else first
+    said = first.split(_LINE) if first else []
+    return _LINE.join([*said, *(line for line in then.split(_LINE) if line and line not in said)])
 
 
 def remedy(code: int | None) -> str:
@@ -169,4 +177,19 @@ def enrich(error: AxisbusError, image: Image, history: History) -> AxisbusError:
     if 0.5 < age < 1e6:
         texts.append(f"last statusword {age:.3g} s ago")
     error.observed = "; ".join(texts)
+    return name_starvation(error, image)
+
+
+def name_starvation(error: AxisbusError, image: Image) -> AxisbusError:
+    """Say first what was this program's own: that it did not run. An alarm stays before it, and what is said is not said twice."""
+    text = image.starvation.text(image.now)
+    if not text or "this program did not run" in error.message:
+        return error
+    error.observed = f"{text}; {error.observed}"
+    first, then = (
+        (error.remedy, starvation.REMEDY)
+        if error.remedy.startswith("TREAT ")
+        else (starvation.REMEDY, error.remedy)
+    )
+    error.remedy = join_remedies(first, then)
     return error

@@ -10,9 +10,13 @@ _OPEN_AGAIN = "mend the cause, and open the machine again"
 _MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"
 
 
-def refused_while_closing(what: str) -> StateError:
-    """The machine is being closed: a command that came then, or waited, is not taken."""
-    return StateError(f"{what}: the machine is being closed", remedy="open it again")
+def refused_while_leaving(what: str, reason: str) -> StateError:
+    """The machine is on its way out, because of ``reason``: a command that came then, or waited, is not taken."""
+    return StateError(
+        f"{what}: not taken, the machine is on its way out",
+        observed=f"every axis is being stopped: {reason}",
+        remedy="close it, and open it again to go on",
+    )
 
 
 def too_many(what: str) -> StateError:

@@ -15,6 +15,7 @@ from functools import partial
 from axisbus.cia402.port import Waiter
 from axisbus.errors import AxisbusError, Interrupted, StateError
 from axisbus.motion.broken import is_own
+from axisbus.motion.inherited import inherited
 
 log = logging.getLogger("axisbus")
 
@@ -221,13 +222,21 @@ class ThreadWaiter:
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self.scan_thread: int | None = None
+        self._inherited = False
+
+    def disown(self) -> None:
+        """Wait for nothing any more: this is a forked child, where no scan runs."""
+        self._condition = threading.Condition()
+        self._inherited = True
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Block until ``done()``; see ``Waiter``.
 
         Raises:
-            StateError: called in the scan's own thread, which would wait for itself.
+            StateError: called in the scan's own thread, which would wait for itself, or in a forked child.
         """
+        if self._inherited:
+            raise inherited("waiting")
         if threading.get_ident() == self.scan_thread:
             raise StateError("a command cannot be waited for in the scan's own thread")
         deadline = None if timeout is None else time.monotonic() + timeout

@@ -7,6 +7,7 @@ import math
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
+from axisbus.cia402.starvation import Starvation
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import BusError
 from axisbus.motion.still import Still
@@ -63,6 +64,7 @@ class Image:
         "replies",
         "set_point",
         "shows_target",
+        "starvation",
         "state",
         "statusword",
         "statusword_by_event",
@@ -109,6 +111,7 @@ class Image:
         self.led_to: int | None = None
         self.set_point: int | None = None
         self.shows_target = False
+        self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
 
@@ -117,6 +120,8 @@ class Image:
         now, ages = inputs.now, self._max_age
         self.gap = now - self.now
         self.now = now
+        if self.gap >= 2 * self._period:
+            self.starvation.note(now, self.gap - self._period)
         self.operational = inputs.operational
         self.nmt = inputs.nmt
         self.bus = inputs.bus

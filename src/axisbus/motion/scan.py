@@ -22,16 +22,19 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
-from axisbus.errors import AxisbusError
+from axisbus.cia402.starvation import Starvation
+from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.accept import accept
 from axisbus.motion.broken import broken
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.core import AxisCore
-from axisbus.motion.ending import ended, refused_while_closing, too_many
+from axisbus.motion.ending import ended, refused_while_leaving, too_many
 from axisbus.motion.group import GroupCore
 from axisbus.motion.group_commands import GroupCommand
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
 from axisbus.motion.inbox import Inbox, Target, Waiting
+from axisbus.motion.inherited import inherited
+from axisbus.motion.leaving import Leaving
 from axisbus.motion.policy import FaultPolicy, LostNode
 from axisbus.motion.snapshot import Snapshot
 
@@ -81,6 +84,7 @@ class Scan:
             name: self._group_core(members) for name, members in (groups or {}).items()
         }
         self.lateness = Lateness()
+        self.starvation = Starvation()
         self.snapshots: dict[str, Snapshot] = {}
         self.observers: list[Observer] = []
         self.failure: BaseException | None = None
@@ -97,10 +101,11 @@ class Scan:
         self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
-        self._stopping: list[Handle] = []
+        self._leaving = Leaving()
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
-        self._refusing = False
+        self._refusing: str | None = None  # why no command is taken any more
+        self._inherited = False  # by a forked child
         self._lock = threading.Lock()
 
     # -- for other threads -------------------------------------------------------------------------------------------
@@ -109,8 +114,13 @@ class Scan:
         """Let a command for an axis or group wait for the next cycles; does not block.
 
         Return its handle: that of the same command where it waits already (see ``inbox``).
+
+        Raises:
+            StateError: this is a forked child, whose scan does not run.
         """
-        waiting = self._inbox.put(Waiting(name, command, handle))
+        if self._inherited:
+            raise inherited(handle.name)
+        waiting = None if self._refusing is not None else self._inbox.put(Waiting(name, command, handle))
         if waiting is not None:
             return waiting.handle
         handle.finish(Status.ERROR, self._refusal(handle.name))
@@ -131,7 +141,11 @@ class Scan:
         return GroupCore({axis: self.axes[axis] for axis in members}, self.period)
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
-        """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block."""
+        """Ask for the stop of everything that this program has commanded; safe in a signal handler. Does not block.
+
+        From here on there is only the way out: no command is taken any more, also none that waits.
+        """
+        self._refusing = self._refusing or reason
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
 
@@ -139,12 +153,6 @@ class Scan:
         """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""
         if self._on_lost_node is not LostNode.REPORT:
             self._trips.append(error)
-
-    def refuse_commands(self) -> None:
-        """Take no more commands, also none that wait: from here on there is only the way out. Does not block."""
-        self._refusing = True
-        self._inbox.close()
-        self._refuse_waiting()
 
     def _refuse_waiting(self) -> None:
         for waiting in self._inbox.clear():
@@ -155,18 +163,35 @@ class Scan:
         """Whether every stop that was asked for has come to its end (or the scan has)."""
         if self.ended:
             return True
-        return self._stops_begun >= self._stops_wanted and not any(handle.busy for handle in self._stopping)
+        return self._stops_begun >= self._stops_wanted and self._leaving.over
 
     @property
     def silent(self) -> str | None:
         """Why the snapshots are no longer of now, None while they are."""
+        if self.dead is not None:
+            return self.dead
         if self.ended:
-            return "the machine is closed or its scan has failed: nothing is received any more"
+            return "the machine is closed: nothing is received any more"
         last = max((snapshot.now for snapshot in self.snapshots.values()), default=0.0)
         age = self.cycle.now() - last
         if age > max(_HANGING, 10 * self.period):
             return f"the scan of the bus has done no cycle for {age:.2f} s"
         return None
+
+    @property
+    def dead(self) -> str | None:
+        """Why nothing is known of any axis, and will not be: the scan has failed, or runs in another process.
+
+        None while it lives, and after the machine was closed: what was seen last is then how the axes were left.
+        """
+        if self._inherited:
+            return "this process was forked from the one that has the machine: nothing is received here"
+        return None if self.failure is None else f"the scan of the bus has failed: {in_a_line(self.failure)}"
+
+    def disown(self) -> None:
+        """Be of no use any more: this is a forked child, where nothing runs the scan."""
+        self._inherited = self.ended = True
+        self._lock = threading.Lock()
 
     def quit(self) -> None:
         """End ``run`` after the present cycle."""
@@ -188,12 +213,13 @@ class Scan:
         """Do one cycle. Raises what the bus raises (``BusError``)."""
         cycle = self.cycle
         now = self._wait(cycle)
-        self._take_commands()
+        self._take_commands(now)
         for group in self.groups.values():
             group.step()
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
             self.snapshots[name] = core.snapshot()
+        self._leaving.step(now)
         cycle.commit()
         if self.ended:  # the supervisor has taken over while a frame was stuck: nothing may follow it
             return
@@ -220,12 +246,12 @@ class Scan:
 
     def stop_failures(self) -> list[AxisbusError]:
         """Return why axes could not be stopped as asked; empty when all went well."""
-        return [error for handle in self._stopping if (error := handle.exception()) is not None]
+        return self._leaving.failures()
 
     def _refusal(self, what: str) -> AxisbusError:
         if self.ended:
             return self._ended(what)
-        return refused_while_closing(what) if self._refusing else too_many(what)
+        return too_many(what) if self._refusing is None else refused_while_leaving(what, self._refusing)
 
     def _ended(self, what: str) -> AxisbusError:
         return ended(what, self.failure, self._quick_stop_sent)
@@ -246,6 +272,8 @@ class Scan:
         self.lateness.note(late)
         missed = int(late / self.period + 0.5)
         self.lateness.skipped += missed
+        if missed:
+            self.starvation.note(now, late)
         self._next += (1 + missed) * self.period
         return now
 
@@ -259,13 +287,13 @@ class Scan:
                 self.groups = {**self.groups, **{group: self._group_core(mates[group]) for group in mates}}
         self._policy = FaultPolicy(tuple(self.axes), self._members, self._on_lost_node)
 
-    def _take_commands(self) -> None:
+    def _take_commands(self, now: float) -> None:
         if self._joining:
             self._take_axes()
         while self._stop_requests:
-            self._stopping = self._stop_all(*self._stop_requests.popleft())
+            self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1
-        if self._refusing:
+        if self._refusing is not None:  # what waited when the stop was asked for
             self._refuse_waiting()
             return
         for waiting in self._inbox.take():
@@ -285,15 +313,6 @@ class Scan:
                 self.axes[name].break_off(failure)
             handle.finish(Status.ERROR, failure)
 
-    def _stop_all(self, reason: str, quick: bool) -> list[Handle]:
-        """Let the stop ladder run on every axis that this program has commanded; return its handles."""
-        handles = []
-        for name, core in self.axes.items():
-            handle = Handle(f"{name}.stop ({reason})", NOBODY)
-            accept(core, Shutdown(reason, quick), handle)
-            handles.append(handle)
-        return handles
-
     def _apply_policy(self) -> None:
         while self._trips:
             self._policy_stop(dict.fromkeys(self.axes, self._trips.popleft().message))
@@ -309,7 +328,7 @@ class Scan:
             accept(self.axes[name], stop, Handle(f"{name}.stop", NOBODY))
 
     def _wake(self) -> None:
-        ended = False
+        ended = self._stops_begun > 0  # who leaves waits for more than a command's end
         for core in self.axes.values():
             if core.running.has_ended:
                 ended = True
@@ -327,6 +346,11 @@ class PumpWaiter:
         """``then`` is called with the virtual time after each cycle; it may wait itself."""
         self._scan = scan
         self._then = then
+        self._pumping: int | None = None
+
+    def is_pumping(self) -> bool:
+        """Whether the caller runs within a cycle, as a handle's callback does."""
+        return self._pumping == threading.get_ident()
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Pump the scan until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
@@ -342,6 +366,7 @@ class PumpWaiter:
         scan = self._scan
         if scan.ended:
             return
+        outer, self._pumping = self._pumping, threading.get_ident()
         try:
             scan.once()
         except BaseException as error:
@@ -350,5 +375,7 @@ class PumpWaiter:
             if not isinstance(error, AxisbusError):
                 raise
             return
+        finally:
+            self._pumping = outer
         if self._then is not None:
             self._then(scan.cycle.now())

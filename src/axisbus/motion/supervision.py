@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Capabilities
+from axisbus.cia402.starvation import REMEDY
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
 from axisbus.motion.activity import Activity
 from axisbus.motion.braking import Course
+from axisbus.motion.diagnosis import join_remedies
 from axisbus.motion.following import Following
 from axisbus.motion.guard import Guard, stop_of
 from axisbus.motion.image import Image
@@ -37,7 +39,7 @@ class Finding(NamedTuple):
 
 
 class Supervision:
-    """Watches one axis; holds whether its node was ever there and is lost, the last long gap, and the watches over its motion."""
+    """Watches one axis; holds whether its node was there and is lost, when silence is excused, and the watches over its motion."""
 
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
@@ -51,7 +53,6 @@ class Supervision:
             oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
         )
         self._excused_until = -math.inf
-        self._last_gap = 0.0
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
@@ -59,9 +60,6 @@ class Supervision:
         self.guard.look(image)
         if image.gap > self._longest_gap:
             self._excused_until = image.now + 2 * self._longest_gap
-            self._last_gap = (
-                image.gap if math.isfinite(image.gap) else 0.0
-            )  # before the first cycle nothing was
         if image.operational:
             self._met_operational = True
         elif self._met_operational and not self.lost and not self._excused(image):
@@ -134,8 +132,7 @@ class Supervision:
                 axis=name,
                 observed=f"the scan has a period of {self._parameters.scan_period * 1000:g} ms; longer than "
                 f"{self._longest_gap:.3g} s the state of the drive cannot be trusted",
-                remedy="do not suspend the program (SIGSTOP, a debugger, a laptop's sleep) and do not starve it of time; the axis "
-                "was stopped",
+                remedy=f"{REMEDY}; the axis was stopped",
             )
         )
 
@@ -169,6 +166,14 @@ class Supervision:
         if image.bus is not None:
             return bus_lost(name, node, image.bus)
         state = NmtState(image.nmt).text
+        starved = image.starvation.text(image.now)
+        if image.nmt in _SILENT and starved:
+            return NodeError(
+                f"{name}: {starved}, and node {node} is not heard",
+                node=node,
+                observed=f"no heartbeat of it came in time; its last NMT state was {state}; whether it is there is not known",
+                remedy=join_remedies(REMEDY, f"if it is lost all the same: {_remedy_for_silence(node)}"),
+            )
         if image.nmt in _SILENT:
             return NodeError(
                 f"{name}: node {node} is lost: its heartbeat stopped",
@@ -177,14 +182,15 @@ class Supervision:
                 remedy=_remedy_for_silence(node),
             )
         seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
-        if image.now < self._excused_until and self._last_gap:
-            seen += f"; this program did not run for {self._last_gap:.3g} s just before"
         return NodeError(
             f"{name}: node {node} is lost: its NMT state is {state}, not operational",
             node=node,
             observed=seen,
-            remedy="it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
-            "one that restarted has lost its configuration and position; close the machine and open it again",
+            remedy=join_remedies(
+                REMEDY if starved else "",
+                "it missed this program's heartbeat (EMCY 0x8130), or another master or tool commands it, or its supply failed: "
+                "one that restarted has lost its configuration and position; close the machine and open it again",
+            ),
         )
 
 
@@ -203,6 +209,14 @@ def silence(parameters: AxisParameters, image: Image) -> AxisbusError:
     name, node = parameters.name, parameters.node
     age = image.now - image.statusword_stamp
     seen = "it was never received" if age > 1e6 else f"the last one is {age:.3g} s old"
+    starved = image.starvation.text(image.now)
+    if starved:
+        return StaleError(
+            f"{name}: {starved}, and what node {node} sends is too old",
+            axis=name,
+            observed=f"statusword (6041h): {seen}; whether the node is there is not known",
+            remedy=join_remedies(REMEDY, f"if it is silent all the same: {_remedy_for_silence(node)}"),
+        )
     if image.position is None and image.velocity is None:
         return NodeError(
             f"{name}: node {node} is lost: it sends no process data any more",

@@ -1,0 +1,205 @@
+"""This program is given no time, by its own threads or by the computer: that is named before a drive, a cable or an adapter is."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from story_bus import Line, turning, until
+
+from axisbus.cia402.starvation import REMEDY
+from axisbus.errors import AxisbusError, NodeError, StaleError
+from axisbus.machine.whereabouts import Place, whereabouts
+from axisbus.motion.states import AxisState
+from kit.probe import ENABLED, OFF
+
+OWN = "this program did not run"
+REAL = pytest.mark.skipif(sys.platform == "win32", reason="holds the interpreter by a call of the C library")
+
+
+def hold_interpreter(seconds: float) -> None:
+    """Keep every other thread from running, as one long call of json or pickle does."""
+    ctypes.PyDLL(None).usleep(int(seconds * 1e6))
+
+
+@contextmanager
+def greedy(hold: float, leave: float = 0.002) -> Iterator[None]:
+    """A thread of the user's that holds the interpreter again and again."""
+    over = threading.Event()
+
+    def work() -> None:
+        while not over.wait(leave):
+            hold_interpreter(hold)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def must_name_us_first(error: BaseException | None) -> None:
+    """Make sure that an error says what was our own before it says what to look at, an alarm excepted."""
+    assert isinstance(error, AxisbusError)
+    assert OWN in str(error), error
+    lines = [line for line in error.remedy.splitlines() if not line.startswith("TREAT ")]
+    assert lines[0].strip().startswith(REMEDY[:30]), error
+
+
+# -- in virtual time ----------------------------------------------------------------------------------------------------------
+
+
+def late(cell, times: int = 3, seconds: float = 0.15) -> None:
+    """Let the scan be late some times: each for less than what counts as a suspension."""
+    for _ in range(times):
+        cell.cycle.dials.send_blocks = seconds
+        cell.run(0.2)
+
+
+def test_a_heartbeat_that_is_missed_by_a_starved_program_is_not_said_to_be_the_nodes_end(story, golden):
+    cell = story.simulated("x")
+    cell.turning()
+    late(cell)
+    assert cell.x.state is AxisState.CONTINUOUS_MOTION
+    cell.device().dials.heartbeat_stops = True
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+    must_name_us_first(cell.x.error)
+    assert isinstance(cell.x.error, NodeError)
+    golden("starved_heartbeat", cell.x.error)
+    cell.must_stand(within=2.0, stages=(ENABLED, *OFF))
+
+
+def test_process_data_that_a_starved_program_has_missed_is_not_said_to_be_the_nodes_silence(story, golden):
+    cell = story.simulated("x")
+    cell.turning()
+    late(cell)
+    cell.device().dials.dead = True
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+    must_name_us_first(cell.x.error)
+    assert isinstance(cell.x.error, StaleError)
+    golden("starved_silence", cell.x.error)
+    cell.must_stand(within=3.0, stages=OFF)
+
+
+def test_a_drive_that_missed_our_heartbeat_because_we_did_not_run(story):
+    cell = story.simulated("x")
+    cell.turning()
+    late(cell)
+    cell.drive().fault(0x8130)
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+    must_name_us_first(cell.x.error)
+
+
+def test_a_drives_own_fault_is_not_blamed_on_a_starved_program(story):
+    cell = story.simulated("x")
+    cell.turning()
+    late(cell)
+    cell.drive().fault(0x2310)
+    cell.run(1.0)
+    assert OWN not in str(cell.x.error)
+
+
+def test_what_was_starved_long_ago_is_not_named(story):
+    cell = story.simulated("x")
+    cell.turning()
+    late(cell)
+    cell.run(2.5)
+    cell.device().dials.heartbeat_stops = True
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
+    assert OWN not in str(cell.x.error)
+
+
+# -- in real time -------------------------------------------------------------------------------------------------------------
+
+
+@REAL
+@pytest.mark.parametrize("hold", [0.8, 0.15], ids=["long calls", "short ones"])
+def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, hold):
+    """Drives, stand-ins and master share the interpreter here: all of them come late."""
+    with Line(tmp_path, "xy", period="10ms", heartbeat="100ms") as line:
+        machine = line.open()
+        try:
+            turning(machine, line)
+            with greedy(hold):
+                until(lambda: any(axis.error is not None for axis in machine), 20.0)
+            for axis in machine:
+                if axis.error is not None:
+                    assert OWN in str(axis.error), axis.error
+            failure = machine.scan.failure
+            assert failure is None or OWN in str(failure), failure
+            for name in "xy":
+                line.must_stand(name, stages=(ENABLED, *OFF))
+        finally:
+            machine._close("the story ends")
+
+
+@REAL
+def test_a_send_that_is_not_given_time_is_no_adapter_that_is_stuck(tmp_path):
+    """Another thread gives a frame to the adapter, and is not run before it comes back; the scan waits for its turn."""
+    with Line(tmp_path, heartbeat="1s") as line:
+        machine = line.open()
+        try:
+            turning(machine, line)
+            channel = machine.scan.cycle._channel
+            send, once = channel.bus.send, threading.Event()
+
+            def slow(message: object, timeout: float | None = None) -> None:
+                if threading.current_thread().name.startswith("axisbus SDO") and not once.is_set():
+                    once.set()
+                    for _ in range(12):
+                        hold_interpreter(0.15)
+                        time.sleep(0.01)  # the scan takes its turn, and finds the channel taken
+                send(message, timeout)
+
+            channel.bus.send = slow
+            machine["x"].move_relative(1e5, velocity=90.0)
+            until(once.is_set)
+            time.sleep(1.0)
+            assert machine.scan.failure is None, machine.scan.failure
+            assert channel.failure is None
+            error = machine["x"].error
+            assert error is None or OWN in str(error), error
+        finally:
+            machine._close("the story ends")
+
+
+@REAL
+def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
+    with Line(tmp_path) as line:
+        machine = line.open()
+        free = threading.Event()
+        try:
+            turning(machine, line)
+            handle = machine["x"].move_relative(1e5, velocity=90.0)
+            until(lambda: handle.active)
+            machine.scan.observers.append(lambda *_: free.wait())
+            line.must_stand(stages=OFF)
+            error = handle.exception()
+            assert "held up by code of the program's own" in error.observed
+            assert "test_story_starved.py" in error.observed
+            assert "adapter" not in error.remedy
+        finally:
+            free.set()
+            machine._close("the story ends")
+
+
+def test_where_a_thread_is():
+    free = threading.Event()
+    thread = threading.Thread(target=free.wait)
+    thread.start()
+    try:
+        place = whereabouts(thread.ident)
+        assert place is not None
+        assert place.place is Place.OURS  # nothing of the program's own is on its stack
+        assert whereabouts(None) is None
+    finally:
+        free.set()
+        thread.join()
+    assert whereabouts(thread.ident) is None
