@@ -21,16 +21,19 @@ _SEARCH = "method = 18\nspeed_switch = 60.0\nspeed_zero = 10.0\nacceleration = 5
 
 @dataclass(frozen=True)
 class Plant:
-    """What differs from the usual motor, objects that the drive has otherwise than the cell file says, and its dials.
+    """What differs from the usual motor, objects that the drive has otherwise than the cell file says, its dials, and those of its jam.
 
-    ``loaded``: somebody must hold it until it is enabled; ``jams``: the story jams it in mid-motion.
+    ``window``: the standstill window in deg, by which a standing axis may be pulled; ``loaded``: somebody must hold it until it is enabled; ``jams``: so many seconds before the stop (or after it, where that is
+    negative) the story jams it.
     """
 
     motor: Mapping[str, float] = field(default_factory=dict)
     objects: Mapping[int, int] = field(default_factory=dict)
     dials: Mapping[str, object] = field(default_factory=dict)
+    on_jam: Mapping[str, object] = field(default_factory=dict)
+    window: float = 0.5
     loaded: bool = False
-    jams: bool = False
+    jams: float | None = None
 
 
 # 10 000 increments per turn, 100 per degree: a load of 60 ‰ behind 20 ‰ per increment droops by 0.03 deg, of 100 behind 1 by 1 deg.
@@ -41,15 +44,20 @@ PLANTS: Mapping[str, Plant] = {
     "lagging-much": Plant({"lag": 0.2}),
     "coasting": Plant({"friction": 0.5, "coasting": 20.0}),
     "coasting-by-its-options": Plant({"friction": 2.0, "coasting": 5.0}, {0x605A: 0, 0x605C: 0, 0x605D: 0}),
-    "jammed": Plant(jams=True),
-    "jammed-6062h-is-actual": Plant(dials={"demand_is_actual": True}, jams=True),
-    "jammed-6062h-stuck": Plant(dials={"demand_frozen": True}, jams=True),
+    "jammed": Plant(jams=0.6),
+    "jammed-just-before": Plant(jams=0.05),
+    "jammed-while-it-stops": Plant(jams=-0.05),
+    "jammed-with-a-lag": Plant({"lag": 0.2}, jams=0.05),
+    "jammed-6062h-is-actual": Plant(dials={"demand_is_actual": True}, jams=0.6),
+    "jammed-6062h-stuck": Plant(on_jam={"demand_frozen": True}, jams=0.6),
     "sticking": Plant({"lag": 0.05}, dials={"sticks": 60.0}),
     "late-feedback": Plant(dials={"feedback_delay": 0.15}),
     "creeping": Plant(dials={"creep": 500.0}),
     "creeping-openly": Plant(dials={"creep": 500.0, "creep_shown": True}),
     "compliant": Plant({"stiffness": 20.0, "damping": 0.1, "load": 60.0, "friction": 150.0}, loaded=True),
-    "soft": Plant({"stiffness": 1.0, "damping": 0.1, "load": 100.0, "friction": 150.0}, loaded=True),
+    "soft": Plant(
+        {"stiffness": 1.0, "damping": 0.1, "load": 100.0, "friction": 150.0}, window=1.5, loaded=True
+    ),
     "sagging": Plant({"load": 300.0}, loaded=True),
 }
 
@@ -72,7 +80,12 @@ def cell_on(
 
     ``limits``: the line of the axes' position limits.
     """
-    axis = ("rated_torque = 10.0", limits or _LIMITS, changes.pop("axis", ""))
+    axis = (
+        "rated_torque = 10.0",
+        f"standstill_window = {plant.window}",
+        limits or _LIMITS,
+        changes.pop("axis", ""),
+    )
     text = cell_text(names, axis="\n".join(axis), **changes)
     if search:
         text = text.replace(_HOMING, _SEARCH)
@@ -88,6 +101,13 @@ def cell_on(
         for dial, value in plant.dials.items():
             setattr(cell.drive(axis.name).dials, dial, value)
     return cell
+
+
+def jam(cell: Cell, plant: Plant, name: str = "x") -> None:
+    """Let an axis jam as the plant does."""
+    cell.jam(name)
+    for dial, value in plant.on_jam.items():
+        setattr(cell.drive(name).dials, dial, value)
 
 
 class Ramp:

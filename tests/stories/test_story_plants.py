@@ -12,7 +12,7 @@ from axisbus.errors import AxisbusError, Interrupted
 from axisbus.motion.handle import Handle
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
-from kit.plants import MOTIONS, PLANTS, cell_on, set_going
+from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_going
 from kit.probe import PlantMoves
 
 LONGEST = 15.0  # seconds: all rungs of the ladder, and some
@@ -196,7 +196,7 @@ def expectation(name: str) -> list[pytest.MarkDecorator]:
 
 def has_cell(plant: str, mode: str, way: str) -> bool:
     """A move beyond a limit is refused at the call, a homing knows no limits yet, and a jammed axis does not come to one."""
-    return way != "limit" or (mode in ("pv", "csp", "tq") and not PLANTS[plant].jams)
+    return way != "limit" or (mode in ("pv", "csp", "tq") and PLANTS[plant].jams is None)
 
 
 MATRIX = [
@@ -215,9 +215,9 @@ def test_a_stop_that_is_done_stands_and_goes_on_standing(story, plant, mode, way
     cell = cell_on(story, PLANTS[plant], names, search=mode == "hm", limits=limits)
     set_going(cell, mode, "x")
     jams = PLANTS[plant].jams
-    if jams:
-        cell.jam()
-        cell.run(0.6)
+    if jams is not None:
+        cell.after(max(0.0, -jams), lambda: jam(cell, PLANTS[plant]))
+        cell.run(max(0.0, jams))
     ending = WAYS[way](cell)
     must_be_told_plainly(ending)
-    must_keep_its_promise(cell, ending, jammed=jams)
+    must_keep_its_promise(cell, ending, jammed=jams is not None)

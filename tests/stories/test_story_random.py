@@ -101,11 +101,46 @@ FOUND: Mapping[str, Script] = {
             Event(0.1, "free", "x"),
         ),
     ),
-    "a stop as the move begins, with late feedback": Script(
+    "a jam after a halt in homing": Script(
+        "stiff",
+        (
+            Event(0.2, "follow", "x", -0.37),
+            Event(0.8, "home", "x"),
+            Event(0.1, "jam", "x"),
+            Event(0.1, "stop", "x"),
+            Event(1.5, "free", "x"),
+        ),
+    ),
+    "a halt as a move begins, with late feedback": Script(
         "late-feedback",
         (
-            Event(0.0, "move_direct", "", 0.9),
-            Event(0.05, "group_stop", ""),
+            Event(0.0, "jog", "y", -0.57),
+            Event(0.1, "move_absolute", "y", -0.96),
+            Event(0.0, "halt", "y"),
+        ),
+    ),
+    "a jam in velocity mode that goes after a halt, with a long lag": Script(
+        "lagging-much",
+        (
+            Event(0.0, "move_velocity", "x", 0.9),
+            Event(0.2, "jam", "x"),
+            Event(0.2, "halt", "x"),
+            Event(1.0, "free", "x"),
+        ),
+    ),
+    "a jam in a jog that ends by itself": Script(
+        "lagging",
+        (
+            Event(0.0, "jog", "x", -0.9),
+            Event(0.1, "jam", "x"),
+            Event(1.5, "free", "x"),
+        ),
+    ),
+    "a node that dies as a straight line begins": Script(
+        "late-feedback",
+        (
+            Event(0.1, "move_linear", "", -0.22),
+            Event(0.02, "dead", "y"),
         ),
     ),
 }
