@@ -21,10 +21,11 @@ _SEARCH = "method = 18\nspeed_switch = 60.0\nspeed_zero = 10.0\nacceleration = 5
 
 @dataclass(frozen=True)
 class Plant:
-    """What differs from the usual motor, objects that the drive has otherwise than the cell file says, its dials, and those of its jam.
+    """What differs from the usual motor, and from what the cell file says of the drive.
 
-    ``window``: the standstill window in deg, by which a standing axis may be pulled; ``loaded``: somebody must hold it until it is enabled; ``jams``: so many seconds before the stop (or after it, where that is
-    negative) the story jams it.
+    ``objects`` that the drive has otherwise, its ``dials``, and those that are turned ``on_jam``; ``window``: the standstill window in
+    deg, by which a standing axis may be pulled. ``loaded``: somebody must hold it until it is enabled. ``jams``: so many seconds before
+    the stop (after it, where that is negative) the story jams it.
     """
 
     motor: Mapping[str, float] = field(default_factory=dict)
@@ -56,7 +57,7 @@ PLANTS: Mapping[str, Plant] = {
     "creeping-openly": Plant(dials={"creep": 500.0, "creep_shown": True}),
     "compliant": Plant({"stiffness": 20.0, "damping": 0.1, "load": 60.0, "friction": 150.0}, loaded=True),
     "soft": Plant(
-        {"stiffness": 1.0, "damping": 0.1, "load": 100.0, "friction": 150.0}, window=1.5, loaded=True
+        {"stiffness": 1.0, "damping": 0.4, "load": 100.0, "friction": 150.0}, window=1.5, loaded=True
     ),
     "sagging": Plant({"load": 300.0}, loaded=True),
 }
@@ -76,9 +77,9 @@ def devices(plant: Plant, names: str, folder: object) -> Callable[[], Mapping[in
 def cell_on(
     stage: Stage, plant: Plant, names: str = "x", *, search: bool = False, limits: str = "", **changes: str
 ) -> Cell:
-    """Open a simulated cell on plants of this kind, enabled; ``search``: its homing goes for a switch.
+    """Open a simulated cell on plants of this kind, enabled; the dials of the first are turned.
 
-    ``limits``: the line of the axes' position limits.
+    ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits.
     """
     axis = (
         "rated_torque = 10.0",
@@ -97,9 +98,8 @@ def cell_on(
         axis.enable().wait(5)
         cell.drive(axis.name).dials.blocked = False
     cell.run(1.0)
-    for axis in cell.machine:
-        for dial, value in plant.dials.items():
-            setattr(cell.drive(axis.name).dials, dial, value)
+    for dial, value in plant.dials.items():
+        setattr(cell.drive(names[0]).dials, dial, value)
     return cell
 
 

@@ -170,19 +170,26 @@ def must_be_told_plainly(ending: Ending) -> None:
 
 
 # Cells of the matrix that fail, by patterns of PLANT-MODE-WAY, and why: to be emptied.
+_BLIND_HM = "nothing is known of what pulls an axis out of a homing: 6062h does not count there"
+_BLIND_PV = "nothing is known of what pulls an axis out of profile velocity: 6062h does not count there"
+_BLIND_PP = "6062h shows nothing of the target that the drive keeps"
+_DROPPED = "it was seen to stand before its power went, and that stays confirmed although it falls then"
+_FAULT = "nobody looks whether a drive in fault stands, or is off"
 EXPECTED_TO_FAIL_UNTIL_STANDING_IS_SEEN: Mapping[str, str] = {
-    "jammed*-halt": "a jammed axis that still pulls counts as standing",
-    "jammed*-stop": "a jammed axis that still pulls counts as standing",
-    "jammed*-lost-node": "a jammed axis that still pulls counts as standing",
-    "coasting-by-its-options-*": "a drive that is off counts as standing",
-    "sagging-*-disable": "a drive that is off counts as standing",
-    "sagging-*-quick_stop": "a drive that is off counts as standing",
-    "sagging-*-close": "a drive that is off counts as standing",
-    "sagging-*-with-exit": "a drive that is off counts as standing",
-    "sagging-*-exception": "a drive that is off counts as standing",
-    "sagging-*-ctrl-c": "a drive that is off counts as standing",
-    "sagging-tq-*": "a drive that is off counts as standing",
-    "*-fault": "nobody looks whether a drive in fault stands",
+    **{f"jammed*-hm-{way}": _BLIND_HM for way in ("halt", "stop", "lost-node")},
+    **{
+        f"jammed-{when}-pv-{way}": _BLIND_PV
+        for when in ("just-before", "while-it-stops", "with-a-lag")
+        for way in ("halt", "stop", "lost-node")
+    },
+    **{f"jammed-6062h-*-pp-{way}": _BLIND_PP for way in ("halt", "stop", "lost-node")},
+    **{
+        f"sagging-{mode}-{way}": _DROPPED
+        for mode in ("pp", "pv", "csp", "hm")
+        for way in ("disable", "close", "with-exit", "exception", "ctrl-c")
+    },
+    "creeping*-fault": _FAULT,
+    "sagging-*-fault": _FAULT,
 }
 
 
