@@ -159,6 +159,8 @@ class Rules:
         later = self._asked[self._asked.index(stop) + 1 :]
         if any(other.what not in QUIET and name in other.names for other in later):
             return
+        if self._has_a_will(name):
+            return
         told = f"{stop.handle.name} was done at {self._cell.now:.2f} s"
         self._must(
             self._cell.speed(name) <= STANDS, "a stop that is done stands", f"{told}: {self._cell.told(name)}"
@@ -192,6 +194,8 @@ class Rules:
         alive = not cell.device(name).dials.dead
         said = f"{state.value}, error {cell.core(name).error}"
         self._not_long("Standstill is standing", name, BLIND, state is AxisState.STANDSTILL and moves, said)
+        held = state is AxisState.STOPPING and self._rests(name)
+        self._not_long("what is held in Stopping stands", name, BLIND, held and moves, said)
         off = state is AxisState.DISABLED and energised and cell.core(name).touched
         self._not_long("Disabled is off", name, BLIND, off and self._rests(name), said)
         untold = state is AxisState.ERRORSTOP and moves and alive and not self._is_told(name, "")

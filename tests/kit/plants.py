@@ -23,9 +23,9 @@ _SEARCH = "method = 18\nspeed_switch = 60.0\nspeed_zero = 10.0\nacceleration = 5
 class Plant:
     """What differs from the usual motor, and from what the cell file says of the drive.
 
-    ``objects`` that the drive has otherwise, its ``dials``, and those that are turned ``on_jam``; ``window``: the standstill window in
-    deg, by which a standing axis may be pulled. ``loaded``: somebody must hold it until it is enabled. ``jams``: so many seconds before
-    the stop (after it, where that is negative) the story jams it.
+    ``objects`` that the drive has otherwise, its ``dials``, and those that are turned ``on_jam``; ``window``: the standstill window
+    in deg, by which a standing axis may be pulled. ``loaded``: somebody must hold it until it is enabled. ``jams``: so many seconds
+    before the stop (after it, where that is negative) the story jams it.
     """
 
     motor: Mapping[str, float] = field(default_factory=dict)

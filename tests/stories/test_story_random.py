@@ -13,7 +13,15 @@ import pytest
 from kit.campaign import Event, Script, play, script, shrink, told
 
 SEEDS = int(os.environ.get("AXISBUS_CAMPAIGN", "40"))
-UNTIL_STANDING_IS_SEEN = True  # the campaign finds what the master does not yet see
+# Seeds and names that fail, to be emptied.
+_PV = "nothing is known of what pulls an axis out of profile velocity"
+EXPECTED_TO_FAIL: Mapping[int | str, str] = {
+    7: _PV,
+    "a jam in velocity mode that goes after a halt, with late feedback": _PV,
+    "a jam in velocity mode that goes after a halt, with a long lag": _PV,
+    "a jam in a jog that ends by itself": _PV,
+    "a node that dies as a straight line begins": "what a group cannot plan ends the scan",
+}
 
 FOUND: Mapping[str, Script] = {
     "a halt of an axis that coasts without power": Script(
@@ -136,6 +144,16 @@ FOUND: Mapping[str, Script] = {
             Event(1.5, "free", "x"),
         ),
     ),
+    "a drive that slips from csp into pv while it is jammed": Script(
+        "coasting",
+        (
+            Event(0.0, "follow", "x", 0.94),
+            Event(0.8, "jam", "x"),
+            Event(0.0, "slips_to_pv", "x"),
+            Event(0.01, "halt", "x"),
+            Event(0.2, "free", "x"),
+        ),
+    ),
     "a node that dies as a straight line begins": Script(
         "late-feedback",
         (
@@ -144,9 +162,11 @@ FOUND: Mapping[str, Script] = {
         ),
     ),
 }
-_KNOWN = (
-    [pytest.mark.xfail(reason="standing is not seen yet", strict=False)] if UNTIL_STANDING_IS_SEEN else []
-)
+
+
+def expectation(key: int | str) -> list[pytest.MarkDecorator]:
+    """Return the mark of what is known to fail."""
+    return [pytest.mark.xfail(reason=EXPECTED_TO_FAIL[key], strict=False)] if key in EXPECTED_TO_FAIL else []
 
 
 def must_hold(made: Script, folder) -> None:
@@ -155,13 +175,13 @@ def must_hold(made: Script, folder) -> None:
         pytest.fail(told(*shrink(made, violation, folder)), pytrace=False)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(seed, marks=_KNOWN) for seed in range(SEEDS)])
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=expectation(seed)) for seed in range(SEEDS)])
 def test_whatever_is_asked_and_whatever_goes_wrong_the_plant_keeps_the_masters_promises(tmp_path, seed):
     must_hold(script(seed), tmp_path)
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=_KNOWN, id=name.replace(" ", "-")) for name in FOUND]
+    "name", [pytest.param(name, marks=expectation(name), id=name.replace(" ", "-")) for name in FOUND]
 )
 def test_what_was_found_once(tmp_path, name):
     must_hold(FOUND[name], tmp_path)
