@@ -168,6 +168,18 @@ class Cell(PlantProbe):
             else:
                 self.machine.sleep(0.0101)
 
+    def after(self, seconds: float, action: Callable[[], object]) -> None:
+        """Let something happen when so much of virtual time has passed, whoever lets it pass."""
+        due = self.now + seconds
+        observers = self.machine.scan.observers
+
+        def look(now: float, _: object) -> None:
+            if now >= due:
+                observers.remove(look)
+                action()
+
+        observers.append(look)
+
     def until(self, happened: Callable[[], bool], limit: float = 5.0) -> float:
         """Let time pass until something has happened; return the seconds that it took."""
         start = self.now

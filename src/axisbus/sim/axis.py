@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 
+from axisbus.sim.compliant import make_motor
 from axisbus.sim.dials import DriveDials
-from axisbus.sim.motor import Motor, MotorParams
+from axisbus.sim.motor import MotorParams
 from axisbus.sim.power import Effort
 from axisbus.sim.ramp import ramp_velocity
 from axisbus.sim.settings import Settings
@@ -31,6 +32,7 @@ class Axis:
         "_versions",
         "clamped",
         "dials",
+        "drift",
         "following_exceeded",
         "forbidden",
         "motor",
@@ -50,11 +52,12 @@ class Axis:
         self.settings = settings
         self.params = params
         self.dials = dials
-        self.motor = Motor(params)
+        self.motor = make_motor(params)
         self.target_position = self.target_velocity = self.target_torque = 0
         self.offset = 0.0
         self.position = self.motor.position  # the demand, and its velocity
         self.velocity = 0.0
+        self.drift = 0.0  # how far the motor is led away from the demand by a drive that creeps
         self.torque_demand = 0.0
         self.clamped = False  # the last target lay beyond a limit
         self.speed_limited = False
@@ -191,6 +194,7 @@ class Axis:
     def seize(self) -> None:
         """Take over from where the motor is and as fast as it is: nothing jumps."""
         self.position = self.motor.seize()
+        self.drift = 0.0
         self.velocity = self.motor.velocity
         self.torque_demand = self.motor.torque
         self.following_exceeded = False
@@ -200,7 +204,7 @@ class Axis:
         """Move the demand to ``position`` within ``dt``; the motor tracks it."""
         self.position = position
         self.velocity = velocity
-        self.motor.track(position, dt, self._torque_limit)
+        self.motor.track(position + self.drift, dt, self._torque_limit)
 
     def ramp_to(self, velocity: float, acceleration: float, deceleration: float, dt: float) -> None:
         """Bring the demand's velocity towards ``velocity``."""
@@ -211,11 +215,12 @@ class Axis:
         """In velocity modes, do not catch up what a motor at its torque limit has missed."""
         if self.motor.saturated:
             self.position = self.motor.rewind(self.velocity)
+            self.drift = 0.0
 
     def brake(self, effort: Effort, dt: float) -> None:
         """Bring the demand to rest and hold it there."""
         if self.velocity == 0.0:
-            self.motor.track(self.position, dt, self._torque_limit)
+            self.motor.track(self.position + self.drift, dt, self._torque_limit)
             return
         rate = self.braking(effort)
         self.ramp_to(0.0, rate, rate, dt)

@@ -27,11 +27,21 @@ class DriveDials:
         acknowledge_stays: bit 12 never falls
         target_reached_late: seconds for which bit 10 stays set after a new set-point was taken
         target_reached_never: bit 10 does not rise in the profile modes
+        target_reached_always: bit 10 is set, whatever the axis does
+        mode_slips_to: the mode in which the drive is by itself, whatever 6060h says (None: it obeys)
+        resumes_on_enable: on *enable operation* it goes on with what it was at before: in pp to its last set-point, in pv at its
+            last velocity until 60FFh is changed
         halt_in_cyclic_modes: halt is heard in csp, csv and cst (CiA 402 leaves it open)
         homing_fails: homing ends with bit 13
 
     Machine:
         blocked: the rotor is held mechanically
+        sticks: ‰ of the rated torque that a standing rotor takes before it moves (beside its friction)
+        creep: increments/s by which the drive leads its motor away from the demand while it is energised, not in the torque modes
+        creep_shown: 6062h shows that, too
+        demand_frozen: 6062h keeps the value it has
+        demand_is_actual: 6062h shows the actual position instead of the demand
+        feedback_delay: seconds by which position, velocity and torque are published late
         encoder_jump: increments added once to the measured position, then set back to 0 by the drive
     """
 
@@ -50,9 +60,18 @@ class DriveDials:
     acknowledge_stays: bool = False
     target_reached_late: float = 0.0
     target_reached_never: bool = False
+    target_reached_always: bool = False
+    mode_slips_to: int | None = None
+    resumes_on_enable: bool = False
     halt_in_cyclic_modes: bool = True
     homing_fails: bool = False
     blocked: bool = False
+    sticks: float = 0.0
+    creep: float = 0.0
+    creep_shown: bool = False
+    demand_frozen: bool = False
+    demand_is_actual: bool = False
+    feedback_delay: float = 0.0
     encoder_jump: int = 0
 
 

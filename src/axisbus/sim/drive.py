@@ -13,12 +13,11 @@ motor, makes modes take over or give up, and moves the brake.
 
 from __future__ import annotations
 
-import random
-
 from axisbus.eds.model import Eds
 from axisbus.sim.axis import Axis
 from axisbus.sim.dials import DriveDials
 from axisbus.sim.dictionary import INVALID_VALUE, Dictionary, Refused
+from axisbus.sim.feedback import Feedback
 from axisbus.sim.history import ErrorHistory
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.modes.catalogue import IMPLEMENTED, make_modes
@@ -82,7 +81,7 @@ class Drive:
         self.modes = modes & IMPLEMENTED
         self.settings = Settings(self.dictionary, axis)
         self.axis = Axis(self.settings, self.params, self.dials)
-        self._random = random.Random(seed)
+        self._feedback = Feedback(self.axis, self.dials, seed)
         self.warning = False
         self.maker_bits = 0
         self.error_code = 0
@@ -171,6 +170,9 @@ class Drive:
         axis, power, dials = self.axis, self.power, self.dials
         axis.refresh()
         axis.motor.blocked = dials.blocked
+        axis.motor.sticks = dials.sticks
+        if dials.creep and self._effort is not Effort.OFF:
+            axis.drift += dials.creep * dt
         if dials.encoder_jump:
             self._jump_encoder()
         word = self.controlword
@@ -179,7 +181,9 @@ class Drive:
         if power.pending is not None:
             power.step(dt, axis.standing)
             self._apply_effort()
-        if self.mode != self.mode_display:
+        if dials.mode_slips_to is not None:
+            self._take_mode(dials.mode_slips_to)
+        elif self.mode != self.mode_display:
             self._follow_mode(dt)
         if self._has_switches:
             axis.watch_switches()
@@ -235,11 +239,11 @@ class Drive:
             axis.seize()
             axis.motor.brake_closed = False
             self._brake_timer = 0.0
-            self._enter_mode()
+            self._enabled()
             if self.dials.fault_on_enable:
                 self.fault(self.dials.fault_on_enable)
         elif new is Effort.RUN:
-            self._enter_mode()
+            self._enabled()
         else:
             self._lead_again()
             self._mode.abandon(axis)
@@ -248,6 +252,11 @@ class Drive:
         """A motor that was pushed, or that coasted on a halt, is led by a position demand again: from where it is."""
         if self._mode.by_torque or (self._halted and self.settings.halt_option == 0):
             self.axis.seize()
+
+    def _enabled(self) -> None:
+        self._enter_mode()
+        if self.dials.resumes_on_enable:
+            self._mode.go_on(self.axis)
 
     def _enter_mode(self) -> None:
         self._halted = False
@@ -330,10 +339,15 @@ class Drive:
         if self._mode_timer <= self.dials.mode_delay:
             return
         self._mode_timer = 0.0
+        self._take_mode(wanted)
+
+    def _take_mode(self, mode: int) -> None:
+        if mode == self.mode_display:
+            return
         self._lead_again()
         self._mode.abandon(self.axis)
-        self.mode_display = wanted
-        self._mode = self._all_modes[wanted]
+        self.mode_display = mode
+        self._mode = self._all_modes[mode]
         self._enter_mode()
 
     # Faults.
@@ -370,20 +384,15 @@ class Drive:
     # What is published.
 
     def _publish(self) -> None:
-        axis = self.axis
-        motor = axis.motor
-        measured = motor.position
-        noise = self.params.noise
-        if noise:
-            measured += self._random.uniform(-noise, noise)
-        self.position = as_int32(round(axis.to_user(measured)))
-        if self._effort is Effort.OFF:
+        axis, energised = self.axis, self._effort is not Effort.OFF
+        position, velocity, torque = self._feedback.measured(self.time)
+        self.position = as_int32(round(axis.to_user(position)))
+        if energised:
+            self.position_demand = self._feedback.demand(self.position, self.position_demand)
+        elif not self.dials.demand_frozen:
             self.position_demand = self.position
-        else:
-            self.position_demand = as_int32(round(axis.to_user(axis.position)))
-        velocity = motor.velocity
         self.velocity = axis.user_velocity(velocity) if velocity else 0
-        self.torque = round(motor.torque) if self._effort is not Effort.OFF else 0
+        self.torque = round(torque) if energised else 0
         if not self.dials.statusword_frozen:
             self.statusword = compose(
                 self.power, self.dials, self._mode, axis, halted=self._halted, warning=self.warning

@@ -11,7 +11,8 @@ rated torque. Two ways to advance by ``dt``, each in closed form, so that 0.1 ms
 - ``push``: torque against load, dry and viscous friction and the brake. The velocity decays exponentially between two instants at
   which dry friction changes its sign; a motor at rest stays until the torque overcomes friction.
 
-End stops, a blocked rotor and the closed brake act in both.
+End stops, a blocked rotor, the closed brake and what makes a standing motor stick act in both. A motor on a spring stands in
+``compliant``.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ class MotorParams:
     ``velocity_unit`` and ``acceleration_unit`` are the drive's velocity and acceleration increments per increment/s and
     increment/s². Switches and stops are positions where the motor stood at 0 on power-up; None means that there is none. A home
     switch is active between its two positions, limit switches from theirs outwards. ``noise`` is added to the measured position,
-    evenly in ±noise.
+    evenly in ±noise. ``stiffness`` (‰ of rated torque per increment) makes it a motor on a spring that rings with ``damping`` (of
+    the critical, below 1); 0: its controller leaves no error at rest, however hard the load pulls.
     """
 
     increments_per_turn: int = 16384
@@ -54,6 +56,8 @@ class MotorParams:
     brake_opens: float = 0.02
     brake_closes: float = 0.02
     noise: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.2
 
 
 class Motor:
@@ -74,6 +78,7 @@ class Motor:
         "params",
         "position",
         "saturated",
+        "sticks",
         "torque",
         "velocity",
     )
@@ -85,6 +90,7 @@ class Motor:
         self.torque = 0.0
         self.brake_closed = params.brake
         self.blocked = False  # the rotor is held by something mechanical
+        self.sticks = 0.0  # ‰ of rated torque that a standing motor takes before it moves, beside friction
         self.saturated = False  # the last step ran at the torque limit
         self._lag = max(params.lag, 1e-5)
         self._gain = params.rated_acceleration / 1000.0  # increments/s² per ‰
@@ -115,6 +121,8 @@ class Motor:
         """Follow a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque."""
         before, self._demand = self._demand, demand
         rate = (demand - before) / dt
+        if self.sticks > 0.0 and self._stuck(limit):
+            return
         trailing = rate * self._lag
         if dt != self._decay_dt:
             self._decay_dt, self._decay = dt, math.exp(-dt / self._lag)
@@ -137,6 +145,17 @@ class Motor:
             return
         self._pursue(before, rate, dt, limit)
 
+    def _stuck(self, limit: float) -> bool:
+        """Whether a standing motor stays where it is: its controller asks for the torque that its stiffness gives the error."""
+        if self.velocity != 0.0:
+            return False
+        wanted = self.error / self._tolerance
+        if abs(wanted) > self.sticks and self.sticks < limit:
+            return False
+        self.torque = max(-limit, min(limit, wanted + self.params.load))
+        self.saturated = abs(wanted) >= limit
+        return True
+
     def push(self, torque: float, dt: float) -> None:
         """Let ``torque`` ‰ act for ``dt`` seconds (0: the motor coasts)."""
         self.torque = torque
@@ -155,7 +174,7 @@ class Motor:
         """Advance to the next instant at which friction turns round, at most ``dt``; return the time left."""
         velocity = self.velocity
         if velocity == 0.0:
-            if abs(net) <= dry:
+            if abs(net) <= dry + self.sticks:
                 return 0.0
             direction = 1.0 if net > 0.0 else -1.0
         else:
@@ -209,7 +228,7 @@ class Motor:
         velocity = self.velocity
         self.torque = torque
         net = torque - self.params.load
-        if velocity == 0.0 and abs(net) <= dry:
+        if velocity == 0.0 and abs(net) <= dry + self.sticks:
             return
         direction = math.copysign(1.0, velocity if velocity else net)
         acceleration = (net - direction * dry) * self._gain - velocity * self._viscous
@@ -230,7 +249,10 @@ class Motor:
         return torque
 
     def _dry_friction(self) -> float:
-        return self.params.friction + (_BRAKE_TORQUE if self.brake_closed else 0.0)
+        return self.params.friction + self._brake_torque()
+
+    def _brake_torque(self) -> float:
+        return _BRAKE_TORQUE if self.brake_closed else 0.0
 
     def _stop_at_ends(self) -> None:
         if not self._low <= self.position <= self._high:

@@ -26,4 +26,6 @@ def compose(
             word |= SW_INTERNAL_LIMIT
     elif power.stage is Stage.QUICK_STOP and axis.standing:
         word |= SW_BIT_10
+    if dials.target_reached_always:
+        word |= SW_BIT_10
     return word

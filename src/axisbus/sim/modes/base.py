@@ -18,6 +18,9 @@ class Mode:
     def enter(self, axis: Axis) -> None:
         """The mode takes over, or the drive has been enabled: start from the demand as it is."""
 
+    def go_on(self, axis: Axis) -> None:
+        """After ``enter``, in a drive that takes up again what it was at before it was disabled."""
+
     def command(self, axis: Axis, old: int, new: int) -> None:
         """The controlword has changed."""
 

@@ -54,6 +54,7 @@ class ProfilePosition(Mode):
         self._presented: SetPoint | None = None
         self._delay = 0.0
         self._active: SetPoint | None = None
+        self._former: SetPoint | None = None  # the last one that became active
         self._buffer: SetPoint | None = None
         self._profile: Profile | None = None
         self._goal: float | None = None
@@ -71,6 +72,10 @@ class ProfilePosition(Mode):
         self._acknowledge = False
         self._goal = None
         self._stale_timer = 0.0
+
+    def go_on(self, axis: Axis) -> None:
+        if self._former is not None:
+            self._start(axis, self._former)
 
     def command(self, axis: Axis, old: int, new: int) -> None:
         self._bit_4 = bool(new & CW_BIT_4)
@@ -181,7 +186,7 @@ class ProfilePosition(Mode):
     def _start(self, axis: Axis, point: SetPoint) -> None:
         if self._reached and axis.dials.target_reached_late:
             self._stale_timer = axis.dials.target_reached_late
-        self._active = point
+        self._active = self._former = point
         self._goal = point.target
         self._reached = False
         self._window_timer = 0.0

@@ -18,12 +18,18 @@ class ProfileVelocity(Mode):
         self._fast = 0.0
         self._reached = False
         self._zero = True
+        self._former = 0  # the last 60FFh that was another than 0
+        self._written: int | None = None  # 60FFh as it is while the former one holds
 
     def enter(self, _axis: Axis) -> None:
         self._inside = self._fast = 0.0
+        self._written = None
+
+    def go_on(self, axis: Axis) -> None:
+        self._written = axis.target_velocity
 
     def step(self, axis: Axis, dt: float) -> None:
-        wanted = axis.motor_velocity(axis.target_velocity)
+        wanted = axis.motor_velocity(self._wanted(axis))
         target = axis.velocity_within(wanted, axis.profile_speed_limit)
         if axis.forbidden and axis.velocity * axis.forbidden > 0.0:
             axis.brake(Effort.QUICK, dt)
@@ -41,6 +47,14 @@ class ProfileVelocity(Mode):
         if self._reached and not axis.dials.target_reached_never:
             value |= SW_BIT_10
         return value
+
+    def _wanted(self, axis: Axis) -> int:
+        target = axis.target_velocity
+        if self._written is not None and target == self._written:
+            return self._former
+        self._written = None
+        self._former = target or self._former
+        return target
 
     def _watch(self, axis: Axis, dt: float) -> None:
         """Bit 10 by 606Dh and 606Eh, bit 12 by 606Fh and 6070h."""

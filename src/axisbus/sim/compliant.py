@@ -1,0 +1,111 @@
+"""A motor that is held by a spring: a controller of finite stiffness, or a soft shaft, behind which the load droops and rings.
+
+Theory of operation
+-------------------
+The torque is ``stiffness`` times the way to the demand, and a damper on the difference of the two velocities. Behind a demand that
+moves evenly within the step the deviation from the equilibrium (``load / stiffness`` below the demand) is a damped oscillation,
+advanced in closed form: the step width does not matter. Where that would take more torque than allowed, or something holds the
+motor, the same equation is advanced in small steps. Pushed by a torque, or not energised, it moves as every motor does.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.sim.motor import Motor, MotorParams
+
+_LONGEST_STEP = 0.001  # s
+_STEPS_PER_RADIAN = 20.0
+_AT_REST = 1e-3  # increments: a deviation below it is none
+_MOST_DAMPING = 0.99  # of the critical
+
+
+def make_motor(params: MotorParams) -> Motor:
+    """Return the motor that the parameters describe."""
+    return CompliantMotor(params) if params.stiffness > 0.0 else Motor(params)
+
+
+class CompliantMotor(Motor):
+    """A motor on a spring; holds the mechanical state as every motor does."""
+
+    __slots__ = ("_cosine", "_damper", "_droop", "_fading", "_ringing", "_sine", "_spring", "_step_dt")
+
+    def __init__(self, params: MotorParams) -> None:
+        super().__init__(params)
+        self._spring = params.stiffness  # ‰ per increment
+        natural = math.sqrt(self._gain * self._spring)  # rad/s
+        damping = min(params.damping, _MOST_DAMPING)
+        self._damper = 2.0 * damping * natural / self._gain  # ‰ per increment/s
+        self._fading = damping * natural  # 1/s
+        self._ringing = natural * math.sqrt(1.0 - damping * damping)  # rad/s
+        self._droop = params.load / self._spring
+        self._step_dt = self._cosine = self._sine = 0.0
+
+    def seize(self) -> float:
+        """Begin with the torque as it is; a load then lets the motor sag until the spring holds it."""
+        self._demand = self.position + self.torque / self._spring
+        return self._demand
+
+    def rewind(self, velocity: float) -> float:  # noqa: ARG002 - a spring does not trail at constant velocity
+        """Keep no more deviation than the torque explains; return the demand that fits."""
+        return self.seize()
+
+    def track(self, demand: float, dt: float, limit: float) -> None:
+        """Be drawn towards a demand that runs evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque."""
+        before, self._demand = self._demand, demand
+        rate = (demand - before) / dt
+        position, velocity = self._swing(before, rate, dt)
+        torque = self._spring * (demand - position) + self._damper * (rate - velocity)
+        if (
+            -limit <= torque <= limit
+            and abs(self._spring * (before - self.position)) <= limit
+            and not self._is_held
+            and self._low <= position <= self._high
+        ):
+            self.position, self.velocity, self.torque, self.saturated = position, velocity, torque, False
+            return
+        self._crawl(before, rate, dt, limit)
+
+    @property
+    def _is_held(self) -> bool:
+        return self.blocked or self.brake_closed or (self.sticks > 0.0 and self.velocity == 0.0)
+
+    def _swing(self, before: float, rate: float, dt: float) -> tuple[float, float]:
+        """Return position and velocity after ``dt`` of free oscillation about the equilibrium."""
+        if dt != self._step_dt:
+            angle, fade = self._ringing * dt, math.exp(-self._fading * dt)
+            self._step_dt, self._cosine, self._sine = dt, fade * math.cos(angle), fade * math.sin(angle)
+        off, drift = before - self._droop - self.position, rate - self.velocity
+        pull = (drift + self._fading * off) / self._ringing
+        after = off * self._cosine + pull * self._sine
+        slip = (pull * self._ringing - self._fading * off) * self._cosine
+        slip -= (off * self._ringing + self._fading * pull) * self._sine
+        if -_AT_REST < after < _AT_REST and abs(slip) < _AT_REST * self._ringing:
+            after = slip = 0.0
+        return before + rate * dt - self._droop - after, rate - slip
+
+    def _crawl(self, before: float, rate: float, dt: float, limit: float) -> None:
+        """Advance in small steps, with limited torque, against what holds the motor."""
+        self.saturated = False
+        steps = math.ceil(dt / min(_LONGEST_STEP, 1.0 / (_STEPS_PER_RADIAN * self._ringing)) - 1e-9)
+        h = dt / max(1, steps)
+        for number in range(1, max(1, steps) + 1):
+            wanted = self._spring * (before + rate * h * number - self.position)
+            wanted += self._damper * (rate - self.velocity)
+            self.torque = max(-limit, min(limit, wanted))
+            self.saturated = self.saturated or self.torque != wanted
+            self._yield_to(self.torque - self.params.load, h)
+        self._stop_at_ends()
+
+    def _yield_to(self, net: float, h: float) -> None:
+        """One small step with what the torque leaves over the load."""
+        holding = self._brake_torque()
+        if self.blocked or (self.velocity == 0.0 and abs(net) <= holding + self.sticks):
+            self.velocity = 0.0
+            return
+        direction = math.copysign(1.0, self.velocity or net)
+        after = self.velocity + (net - direction * holding) * self._gain * h
+        if self.velocity * after < 0.0 and abs(net) <= holding + self.sticks:
+            after = 0.0
+        self.velocity = after
+        self.position += after * h

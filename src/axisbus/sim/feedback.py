@@ -1,0 +1,53 @@
+"""What a drive measures and shows of its motor: with noise, and late where a filter or a slow encoder makes it so."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+
+from axisbus.sim.axis import Axis
+from axisbus.sim.dials import DriveDials
+from axisbus.sim.words import as_int32
+
+Values = tuple[float, float, float]
+
+
+class Feedback:
+    """Position, velocity and torque of one axis as its drive knows them; holds what it will show later."""
+
+    def __init__(self, axis: Axis, dials: DriveDials, seed: int) -> None:
+        """``seed`` is for the noise of the encoder."""
+        self._axis = axis
+        self._dials = dials
+        self._noise = axis.params.noise
+        self._random = random.Random(seed)
+        self._kept: deque[tuple[float, Values]] = deque()
+
+    def measured(self, now: float) -> Values:
+        """Return position (of the motor), velocity and torque as they are shown ``now``."""
+        motor = self._axis.motor
+        values = motor.position, motor.velocity, motor.torque
+        if self._dials.feedback_delay > 0.0:
+            values = self._late(now, values)
+        if self._noise:
+            return values[0] + self._random.uniform(-self._noise, self._noise), values[1], values[2]
+        return values
+
+    def demand(self, position: int, shown: int) -> int:
+        """Return 6062h of an energised drive that shows ``position``; ``shown`` is what 6062h is now."""
+        axis, dials = self._axis, self._dials
+        if dials.demand_frozen:
+            return shown
+        if dials.demand_is_actual:
+            return position
+        demand = axis.position + axis.drift if dials.creep_shown else axis.position
+        return as_int32(round(axis.to_user(demand)))
+
+    def _late(self, now: float, values: Values) -> Values:
+        """Keep what is measured now; return what was measured ``feedback_delay`` ago, or the oldest that there is."""
+        kept = self._kept
+        kept.append((now, values))
+        due = now - self._dials.feedback_delay + 1e-9
+        while len(kept) > 1 and kept[1][0] <= due:
+            kept.popleft()
+        return kept[0][1]

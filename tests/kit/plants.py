@@ -1,0 +1,152 @@
+"""Plants that resist, by name: what a story hangs behind the drives of its cell, and how it brings them into motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from axisbus import eds
+from axisbus.eds.builtin import resolve
+from axisbus.motion.handle import Handle
+from axisbus.sim.build import device_from_eds, motor_from_eds
+from axisbus.sim.device import Device
+from kit.cell import GENERIC, Cell, Stage, cell_text
+
+SWITCH = 1.0e6  # increments: where the limit switch of a homing is, far away
+_LIMITS = "position_limits = [-3000.0, 3000.0]"
+_OBJECTS = {0x6065: 0xFFFF_FFFF}  # a drive that pushes on, as many do
+_HOMING = "method = 35\n"
+_SEARCH = "method = 18\nspeed_switch = 60.0\nspeed_zero = 10.0\nacceleration = 500.0\n"
+
+
+@dataclass(frozen=True)
+class Plant:
+    """What differs from the usual motor, and from what the cell file says of the drive.
+
+    ``objects`` that the drive has otherwise, its ``dials``, and those that are turned ``on_jam``; ``window``: the standstill window
+    in deg, by which a standing axis may be pulled. ``loaded``: somebody must hold it until it is enabled. ``jams``: so many seconds
+    before the stop (after it, where that is negative) the story jams it.
+    """
+
+    motor: Mapping[str, float] = field(default_factory=dict)
+    objects: Mapping[int, int] = field(default_factory=dict)
+    dials: Mapping[str, object] = field(default_factory=dict)
+    on_jam: Mapping[str, object] = field(default_factory=dict)
+    window: float = 0.5
+    loaded: bool = False
+    jams: float | None = None
+
+
+# 10 000 increments per turn, 100 per degree: a load of 60 ‰ behind 20 ‰ per increment droops by 0.03 deg, of 100 behind 1 by 1 deg.
+# Without power friction holds these two; what sags falls.
+PLANTS: Mapping[str, Plant] = {
+    "stiff": Plant(),
+    "lagging": Plant({"lag": 0.05}),
+    "lagging-much": Plant({"lag": 0.2}),
+    "coasting": Plant({"friction": 0.5, "coasting": 20.0}),
+    "coasting-by-its-options": Plant({"friction": 2.0, "coasting": 5.0}, {0x605A: 0, 0x605C: 0, 0x605D: 0}),
+    "jammed": Plant(jams=0.6),
+    "jammed-just-before": Plant(jams=0.05),
+    "jammed-while-it-stops": Plant(jams=-0.05),
+    "jammed-with-a-lag": Plant({"lag": 0.2}, jams=0.05),
+    "jammed-6062h-is-actual": Plant(dials={"demand_is_actual": True}, jams=0.6),
+    "jammed-6062h-stuck": Plant(on_jam={"demand_frozen": True}, jams=0.6),
+    "sticking": Plant({"lag": 0.05}, dials={"sticks": 60.0}),
+    "late-feedback": Plant(dials={"feedback_delay": 0.15}),
+    "creeping": Plant(dials={"creep": 500.0}),
+    "creeping-openly": Plant(dials={"creep": 500.0, "creep_shown": True}),
+    "compliant": Plant({"stiffness": 20.0, "damping": 0.1, "load": 60.0, "friction": 150.0}, loaded=True),
+    "soft": Plant(
+        {"stiffness": 1.0, "damping": 0.4, "load": 100.0, "friction": 150.0}, window=1.5, loaded=True
+    ),
+    "sagging": Plant({"load": 300.0}, loaded=True),
+}
+
+
+def devices(plant: Plant, names: str, folder: object) -> Callable[[], Mapping[int, Device]]:
+    """Return what makes the stand-ins of a cell with one node for each letter of ``names``."""
+
+    def make() -> dict[int, Device]:
+        model = eds.load(resolve(GENERIC, folder))  # type: ignore[arg-type]
+        motor = replace(motor_from_eds(model), limit_switches=(None, SWITCH), **plant.motor)  # type: ignore[arg-type]
+        return {node: device_from_eds(model, node, motor, seed=node) for node, _ in enumerate(names, start=1)}
+
+    return make
+
+
+def cell_on(
+    stage: Stage, plant: Plant, names: str = "x", *, search: bool = False, limits: str = "", **changes: str
+) -> Cell:
+    """Open a simulated cell on plants of this kind, enabled; the dials of the first are turned.
+
+    ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits.
+    """
+    axis = (
+        "rated_torque = 10.0",
+        f"standstill_window = {plant.window}",
+        limits or _LIMITS,
+        changes.pop("axis", ""),
+    )
+    text = cell_text(names, axis="\n".join(axis), **changes)
+    if search:
+        text = text.replace(_HOMING, _SEARCH)
+    cell = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder))
+    for axis in cell.machine:
+        for index, value in {**_OBJECTS, **plant.objects}.items():
+            cell.device(axis.name).write(index, 0, value)
+        cell.drive(axis.name).dials.blocked = plant.loaded  # somebody holds it by hand until it is enabled
+        axis.enable().wait(5)
+        cell.drive(axis.name).dials.blocked = False
+    cell.run(1.0)
+    for dial, value in plant.dials.items():
+        setattr(cell.drive(names[0]).dials, dial, value)
+    return cell
+
+
+def jam(cell: Cell, plant: Plant, name: str = "x") -> None:
+    """Let an axis jam as the plant does."""
+    cell.jam(name)
+    for dial, value in plant.on_jam.items():
+        setattr(cell.drive(name).dials, dial, value)
+
+
+class Ramp:
+    """A way of many seconds: it speeds up to 100 deg/s with 100 deg/s² and goes on."""
+
+    duration = 60.0
+
+    def __init__(self, start: float) -> None:
+        self._start = start
+
+    def position(self, t: float) -> float:
+        return self._start + (50.0 * t * t if t < 1.0 else 50.0 + 100.0 * (t - 1.0))
+
+
+def _follow(cell: Cell, name: str) -> Handle:
+    demand = cell.drive(name).position_demand / cell.scale_of(name)
+    return cell[name].follow(Ramp(demand))
+
+
+def _push(cell: Cell, name: str) -> Handle:
+    """A torque that overcomes what holds the motor and leaves 12 ‰ to accelerate it."""
+    params, dials = cell.drive(name).params, cell.drive(name).dials
+    return cell[name].torque_control((params.load + params.friction + dials.sticks + 12.0) * 0.01)
+
+
+# By mode: what brings an axis into motion at about 60 to 100 deg/s.
+MOTIONS: Mapping[str, Callable[[Cell, str], Handle]] = {
+    "pp": lambda cell, name: cell[name].move_relative(2000.0, velocity=100.0),
+    "pv": lambda cell, name: cell[name].move_velocity(90.0),
+    "csp": _follow,
+    "tq": _push,
+    "hm": lambda cell, name: cell[name].home(),
+}
+
+
+def set_going(cell: Cell, mode: str, names: str = "x") -> list[Handle]:
+    """Bring the axes into motion in a mode, and let them get up to their speed; return their handles."""
+    handles = [MOTIONS[mode](cell, name) for name in names]
+    for name in names:
+        cell.until(lambda name=name: cell.speed(name) > 50.0, 5.0)
+    cell.run(0.3)
+    return handles
