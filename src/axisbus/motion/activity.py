@@ -12,7 +12,8 @@ from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
 from axisbus.motion.braking import Course
-from axisbus.motion.image import WITHOUT_POSITION_DEMAND, Image
+from axisbus.motion.image import Image
+from axisbus.motion.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 

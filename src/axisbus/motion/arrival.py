@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
 from axisbus.motion.activity import Activity
 from axisbus.motion.image import Image
@@ -21,7 +22,8 @@ class Arrival:
 
     def begin(self, activity: Activity, now: float) -> None:
         """A command begins; what was received before does not count."""
-        self._standing = Standing(self._parameters, now) if activity.ends_at_rest else None
+        homing = activity.mode is ModeOfOperation.HOMING
+        self._standing = Standing(self._parameters, now, homing=homing) if activity.ends_at_rest else None
         self._deadline = None
 
     def complete(self, done: bool, image: Image) -> bool:

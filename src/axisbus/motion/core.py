@@ -26,14 +26,16 @@ from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
 from axisbus.motion.activity import Activity
+from axisbus.motion.aftermath import Aftermath
 from axisbus.motion.arrival import Arrival
 from axisbus.motion.broken import broken
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status
-from axisbus.motion.image import WITHOUT_POSITION_DEMAND, Image
+from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
@@ -81,6 +83,7 @@ class AxisCore:
         self._broken: AxisbusError | None = None  # what has tripped it between two cycles
         self._story: FaultStory | None = None
         self._arrival = Arrival(parameters)
+        self._aftermath = Aftermath(parameters)
         self._rest_waits: list[RestWait] = []
         self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
@@ -136,7 +139,9 @@ class AxisCore:
         if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
             self.last_target = order.target_position
         self._leave_no_old_target(image, order)
-        image.note_sent(order.target_position, bool(order.bits & cw.NEW_SET_POINT))
+        image.led.note(
+            image.now, image.mode, image.demand, order.target_position, bool(order.bits & cw.NEW_SET_POINT)
+        )
         outputs = order.outputs(image.state)
         order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
         return outputs
@@ -196,6 +201,7 @@ class AxisCore:
         if finding is None and image.state in _FAULTS:
             if self._story is None and self.state is not AxisState.ERRORSTOP:
                 self._fault(image)
+            self._look_after_fault(image)
             return
         if not self.powered or self.ladder is not None:
             self.supervision.at_work()
@@ -207,6 +213,15 @@ class AxisCore:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:
             self._show_found(image)
+
+    def _look_after_fault(self, image: Image) -> None:
+        """A drive in fault stops its motor by itself; where it does not, what is left is its power and its node."""
+        error = self._aftermath.error(image, self.run_down, self.touched)
+        if error is None:
+            return
+        self._trip(error)
+        if image.state is State.FAULT_REACTION_ACTIVE and self.ladder is None:
+            self._stop(StopKind.ERROR, Then.HOLD, Rung.DISABLE_VOLTAGE, error.message)
 
     def _show_found(self, image: Image) -> None:
         """A drive that nobody has commanded yet: its axis is in the state that the drive shows."""

@@ -111,12 +111,12 @@ class Following:
     @staticmethod
     def _skew(image: Image) -> float:
         """Seconds between the two values that are compared: one that is polled is of another moment."""
-        if image.led_to is not None or image.demand is None:
+        if image.led.target is not None or image.demand is None:
             return 0.0
         return abs(image.position_stamp - image.demand_stamp)
 
     def _speed(self, image: Image) -> float:
-        led, when = image.led_to, image.now
+        led, when = image.led.target, image.now
         if led is None:
             led, when = image.demand, image.demand_stamp
         before, stamp = self._led, self._led_stamp

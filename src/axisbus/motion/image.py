@@ -5,27 +5,13 @@ from __future__ import annotations
 import math
 
 from axisbus.cia301.emcy import Emcy
-from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.cia402.starvation import Starvation
-from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
+from axisbus.motion.led import Led
 from axisbus.motion.still import Still
 from axisbus.units import INT32_HALF, INT32_SPAN, unwrap
-
-_M = ModeOfOperation
-# In these 6062h is not what leads the motor (velocity, torque), or not anything that the master could judge (homing).
-WITHOUT_POSITION_DEMAND = frozenset(
-    {
-        _M.VELOCITY,
-        _M.PROFILE_VELOCITY,
-        _M.PROFILE_TORQUE,
-        _M.HOMING,
-        _M.CYCLIC_SYNC_VELOCITY,
-        _M.CYCLIC_SYNC_TORQUE,
-        _M.CYCLIC_SYNC_TORQUE_ANGLE,
-    }
-)
 
 
 class Image:
@@ -33,9 +19,7 @@ class Image:
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
     the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
-    ``set_position``). ``led_to`` is the target that was sent last in a cyclic position mode (None: there was none in this one),
-    ``set_point`` the last one in profile position mode; ``shows_target``: the drive's 6062h jumps to the target of a move at once,
-    so that it says nothing of where the axis is being led now.
+    ``set_position``). ``led``: what leads the axis.
     """
 
     __slots__ = (
@@ -51,7 +35,7 @@ class Image:
         "emcy",
         "fastest",
         "gap",
-        "led_to",
+        "led",
         "lost_count",
         "mode",
         "mode_stamp",
@@ -62,8 +46,6 @@ class Image:
         "position",
         "position_stamp",
         "replies",
-        "set_point",
-        "shows_target",
         "starvation",
         "state",
         "statusword",
@@ -106,11 +88,9 @@ class Image:
         self.velocity_stamp = -math.inf
         self.torque: int | None = None
         self.demand: int | None = None
+        self.led = Led()
         self.demand_stamp = -math.inf
         self.demand_repeats = math.isfinite(self._max_age[5])  # else its silence says that it has not changed
-        self.led_to: int | None = None
-        self.set_point: int | None = None
-        self.shows_target = False
         self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
@@ -135,23 +115,21 @@ class Image:
         self.velocity, self.velocity_stamp = _fresh(inputs.velocity, since - ages[3], self.velocity_stamp)
         self.torque, _ = _fresh(inputs.torque, since - ages[4], 0.0)
         raw, self.demand_stamp = _fresh(inputs.demand, since - ages[5], self.demand_stamp)
-        self.demand = None if raw is None or self.shows_target else self.unwrapped(raw)
+        self.demand = None if raw is None or self.led.idle else self.unwrapped(raw)
+        if not self.led.idle and self.led.judge(self.demand, self.position, self.state, self.mode):
+            self.demand = None
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
             self.position = self._seen_position = self._raw_position
         self._still.forget()
-        self.demand = self.led_to = self.set_point = None  # they counted from the old one
+        self.demand = None  # it counted from the old one
+        self.led.forget()
 
-    def note_sent(self, target: int | None, is_set_point: bool) -> None:
-        """Take what was sent in this cycle: a target (None: none), and whether it went with a new set-point's edge."""
-        if self.mode != _M.CYCLIC_SYNC_POSITION:
-            self.led_to = None
-        elif target is not None:
-            self.led_to = target
-        if target is not None and is_set_point and self.mode == _M.PROFILE_POSITION:
-            self.set_point = target
+    def restart(self) -> None:
+        """Count from the drive's own value with the next one: it counts anew."""
+        self._raw_position = None
 
     @property
     def standstill(self) -> bool:
@@ -160,25 +138,8 @@ class Image:
 
     @property
     def pull(self) -> int | None:
-        """How far the drive's controller is led from where the axis is, in increments; None where nobody knows, or nothing leads
-        it.
-
-        That is 6062h, and in a cyclic position mode the target that was sent, whichever is farther. In the modes without a position
-        controller 6062h has no meaning, and without power nothing pulls.
-        """
-        position = self.position
-        if position is None or self.state not in ENERGISED or self.mode in WITHOUT_POSITION_DEMAND:
-            return None
-        demand, led_to = self.demand, self.led_to
-        if led_to is None:
-            return None if demand is None else demand - position
-        if demand is None or abs(led_to - position) > abs(demand - position):
-            return led_to - position
-        return demand - position
-
-    def restart(self) -> None:
-        """Count from the drive's own value with the next one: it counts anew."""
-        self._raw_position = None
+        """How far the axis is led from where it is, in increments; None where nobody knows, or nothing leads it (see ``Led``)."""
+        return self.led.pull(self.demand, self.position, self.state, self.mode)
 
     @property
     def reference(self) -> int | None:

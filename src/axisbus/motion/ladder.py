@@ -27,7 +27,7 @@ from axisbus.motion.follow import Follow
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
-from axisbus.motion.relief import Relief, needs_relief
+from axisbus.motion.relief import Relief, is_blind, needs_relief
 from axisbus.motion.rundown import RunDown
 from axisbus.motion.sdo_path import SdoPath
 from axisbus.motion.standing import Standing
@@ -61,6 +61,7 @@ _HOLDING_MODES = (
     ModeOfOperation.PROFILE_VELOCITY,
 )
 _UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
+_STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _MAY_DRIVE = ENERGISED | {State.UNKNOWN}
 _NMT_STOP_TIME = 0.1
 # The entry of [axes.NAME.stop] that gives each rung its time.
@@ -89,7 +90,7 @@ class StopLadder:
         self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
         self._stands_now = False
-        self._stood_before = False  # at the beginning of the stop
+        self._blind_hold = False  # it stood in the middle of a motion when the stop began, and nobody sees whether it is pulled
         self.rung = start
         self.path: list[Rung] = [start]
         self.seen = State.UNKNOWN  # by PDO, else by SDO
@@ -130,7 +131,7 @@ class StopLadder:
         ``run_down``: whether the motor may still turn without power.
         """
         if self._deadline is None:
-            self._stood_before = image.standstill and len(self.path) == 1
+            self._blind_hold = len(self.path) == 1 and self._is_held_unseen(image)
             self._begin_rung(image)
         self._stands_now = self._standing.seen(image)
         ended = self._step(image, order, run_down)
@@ -141,6 +142,11 @@ class StopLadder:
             self._by_sdo.cancel(order)
             self._end_relief(order)
         return ended
+
+    def _is_held_unseen(self, image: Image) -> bool:
+        led = image.led
+        began = led.searching_since if image.mode == ModeOfOperation.HOMING else led.set_point_at
+        return image.standstill and image.now > began + _STARTS and is_blind(image, self._parameters)
 
     def _begin_rung(self, image: Image) -> None:
         self._standing = Standing(self._parameters, image.now)
@@ -162,6 +168,7 @@ class StopLadder:
         order.goal = State.SWITCH_ON_DISABLED
         if run_down.under_way or (image.state is State.UNKNOWN and self._by_sdo.may_turn):
             self.running_down = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
+            self.confirmed = False  # it may have stood, and fall now
             if self._rest_by is None:
                 self._rest_by = image.now + self._parameters.stop_times.disable
             return image.now > self._rest_by
@@ -210,13 +217,13 @@ class StopLadder:
         """
         if self._then is Then.DISABLE:
             return True  # that takes away whatever pulls
+        if self._blind_hold:
+            self.held, self.unseen = True, _UNSEEN_PULL
+            self._go(Rung.QUICK_STOP, image)
+            return False
         if self._relief is None:
             if not needs_relief(image, self._parameters) or image.position is None:
                 return True
-            if self._stood_before:
-                self.held, self.unseen = True, _UNSEEN_PULL
-                self._go(Rung.QUICK_STOP, image)
-                return False
             self._relief = Relief(image.position, self._parameters)
         if self._relief.step(image, order):
             self._end_relief(order)

@@ -109,7 +109,7 @@ class PositionMove(Activity):
             self._profile.speed or 0.0, by_position=False
         )
         if far and abs(image.demand - target) <= _WINDOW_FLOOR:
-            image.shows_target, image.demand = True, None
+            image.led.idle, image.demand = True, None
 
     def _arrived(self, image: Image) -> bool:
         """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""

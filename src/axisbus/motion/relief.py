@@ -25,9 +25,15 @@ def needs_relief(image: Image, parameters: AxisParameters) -> bool:
     """Whether the drive may still be led to the target of an interrupted move, and nobody sees it."""
     if image.mode != ModeOfOperation.PROFILE_POSITION or image.demand is not None:
         return False
-    if image.set_point is None or image.position is None:
+    if image.led.set_point is None or image.position is None:
         return False
-    return abs(image.set_point - image.position) > parameters.pull_window
+    return abs(image.led.set_point - image.position) > parameters.pull_window
+
+
+def is_blind(image: Image, parameters: AxisParameters) -> bool:
+    """Whether nobody sees where the drive's controller leads an axis that was in the middle of a move or of a homing."""
+    searching = image.mode == ModeOfOperation.HOMING and image.led.searching_since < image.now
+    return needs_relief(image, parameters) or (searching and image.pull is None)
 
 
 class Relief:

@@ -29,15 +29,20 @@ from axisbus.motion.still import Still
 class Standing:
     """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
 
-    __slots__ = ("_by", "_parameters", "_since", "_still", "_still_speed")
+    __slots__ = ("_by", "_homing", "_parameters", "_since", "_still", "_still_demand", "_still_speed")
 
-    def __init__(self, parameters: AxisParameters, since: float) -> None:
-        """``since``: what was received at or before this moment does not count (seconds of the scan's clock)."""
+    def __init__(self, parameters: AxisParameters, since: float, *, homing: bool = False) -> None:
+        """``since``: what was received at or before this moment does not count (seconds of the scan's clock).
+
+        ``homing``: the drive has just given its position another name, and 6062h may still have the old one.
+        """
         self._parameters = parameters
+        self._homing = homing
         self._since = since
         window = parameters.timing.standstill_time
         self._still = Still(parameters.standstill_tolerance, window, since)
         self._still_speed = Still(0.0, window, since)
+        self._still_demand = Still(parameters.standstill_tolerance, window, since)
         self._by = ""
 
     @property
@@ -49,8 +54,9 @@ class Standing:
         """Take this cycle's values; return whether the axis stands."""
         if image.position is not None:
             self._by = ""
+            led_nowhere = self._demand_rests(image)
             still = self._still.feed(image.position, image.position_stamp)
-            return still and self._knows_demand(image) and not self.pulls(image)
+            return still and led_nowhere and self._knows_demand(image) and not self.pulls(image)
         if image.velocity is not None:
             self._by = "its velocity (606Ch) is 0; where it stands is not known"
             return self._rests(image)
@@ -59,8 +65,14 @@ class Standing:
 
     def pulls(self, image: Image) -> bool:
         """Whether the controller leads the axis to somewhere else than where it is."""
-        pull = image.pull
+        pull = None if self._homing else image.pull
         return pull is not None and abs(pull) > self._parameters.pull_window
+
+    def _demand_rests(self, image: Image) -> bool:
+        """Whether 6062h does not move either, where it comes as often as the position: feedback may be late, and a motion young."""
+        if image.demand is None or image.pull is None or image.demand_stamp < image.position_stamp:
+            return True
+        return self._still_demand.feed(image.demand, image.demand_stamp)
 
     def _knows_demand(self, image: Image) -> bool:
         """Whether 6062h was received since the axis came to rest: one that is polled may be of when it still moved."""
