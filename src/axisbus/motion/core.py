@@ -138,7 +138,8 @@ class AxisCore:
         self.halted = order.halt
         if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
             self.last_target = order.target_position
-        self._leave_no_old_target(image, order)
+        if order.target_position is None and self._keeps_target:
+            self._leave_no_old_target(image, order)
         image.led.note(
             image.now, image.mode, image.demand, order.target_position, bool(order.bits & cw.NEW_SET_POINT)
         )
@@ -149,9 +150,7 @@ class AxisCore:
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
         """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
         if (
-            self._keeps_target
-            and order.target_position is None
-            and self.touched
+            self.touched
             and image.state is State.OPERATION_ENABLED
             and image.mode in WITHOUT_POSITION_DEMAND
             and image.mode != ModeOfOperation.HOMING

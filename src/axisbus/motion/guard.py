@@ -38,11 +38,14 @@ _LONGEST_LAG = (
 class Guard:
     """Sees danger in time to brake; holds the tracks of the position and of the demand, and since when the axis moves freely."""
 
-    __slots__ = ("_demand", "_free_since", "_parameters", "_position")
+    __slots__ = ("_demand", "_edges", "_free_since", "_parameters", "_position")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._position, self._demand = Track(), Track()
+        limits, units = parameters.limits.position, parameters.units.position
+        edges = None if limits is None else sorted(edge * units.factor for edge in limits)
+        self._edges = None if edges is None else (edges[0], edges[1])  # in increments, from the origin
         self._free_since: float | None = None
 
     def look(self, image: Image) -> None:
@@ -88,7 +91,14 @@ class Guard:
 
         A move that ends within the limits never has a way to rest beyond them, but for its velocity being older than its position.
         """
-        if course.down is None or image.position is None or not self._position.is_known:
+        if (
+            self._edges is None
+            or course.down is None
+            or image.position is None
+            or not self._position.is_known
+        ):
+            return None
+        if self._is_far(image, course.down):
             return None
         velocity, _ = self._position.motion
         window = (
@@ -97,6 +107,14 @@ class Guard:
         way = math.copysign(max(0.0, braking_distance(velocity, course.down) - window), velocity)
         rest = self._outside(image, image.position + way, 1 if velocity > 0 else -1)
         return None if rest is None else self._leaving(image, rest)
+
+    def _is_far(self, image: Image, down: float) -> bool:
+        """Whether the limits are so far away that twice the speed could be braked: then nothing more is to be computed."""
+        assert self._edges is not None
+        assert image.position is not None
+        way = _WINDOW + 4.0 * braking_distance(self._position.mean, down)
+        where = image.position - image.origin
+        return self._edges[0] + way < where < self._edges[1] - way
 
     def _blind(self, image: Image) -> AxisbusError | None:
         try:
@@ -169,12 +187,11 @@ class Guard:
 
     def _outside(self, image: Image, position: float, direction: int) -> float | None:
         """Return ``position`` in units, if it is beyond the limit in ``direction`` (1 or -1, of the increments)."""
-        limits, units = self._parameters.limits.position, self._parameters.units.position
-        if limits is None:
+        if self._edges is None:
             return None
-        low, high = sorted(edge * units.factor + image.origin for edge in limits)
-        edge = high if direction > 0 else low
-        return units.to_units(position - image.origin) if (position - edge) * direction > 0 else None
+        edge = self._edges[1] if direction > 0 else self._edges[0]
+        where = position - image.origin
+        return self._parameters.units.position.to_units(where) if (where - edge) * direction > 0 else None
 
     def _way_to_rest(
         self, image: Image, track: Track, direction: int, course: Course, ramp: float | None

@@ -15,7 +15,7 @@ from axisbus.units import INT32_HALF, INT32_SPAN, unwrap
 
 
 class Image:
-    """The decoded inputs of one axis; holds state: the unwrapped position and the anchor of the standstill test.
+    """The decoded inputs of one axis; holds state: the unwrapped position, and whether it and the demand are still.
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
     the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
@@ -27,7 +27,6 @@ class Image:
         "_period",
         "_raw_position",
         "_seen_position",
-        "_still",
         "bus",
         "demand",
         "demand_repeats",
@@ -51,6 +50,8 @@ class Image:
         "statusword",
         "statusword_by_event",
         "statusword_stamp",
+        "still",
+        "still_demand",
         "torque",
         "velocity",
         "velocity_stamp",
@@ -64,7 +65,8 @@ class Image:
             for name in ("statusword", "mode", "position", "velocity", "torque", "demand")
         )
         self._period = period
-        self._still = Still(tolerance, window)
+        self.still = Still(tolerance, window)
+        self.still_demand = Still(tolerance, window)
         # Then silence means that it has not changed.
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self._raw_position: int | None = None
@@ -116,6 +118,8 @@ class Image:
         self.torque, _ = _fresh(inputs.torque, since - ages[4], 0.0)
         raw, self.demand_stamp = _fresh(inputs.demand, since - ages[5], self.demand_stamp)
         self.demand = None if raw is None or self.led.idle else self.unwrapped(raw)
+        if self.demand is not None:
+            self.still_demand.feed(self.demand, self.demand_stamp)
         if not self.led.idle and self.led.judge(self.demand, self.position, self.state, self.mode):
             self.demand = None
 
@@ -123,7 +127,8 @@ class Image:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
             self.position = self._seen_position = self._raw_position
-        self._still.forget()
+        self.still.forget()
+        self.still_demand.forget()
         self.demand = None  # it counted from the old one
         self.led.forget()
 
@@ -134,7 +139,7 @@ class Image:
     @property
     def standstill(self) -> bool:
         """Whether the position has not moved over the window, by what is fresh; ``Standing`` asks more of a stop."""
-        return self._still.still
+        return self.still.still
 
     @property
     def pull(self) -> int | None:
@@ -159,7 +164,7 @@ class Image:
         self.lost_count = False
         if sample is None or sample.stamp < oldest:
             self.position = None
-            self._still.forget()
+            self.still.forget()
             return
         raw = sample.value
         if self._raw_position is None:
@@ -170,7 +175,7 @@ class Image:
         self._raw_position, self._seen_position = raw, self.position
         if sample.stamp != self.position_stamp:
             self.position_stamp = sample.stamp
-            self._still.feed(self.position, sample.stamp)
+            self.still.feed(self.position, sample.stamp)
 
     def unwrapped(self, raw: int) -> int | None:
         """Return a position of the drive's own count as unwrapped increments; None while the actual position is unknown."""

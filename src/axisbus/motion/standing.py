@@ -29,7 +29,7 @@ from axisbus.motion.still import Still
 class Standing:
     """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
 
-    __slots__ = ("_by", "_homing", "_parameters", "_since", "_still", "_still_demand", "_still_speed")
+    __slots__ = ("_by", "_first", "_homing", "_parameters", "_since", "_still_speed")
 
     def __init__(self, parameters: AxisParameters, since: float, *, homing: bool = False) -> None:
         """``since``: what was received at or before this moment does not count (seconds of the scan's clock).
@@ -39,10 +39,8 @@ class Standing:
         self._parameters = parameters
         self._homing = homing
         self._since = since
-        window = parameters.timing.standstill_time
-        self._still = Still(parameters.standstill_tolerance, window, since)
-        self._still_speed = Still(0.0, window, since)
-        self._still_demand = Still(parameters.standstill_tolerance, window, since)
+        self._first = math.inf  # when the first position after that came
+        self._still_speed = Still(0.0, parameters.timing.standstill_time, since)
         self._by = ""
 
     @property
@@ -54,9 +52,9 @@ class Standing:
         """Take this cycle's values; return whether the axis stands."""
         if image.position is not None:
             self._by = ""
-            led_nowhere = self._demand_rests(image)
-            still = self._still.feed(image.position, image.position_stamp)
-            return still and led_nowhere and self._knows_demand(image) and not self.pulls(image)
+            if self._first == math.inf and image.position_stamp > self._since:
+                self._first = image.position_stamp
+            return image.still.since(self._first) and self._knows_demand(image) and not self.pulls(image)
         if image.velocity is not None:
             self._by = "its velocity (606Ch) is 0; where it stands is not known"
             return self._rests(image)
@@ -68,21 +66,21 @@ class Standing:
         pull = None if self._homing else image.pull
         return pull is not None and abs(pull) > self._parameters.pull_window
 
-    def _demand_rests(self, image: Image) -> bool:
-        """Whether 6062h does not move either, where it comes as often as the position: feedback may be late, and a motion young."""
-        if image.demand is None or image.pull is None or image.demand_stamp < image.position_stamp:
-            return True
-        return self._still_demand.feed(image.demand, image.demand_stamp)
-
     def _knows_demand(self, image: Image) -> bool:
-        """Whether 6062h was received since the axis came to rest: one that is polled may be of when it still moved."""
+        """Whether 6062h says where the axis is led now that it rests.
+
+        One that is polled may be of when it still moved. One that comes as often as the position must be still, too: feedback may
+        be late, and a motion young.
+        """
         if image.demand is None or image.pull is None or not image.demand_repeats:
             return True
-        return image.demand_stamp >= self._still.rested_since
+        if image.demand_stamp < image.position_stamp:
+            return image.demand_stamp >= max(image.still.rested_since, self._first)
+        return image.still_demand.since(self._first)
 
     def is_held(self, image: Image) -> bool:
         """Whether it stands only because something holds it."""
-        return image.position is not None and self._still.still and self.pulls(image)
+        return image.position is not None and image.still.since(self._first) and self.pulls(image)
 
     def why_not(self, image: Image) -> str:
         """Say what is missing, for the error of a stop that was not seen."""
@@ -92,7 +90,7 @@ class Standing:
         where = f"at {units.to_units(image.position - image.origin):g} {units.unit}"
         if image.position_stamp <= self._since:
             return f"{where} when it was last heard of, {image.now - image.position_stamp:.2g} s ago: no position has come since"
-        if not self._still.still:
+        if not image.still.since(self._first):
             return f"{where} and still moving{_speed_text(image, self._parameters)}"
         pull = image.pull
         if pull is not None and self.pulls(image):

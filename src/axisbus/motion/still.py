@@ -38,6 +38,10 @@ class Still:
         """When the value was first received at the place where it is (-inf: never)."""
         return self._anchor_stamp
 
+    def since(self, moment: float) -> bool:
+        """Return whether it has been still for a whole window after ``moment``, when a value came."""
+        return self.still and self._stamp - max(self._anchor_stamp, moment) >= self._window
+
     def forget(self) -> None:
         """Begin anew: the value is unknown, or counts from another place now."""
         self._anchor, self.still = None, False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from itertools import pairwise
 
 _KEPT = 7  # samples: six velocities, of which the medians of the older and of the newer three give the acceleration
 
@@ -15,24 +14,38 @@ class Track:
     neither, so that a busy computer's jitter does not look like danger.
     """
 
-    __slots__ = ("_motion", "_samples")
+    __slots__ = ("_motion", "_samples", "_speeds")
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, int]] = deque(maxlen=_KEPT)
+        self._speeds: deque[float] = deque(maxlen=_KEPT - 1)
         self._motion: tuple[float, float] | None = None
 
     def take(self, value: int | None, stamp: float) -> None:
         """Take a sample; None ends the track, one that is known already changes nothing."""
+        samples = self._samples
         if value is None:
-            self._samples.clear()
-        elif not self._samples or stamp > self._samples[-1][0]:
-            self._samples.append((stamp, value))
-            self._motion = None
+            samples.clear()
+            self._speeds.clear()
+            return
+        if samples:
+            before, old = samples[-1]
+            if stamp <= before:
+                return
+            self._speeds.append((value - old) / (stamp - before))
+        samples.append((stamp, value))
+        self._motion = None
 
     @property
     def is_known(self) -> bool:
         """Whether there is a velocity."""
         return len(self._samples) > 2
+
+    @property
+    def mean(self) -> float:
+        """Mean velocity (per s) over all samples that are kept."""
+        samples = self._samples
+        return (samples[-1][1] - samples[0][1]) / (samples[-1][0] - samples[0][0])
 
     @property
     def value(self) -> int:
@@ -53,7 +66,7 @@ class Track:
         return self._motion
 
     def _measured(self) -> tuple[float, float]:
-        speeds = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self._samples)]
+        speeds = list(self._speeds)
         if len(speeds) < 3:
             return min(speeds, key=abs), 0.0
         velocity = sorted(speeds[-3:])[1]
