@@ -7,7 +7,7 @@ from axisbus import AxisState, Machine
 with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     z = cell["z"]
     z.enable().wait()
-    z.torque_control(0.2, slope=2.0).wait()  # N·m and N·m/s; rated_torque in cell.toml gives the scale
+    z.torque_control(0.4, slope=4.0).wait()  # N·m and N·m/s; rated_torque in cell.toml gives the scale
     print(f"torque: {z.torque:.2f} N·m")
     cell.sleep(0.3)
     if z.state is AxisState.ERRORSTOP:

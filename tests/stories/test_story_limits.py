@@ -20,7 +20,12 @@ from axisbus.sim.device import Device
 from kit.cell import Cell, cell_text
 from kit.probe import ENABLED, OFF
 
-JOINTS = (Path(__file__).parents[2] / "examples" / "cell.toml").read_text(encoding="utf-8")
+# With a rated torque of 5 N·m, so that few N·m are much; what 6076h says of it is another story's matter.
+JOINTS = (
+    (Path(__file__).parents[2] / "examples" / "cell.toml")
+    .read_text(encoding="utf-8")
+    .replace("rated_torque = 10.0", "rated_torque = 5.0")
+)
 
 
 def joints(story, lag: float = 0.002, **port) -> Cell:
