@@ -229,6 +229,14 @@ def age_text(age: float) -> str:
     return f"the last one is {age:.3g} s old" if math.isfinite(age) else "it was never received"
 
 
+def where_text(image: Image, parameters: AxisParameters) -> str:
+    """Return where the axis is, for a person, such as ``12.5 deg``."""
+    units = parameters.units.position
+    if image.position is None:
+        return "unknown"
+    return f"{units.to_units(image.position - image.origin):g} {units.unit}"
+
+
 def require_position(image: Image, name: str, why: str) -> int:
     """Return the unwrapped actual position.
 

@@ -32,14 +32,14 @@ from axisbus.motion.broken import broken
 from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
 from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
-from axisbus.motion.handle import Handle, Status
+from axisbus.motion.handle import Handle
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.restwait import RestWait
+from axisbus.motion.restwait import RestWaits
 from axisbus.motion.rundown import RunDown
 from axisbus.motion.running import Running
 from axisbus.motion.snapshot import Snapshot
@@ -84,7 +84,7 @@ class AxisCore:
         self._story: FaultStory | None = None
         self._arrival = Arrival(parameters)
         self._aftermath = Aftermath(parameters)
-        self._rest_waits: list[RestWait] = []
+        self._rest_waits = RestWaits(parameters)
         self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
 
@@ -126,8 +126,7 @@ class AxisCore:
         self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
-        if self._rest_waits:
-            self._step_rest_waits(image)
+        self._rest_waits.step(image, self.finish)
         order.halt = self.halted
         if self.ladder is None and self.activity is not None:
             self._step_activity(self.activity, image, order)
@@ -180,7 +179,7 @@ class AxisCore:
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every handle, with the error that ``ended`` makes for its name: the scan has ended."""
         handles = self.stopping.drop()
-        handles += [waiting.handle for waiting in self._rest_waits]
+        handles += self._rest_waits.drop()
         if self._story is not None:
             handles += self._story.handles
         if self.running.handle is not None:
@@ -334,20 +333,8 @@ class AxisCore:
         if image.standstill and image.now - image.position_stamp <= _NOW and not self.run_down.under_way:
             then()
             self.finish(handle)
-            return
-        self._rest_waits.append(RestWait(self.parameters, handle, then, image.now))
-        handle.status = Status.ACTIVE
-
-    def _step_rest_waits(self, image: Image) -> None:
-        for waiting in list(self._rest_waits):
-            try:
-                if not waiting.step(image):
-                    continue
-                waiting.then()
-                self.finish(waiting.handle)
-            except AxisbusError as error:
-                self.finish(waiting.handle, error)
-            self._rest_waits.remove(waiting)
+        else:
+            self._rest_waits.add(handle, then, image.now)
 
     def finish(self, handle: Handle, error: AxisbusError | None = None) -> None:
         """End a handle, well (no error) or with the reason."""

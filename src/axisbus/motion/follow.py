@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import LimitError, MotionTimeout
-from axisbus.motion.activity import Activity, ModeSwitch, require_position
+from axisbus.motion.activity import Activity, ModeSwitch, require_position, where_text
 from axisbus.motion.gate import Gate
 from axisbus.motion.guarded import Guarded
 from axisbus.motion.image import Image
@@ -262,15 +263,13 @@ class Follow(Activity):
     def _late(self, image: Image, window: int) -> MotionTimeout:
         assert self._last is not None
         name, units = self._parameters.name, self._parameters.units.position
-        where = (
-            "unknown"
-            if image.position is None
-            else f"{units.to_units(image.position - image.origin):g} {units.unit}"
-        )
+        hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
         return MotionTimeout(
             f"{name}: does not come up with the end of its trajectory, {units.to_units(self._last - image.origin):g} {units.unit}",
             axis=name,
-            observed=f"position {where} after {_ARRIVAL:g} s; within {abs(units.to_units(window)):g} {units.unit} was expected",
+            observed=f"position {where_text(image, self._parameters)} after {_ARRIVAL:g} s; within "
+            f"{abs(units.to_units(window)):g} {units.unit} was expected"
+            + "".join(f"; {hint}" for hint in hints),
             remedy="look whether the axis is blocked or badly tuned; position_window in [axes."
             + name
             + "] sets the tolerance",

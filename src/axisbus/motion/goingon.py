@@ -14,6 +14,7 @@ While a group's axes wait for each other, the trajectory before goes on.
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
+from axisbus.motion.activity import where_text
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
@@ -115,14 +116,9 @@ class GoingOn(Follow):
 
     def _timed_out(self, image: Image) -> AxisbusError:
         name, units = self._parameters.name, self._parameters.units.position
-        where = (
-            "unknown"
-            if image.position is None
-            else f"{units.to_units(image.position - image.origin):g} {units.unit}"
-        )
         return MotionTimeout(
             f"{name}: has not arrived at {units.to_units(self._goal - image.origin):g} {units.unit}",
             axis=name,
-            observed=f"position {where}; the timeout of {self._profile.timeout:g} s has passed",
+            observed=f"position {where_text(image, self._parameters)}; the timeout of {self._profile.timeout:g} s has passed",
             remedy="give more time, or look whether the axis is blocked",
         )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from axisbus.errors import StateError
-from axisbus.motion.handle import Handle
+from axisbus.errors import AxisbusError, StateError
+from axisbus.motion.handle import Handle, Status
 from axisbus.motion.image import Image
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.standing import Standing
@@ -41,3 +41,35 @@ class RestWait:
                 remedy="wait until it stands; what is turned by hand or by its load counts as moving, too",
             )
         return False
+
+
+class RestWaits:
+    """The commands of one axis that wait for its rest."""
+
+    __slots__ = ("_parameters", "_waiting")
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        self._parameters = parameters
+        self._waiting: list[RestWait] = []
+
+    def add(self, handle: Handle, then: Callable[[], None], now: float) -> None:
+        """Let ``then`` be done once the axis stands; its handle ends with that."""
+        self._waiting.append(RestWait(self._parameters, handle, then, now))
+        handle.status = Status.ACTIVE
+
+    def step(self, image: Image, finish: Callable[[Handle, AxisbusError | None], None]) -> None:
+        """Do what may be done in this cycle; ``finish`` ends a handle."""
+        for waiting in list(self._waiting):
+            try:
+                if not waiting.step(image):
+                    continue
+                waiting.then()
+                finish(waiting.handle, None)
+            except AxisbusError as error:
+                finish(waiting.handle, error)
+            self._waiting.remove(waiting)
+
+    def drop(self) -> list[Handle]:
+        """Forget them all; return their handles."""
+        handles, self._waiting = [waiting.handle for waiting in self._waiting], []
+        return handles
