@@ -153,6 +153,22 @@ class Cell(PlantProbe):
         """Virtual seconds, or those of the monotonic clock."""
         return self.cycle.now() if self.is_virtual else time.monotonic()
 
+    @property
+    def scan_lives(self) -> bool:
+        """Whether the machine's scan goes on."""
+        return not self.machine.scan.ended
+
+    def each_cycle(self, call: Callable[..., object]) -> None:
+        """Let ``call`` be called after each cycle, in the scan's thread, with the time and what is known of each axis."""
+        self.machine.scan.observers.append(call)
+
+    def ctrl_c(self, limit: float) -> list[AxisbusError]:
+        """Ask for the stop as Ctrl-C does, and let time pass until it has come to its end; return what it could not do."""
+        scan = self.machine.scan
+        scan.request_stop("Ctrl-C")
+        self.until(lambda: scan.has_stopped, limit)
+        return scan.stop_failures()
+
     # -- time ------------------------------------------------------------------------------------------------------------
 
     def run(self, seconds: float) -> None:

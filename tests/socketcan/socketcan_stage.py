@@ -103,7 +103,8 @@ class Stage:
         for axis in machine:
             axis.enable().wait(20)
         handles = [axis.move_relative(10_000_000) for axis in machine]
-        until(lambda: min(self.speeds()) > 1000, 10)
+        until(lambda: min(self.speeds()) > 1000 or not all(handle.busy for handle in handles), 10)
+        assert all(handle.busy for handle in handles), [str(axis.error) for axis in machine]
         return handles
 
 

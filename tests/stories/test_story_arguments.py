@@ -230,7 +230,7 @@ def must_work(cell) -> None:
     cell.x.release().wait(1)
     cell.x.enable().wait(5)
     cell.x.move_relative(-3.0).wait(5)
-    assert not cell.machine.scan.ended
+    assert cell.scan_lives
 
 
 def test_a_straight_line_out_of_the_limits_is_refused(story, golden):
@@ -274,7 +274,7 @@ def test_a_trajectory_that_breaks_in_mid_way_stops_its_axis_and_its_mates_only(s
     failed = cell.failure_of(handle)
     assert isinstance(failed, AxisbusError)
     golden("trajectory_breaks", failed)
-    assert not cell.machine.scan.ended  # one program's mistake does not end the bus
+    assert cell.scan_lives  # one program's mistake does not end the bus
 
 
 def story_text(story, *, max_velocity: float = 400.0, axis: str = "") -> str:

@@ -82,7 +82,7 @@ def test_a_group_of_one_axis_is_a_group_and_takes_every_command(story):
     one.disable().wait(5)
     cell.must_be(SWITCH_ON_DISABLED, "x")
     cell.must_move("y")
-    assert not cell.machine.scan.ended
+    assert cell.scan_lives
 
 
 def test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too(story):
@@ -90,7 +90,7 @@ def test_the_handle_of_a_group_of_one_axis_ends_in_real_time_too(story):
     handle = cell.machine.group("x").enable()
     handle.wait(5)
     cell.must_be(ENABLED)
-    assert not cell.machine.scan.ended
+    assert cell.scan_lives
 
 
 def test_an_axis_that_is_named_twice_is_refused(story, golden):
@@ -333,7 +333,7 @@ def test_a_halt_that_a_move_interrupts_on_one_axis_brakes_the_others_to_the_end(
 
 def must_still_work(cell: Cell, names: str = "xyz") -> None:
     """The scan lives: every axis stands, and takes commands again after a reset."""
-    assert not cell.machine.scan.ended
+    assert cell.scan_lives
     for name in names:
         cell.run(1.0)
         cell[name].reset().wait(2)
@@ -567,7 +567,7 @@ def test_several_threads_that_command_one_group_at_once_leave_no_handle_open(sto
         thread.join()
     for handle in handles:
         cell.end_of(handle)
-    assert not cell.machine.scan.ended
+    assert cell.scan_lives
     for name in "xy":
         cell.must_stand(name, within=1.0, stages=ENABLED)
     times = [sample.time for sample in cell.record("x").samples]

@@ -238,7 +238,7 @@ def test_a_halt_whose_path_breaks_while_it_brakes_ends_in_the_drives_own_halt(st
     cell.port()._synchronous.remove(2)  # and now the feedback goes, too
     cell.must_stand(within=2.5, stages=(ENABLED, QUICK_STOP, *OFF))
     cell.must_have_come("x", start, (8.0, 13.0))
-    assert not cell.machine.scan.ended
+    assert cell.scan_lives
     cell.end_of(halt)
 
 

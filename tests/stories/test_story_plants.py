@@ -88,9 +88,7 @@ def with_exception(cell: Cell) -> None:
 
 
 def by_ctrl_c(cell: Cell) -> Ending:
-    cell.machine.scan.request_stop("Ctrl-C")
-    cell.until(lambda: cell.machine.scan.has_stopped, LONGEST)
-    return Ending(tuple(cell.machine.scan.stop_failures()))
+    return Ending(tuple(cell.ctrl_c(LONGEST)))
 
 
 def of_policy(cell: Cell) -> Ending:

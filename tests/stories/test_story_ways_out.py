@@ -95,7 +95,7 @@ def test_close_in_a_callback_in_virtual_time(story):
     cell.run(3.0)
     for name in "xy":
         cell.must_stand(name, within=0.01, stages=SWITCH_ON_DISABLED)
-    assert cell.machine.scan.ended
+    assert not cell.scan_lives
     assert cell.device("x").nmt is NmtState.PRE_OPERATIONAL
     cell.machine.close()
 
@@ -104,7 +104,7 @@ def test_what_a_close_in_a_callback_came_to_is_raised_by_the_next_close(story):
     cell = story.simulated("x", stop='halt_time = "300ms"')
     cell.travelling()
     cell.drive().dials.ignore_halt = True
-    cell.machine.scan.observers.append(lambda *_: cell.machine.close())
+    cell.each_cycle(lambda *_: cell.machine.close())
     cell.run(3.0)
     cell.must_stand(within=0.01, stages=SWITCH_ON_DISABLED)
     with pytest.raises(DriveError, match="harder stop"):
@@ -212,7 +212,7 @@ def fault_while_closing(cell, code: int = 0x7305) -> None:
             if len(count) == 3:
                 cell.drive().fault(code)
 
-    cell.machine.scan.observers.append(observe)
+    cell.each_cycle(observe)
 
 
 def test_a_fault_at_speed_while_closing_is_awaited(story):
