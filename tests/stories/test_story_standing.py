@@ -14,6 +14,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import motor_from_eds
 from axisbus.sim.device import Device
+from axisbus.sim.dials import NEVER
 from kit.cell import MODULE
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
@@ -158,6 +159,15 @@ def test_a_drive_whose_6062h_is_its_target_can_be_halted_and_does_not_trip(story
     assert cell.x.state is AxisState.DISCRETE_MOTION
     cell.x.halt().wait(5)
     cell.must_stand(within=0.1, stages=ENABLED)
+
+
+def test_a_drive_without_6062h_that_takes_no_target_under_halt_says_so(story):
+    cell = story.simulated("x", port={"inputs": {"demand": Source.NONE}}).enabled()
+    going(cell, "pp")
+    cell.drive().dials.acknowledge_delay = NEVER
+    error = cell.failure_of(cell.x.halt())
+    assert "takes no new target while it is halted" in error.observed
+    assert cell.stage() in OFF
 
 
 # -- lag that a drive may have -------------------------------------------------------------------------------------------

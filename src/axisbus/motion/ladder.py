@@ -61,6 +61,7 @@ _HOLDING_MODES = (
     ModeOfOperation.PROFILE_VELOCITY,
 )
 _UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
+_NOT_RELIEVED = "it takes no new target while it is halted, and without 6062h nobody sees whether its drive pulls it to the old one"
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _MAY_DRIVE = ENERGISED | {State.UNKNOWN}
 _NMT_STOP_TIME = 0.1
@@ -312,7 +313,7 @@ class StopLadder:
             key = "disable_time" if self._disabling else _TIMES[self.rung]
             self.late += [] if key in self.late else [key]
             if not self._disabling and rung <= Rung.DISABLE_VOLTAGE:
-                self.unseen = self._standing.why_not(image)
+                self.unseen = self._standing.why_not(image) if self._relief is None else _NOT_RELIEVED
                 self.held = self.held or self._standing.is_held(image)
             self._go(rung, image)
         return False
