@@ -64,7 +64,7 @@ def must_be_on_the_line(cell: Cell, since: float) -> None:
     assert max(max(abs(x - 2 * y), abs(x - z)) for x, y, z in ways) < 0.1
 
 
-# -- a group of one axis (reproductions 01 and 21) ---------------------------------------------------------------------
+# -- a group of one axis -----------------------------------------------------------------------------------------------
 
 
 def test_a_group_of_one_axis_is_a_group_and_takes_every_command(story):
@@ -111,7 +111,7 @@ def test_two_threads_that_ask_for_the_same_group_get_the_same_one(story):
     assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 
 
-# -- the gate (reproduction 02) ----------------------------------------------------------------------------------------
+# -- the gate ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("how", LEAVING)
@@ -250,7 +250,7 @@ def test_a_group_s_command_that_one_axis_refuses_leaves_nobody_waiting_from_the_
         assert cell.where(name) == pytest.approx(0.0, abs=0.01)
 
 
-# -- straight lines (reproductions 15 and 26) --------------------------------------------------------------------------
+# -- straight lines ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("whose", ["the group", "another group", "one axis"])
@@ -510,7 +510,7 @@ def test_what_a_callback_raises_in_the_scan_s_thread_does_not_end_the_scan(story
     must_still_work(cell, "x")
 
 
-# -- absurd numbers (reproduction 14) ----------------------------------------------------------------------------------
+# -- absurd numbers ----------------------------------------------------------------------------------------------------
 
 
 def test_a_line_of_more_than_a_year_is_refused_with_its_duration(story, golden):

@@ -43,7 +43,7 @@ def axisbus(monkeypatch, capsys):
     return call
 
 
-# -- reproduction 23 -----------------------------------------------------------------------------------------------------
+# -- a second machine ----------------------------------------------------------------------------------------------------
 
 
 def test_a_second_machine_is_refused_and_the_first_ones_motion_goes_on_undisturbed(tmp_path):

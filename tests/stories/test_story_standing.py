@@ -51,7 +51,7 @@ def going(cell, what: str, velocity: float = 60.0):
 @pytest.mark.parametrize("eds", [MODULE, "builtin:generic-cia402"])
 @pytest.mark.parametrize("what", ["pp", "pv", "csp"])
 def test_a_jam_in_mid_move_is_told_at_once_and_nothing_leaps_when_it_goes(story, golden, eds, what):
-    """Reproductions 12 and 27: the rotor was held, the demand ran away, and it leapt with 1100 deg/s when it came free."""
+    """Once the rotor was held, the demand ran away, and it leapt with 1100 deg/s when it came free."""
     more = (
         "" if eds == MODULE else "following_error = 15.0"
     )  # instead of the drive's own, which is two hundred degrees
@@ -76,7 +76,7 @@ def test_a_jam_in_mid_move_is_told_at_once_and_nothing_leaps_when_it_goes(story,
 @pytest.mark.parametrize("way", ["stop", "halt", "disable", "quick_stop"])
 @pytest.mark.parametrize("what", ["pp", "csp"])
 def test_a_stop_on_a_jam_ends_with_nothing_that_pulls(story, way, what):
-    """Reproduction 30: stop() and halt() were done at full torque, with the demand 93 deg away."""
+    """Once stop() and halt() were done at full torque, with the demand 93 deg away."""
     cell = story.simulated(
         "x", eds=MODULE, axis="following_error = 1000.0"
     ).enabled()  # nobody tells it before
@@ -102,7 +102,7 @@ def test_a_stop_on_a_jam_says_that_something_holds_the_axis(story, golden):
 
 
 def test_a_reset_after_a_jam_leaves_nothing_that_pulls(story):
-    """Reproduction 30: after the motion's time-out and reset(), it leapt 123 deg."""
+    """Once it leapt 123 deg after the time-out of its motion and a reset()."""
     cell = story.simulated("x", eds=MODULE, axis="following_error = 1000.0").enabled()
     handle = cell.x.move_relative(120.0, velocity=60.0)
     cell.run(0.5)
@@ -197,7 +197,7 @@ def test_a_drive_that_lags_trips_nothing(story, lag, velocity):
 
 @pytest.mark.parametrize("to", [PV, PP])
 def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(story, golden, to):
-    """Reproductions 11 and 20: csp fell to pv and ended 91 deg beyond the position limit."""
+    """Once csp fell to pv and ended 91 deg beyond the position limit."""
     cell = story.simulated("x", eds=MODULE, axis="position_limits = [-180.0, 180.0]").enabled()
     cell.x.home().wait(5)
     cell.x.follow(Trapezoid(cell.x.position, 150.0, 60.0, 720.0))
@@ -213,7 +213,7 @@ def test_a_trajectory_whose_drive_leaves_csp_is_stopped_within_its_limits(story,
 
 @pytest.mark.parametrize("to", [PP, CSP])
 def test_a_drive_that_leaves_pv_goes_back_to_no_old_target(story, to):
-    """Reproduction 28: 607Ah was that of 3 s and 90 deg ago, and the drive went there."""
+    """Once 607Ah was that of 3 s and 90 deg ago, and the drive went there."""
     cell = story.simulated("x", eds=MODULE).enabled()
     cell.x.move_velocity(30.0)
     cell.run(3.0)
@@ -237,7 +237,7 @@ def test_a_mode_that_is_still_on_its_way_is_no_slip(story):
 
 
 def test_a_halted_drive_that_goes_on_to_its_old_target_is_stopped_and_told(story, golden):
-    """Reproduction 22: Standstill while the drive went on to 150 deg."""
+    """Once it was said to stand while its drive went on to 150 deg."""
     cell = story.simulated("x", eds=MODULE).enabled()
     cell.x.move_relative(150.0)
     cell.run(0.6)
@@ -367,7 +367,7 @@ def test_a_motor_that_runs_down_without_power_is_awaited(story):
 
 @pytest.mark.parametrize("timer", [0.1, 0.5])
 def test_a_position_from_before_the_stop_does_not_count(story, timer):
-    """Reproduction 18: an event-driven position half a second old, from before the motion, counted as standing."""
+    """Once an event-driven position half a second old, from before the motion, counted as standing."""
     port = {"inputs": {"position": Source.EVENT_PDO, "velocity": Source.NONE}, "event_timer": timer}
     cell = story.simulated("x", port=port | {"max_age": {"position": 3 * timer + 0.05}}).enabled()
     silence(cell, timer)
