@@ -21,7 +21,7 @@ CELL = """
 [bus]
 interface = "socketcan"
 channel = "{channel}"
-scan_period = "40ms"
+scan_period = "60ms"
 heartbeat = "500ms"
 [nodes.1]
 eds = "builtin:generic-cia402"
