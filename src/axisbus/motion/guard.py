@@ -51,7 +51,8 @@ class Guard:
     def look(self, image: Image) -> None:
         """Take the positions of this cycle; in every cycle, whatever the axis does."""
         self._position.take(image.position, image.position_stamp)
-        self._demand.take(image.demand, image.position_stamp)
+        if self._edges is not None:
+            self._demand.take(image.demand, image.position_stamp)
 
     def danger(
         self, image: Image, state: AxisState, *, bounded: bool = True, course: Course | None = None
