@@ -171,8 +171,7 @@ class Enable(Activity):
         return True
 
     def _awaits_rest(self, image: Image, order: Order) -> bool:
-        """Whether the axis still moves without power (coasts, sags, is turned by hand): it is not caught unless that "
-        "was asked for."""
+        """Whether the axis still moves without power (coasts, sags, is turned): it is caught only where that was asked for."""
         if not self._rest.before(image):
             return False
         preload(order, None)

@@ -76,7 +76,6 @@ class EnableRest:
             f"{name}: is enabled, but does not stand",
             axis=name,
             observed=f"{self._parameters.timing.transition:g} s after it was enabled: {why}",
-            remedy="look whether its load is too heavy, its tuning oscillates, or another master commands it; where "
-            "its 6062h is no demand "
-            f"in the units of 6064h, a wide standstill_window in [axes.{name}] leaves it out; the axis was stopped",
+            remedy="look whether its load is too heavy, its tuning oscillates, or another master commands it; where its 6062h is "
+            f"no demand in the units of 6064h, a wide standstill_window in [axes.{name}] leaves it out; the axis was stopped",
         )

@@ -90,8 +90,7 @@ class Led:
             self.set_point, self.set_point_at = target, now
 
     def judge(self, demand: int | None, position: int | None, state: State, mode: int | None) -> bool:
-        """Return whether 6062h is found to be the actual position: nothing goes exactly where it is led while it "
-        "moves, time and again."""
+        """Return whether 6062h is the actual position: nothing that moves is time and again exactly where it is led."""
         if demand is None or demand != position:
             self._same = 0
             return False

@@ -39,24 +39,24 @@ def is_blind(image: Image, parameters: AxisParameters) -> bool:
 class Relief:
     """A set-point at ``target`` under halt; holds its transfer and its handshake."""
 
-    __slots__ = ("_set_point", "_transfers", "failed")
+    __slots__ = ("_failed", "_set_point", "_transfers")
 
     def __init__(self, target: int, parameters: AxisParameters) -> None:
         """``target``: the actual position, in unwrapped increments."""
         slow = [(objects.PROFILE_VELOCITY, 0, _LOWEST)] if parameters.has(objects.PROFILE_VELOCITY) else []
         self._transfers = Transfers(slow, parameters)
         self._set_point = SetPoint(target, parameters.name, parameters.timing.acknowledge)
-        self.failed = ""
+        self._failed = False
 
     def step(self, image: Image, order: Order) -> bool:
-        """Return True once the drive has the new target; ``failed`` says why it never will."""
+        """Return True once the drive has the new target; one that does not take it never has it."""
         order.halt = True
-        if self.failed:
+        if self._failed:
             return False
         try:
             return self._transfers.step(image, order) and self._set_point.step(image, order)
-        except DriveError as error:
-            self.failed = error.message
+        except DriveError:
+            self._failed = True
             return False
 
     def cancel(self, order: Order) -> None:

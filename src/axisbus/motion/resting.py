@@ -61,9 +61,8 @@ class Resting:
             axis=name,
             observed=f"no command runs, and it went from {units.to_units(place - image.origin):g} to "
             f"{units.to_units(position - image.origin):g} {units.unit}{moving}{mode}",
-            remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a "
-            "load that the motor "
-            f"cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
+            remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a load that the "
+            f"motor cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
         )
 
     def _pulled(self, image: Image, position: int, pull: int) -> UncommandedMotion:

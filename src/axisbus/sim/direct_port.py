@@ -88,8 +88,7 @@ class DirectPort:
         return [number for number, name in enumerate(_INPUTS) if self.capabilities.inputs[name] is source]
 
     def _silent_positions(self) -> list[int]:
-        """A position that is sent on change only is polled as well, as the bus does: its silence does not say that "
-        "the axis stands."""
+        """A position that is sent on change only is polled as well, as the bus does: silence does not say that it stands."""
         silent = self.capabilities.inputs["position"] is Source.EVENT_PDO and self._event_timer is None
         return [_INPUTS.index("position")] if silent else []
 

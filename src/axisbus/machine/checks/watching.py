@@ -1,5 +1,4 @@
-"""What the master will take for standing, and for following: the allowances that come of an axis's numbers where it "
-"does not say them."""
+"""What the master will take for standing, and for following: the allowances that come of an axis's numbers."""
 
 from __future__ import annotations
 
