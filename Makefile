@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: demo test test-socketcan check bench flaky explore format clean
+.PHONY: demo test test-socketcan check bench campaign flaky explore format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -23,6 +23,9 @@ check: $(READY)           ## lint, format, types, layers
 
 bench: $(READY)           ## ratios against a baseline in the same run
 	$(BIN)/python tests/bench.py
+
+campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
+	$(BIN)/python tests/campaign.py
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py

@@ -75,11 +75,19 @@ def devices(plant: Plant, names: str, folder: object) -> Callable[[], Mapping[in
 
 
 def cell_on(
-    stage: Stage, plant: Plant, names: str = "x", *, search: bool = False, limits: str = "", **changes: str
+    stage: Stage,
+    plant: Plant,
+    names: str = "x",
+    *,
+    search: bool = False,
+    limits: str = "",
+    port: Mapping[str, object] | None = None,
+    **changes: str,
 ) -> Cell:
     """Open a simulated cell on plants of this kind, enabled; the dials of the first are turned.
 
-    ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits.
+    ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits. ``port``: options of
+    ``DirectPort``.
     """
     axis = (
         "rated_torque = 10.0",
@@ -90,7 +98,12 @@ def cell_on(
     text = cell_text(names, axis="\n".join(axis), **changes)
     if search:
         text = text.replace(_HOMING, _SEARCH)
-    cell = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder))
+    cell = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder), port=port)
+    return bring_up(cell, plant, names)
+
+
+def bring_up(cell: Cell, plant: Plant, names: str) -> Cell:
+    """Write the plant's objects, enable every axis, and turn the dials of the first."""
     for axis in cell.machine:
         for index, value in {**_OBJECTS, **plant.objects}.items():
             cell.device(axis.name).write(index, 0, value)

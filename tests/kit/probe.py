@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
+from bisect import bisect_right
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from itertools import pairwise
+from operator import attrgetter
 from typing import NamedTuple
 
 from axisbus.sim.drive import Drive
@@ -28,6 +30,9 @@ STAGE_NAMES = (
     "fault reaction active",
     "fault",
 )
+
+
+_TIME = attrgetter("time")
 
 
 class PlantMoves(AssertionError):
@@ -79,7 +84,7 @@ class PlantRecord:
 
     def since(self, moment: float) -> list[PlantSample]:
         """The samples from a moment on, by the plant's clock (``sample.time``)."""
-        return [sample for sample in list(self.samples) if sample.time > moment]
+        return self.samples[bisect_right(self.samples, moment, key=_TIME) :]
 
 
 class PlantProbe(ABC):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import os
 from pathlib import Path
 
 import pytest
@@ -13,18 +11,10 @@ from axisbus import eds
 from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds, drive_from_eds, modes_of
 from axisbus.sim.device import Device
+from kit.corpus import corpus_files
 
 CHECKOUT = Path(__file__).parents[2]
-CORPUS = Path(os.environ.get("AXISBUS_EDS_CORPUS", CHECKOUT.parent / "shared" / "eds-corpus"))
 BUILTIN = sorted((CHECKOUT / "eds").glob("*.eds"))
-
-
-def corpus_files() -> list[Path]:
-    manifest = CORPUS / "manifest.tsv"
-    if not manifest.is_file():
-        return []
-    rows = csv.DictReader(manifest.read_text(encoding="utf-8").splitlines(), delimiter="\t")
-    return [CORPUS / row["file"] for row in rows if row["profile"] == "402"]
 
 
 def write(device: Device, index: int, value: int, subindex: int = 0) -> None:

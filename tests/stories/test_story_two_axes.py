@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
 from story_bus import Line
-from story_two_axes import two_axis_eds
 
 from axisbus.errors import DriveFault, Stopped
-from kit.cell import cell_text
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
-
-
-def two_axes(folder, **changes: str) -> str:
-    """Write the EDS, and return a cell in which x and y are the two axes of node 1."""
-    (folder / "two.eds").write_text(two_axis_eds(folder), encoding="ascii")
-    text = cell_text("xy", eds="two.eds", **changes)
-    text = re.sub(r'\[nodes\.2\]\neds = "two\.eds"\n', "", text)
-    return text.replace("node = 2\n", "node = 1\ndrive_axis = 2\n")
+from kit.twoaxes import two_axis_cell
 
 
 def cell_of(story):
-    return story.simulated("xy", text=two_axes(story.folder))
+    return story.simulated("xy", text=two_axis_cell(story.folder))
 
 
 def test_both_axes_move_each_by_its_own_objects(story):
@@ -79,9 +68,9 @@ def test_a_lost_node_is_lost_for_both_axes(story, golden):
 
 
 def test_both_axes_move_and_stop_over_a_bus(tmp_path):
-    two_axes(tmp_path)  # its EDS, from which the line makes the device
+    two_axis_cell(tmp_path)  # its EDS, from which the line makes the device
     with Line(tmp_path, "x", eds="two.eds") as line:
-        text = two_axes(tmp_path, interface="virtual", channel=line.channel)
+        text = two_axis_cell(tmp_path, interface="virtual", channel=line.channel)
         line.file.write_text(text, encoding="utf-8")
         device = line.devices["x"]
         with line.open() as machine:

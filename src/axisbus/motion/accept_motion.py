@@ -17,8 +17,10 @@ from axisbus.motion.gate import Gate
 from axisbus.motion.goingon import GoingOn
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingRun
+from axisbus.motion.image import Image
 from axisbus.motion.jog import Jog
 from axisbus.motion.moves import PositionMove
+from axisbus.motion.order import Order
 from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
@@ -158,7 +160,7 @@ def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate)
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
     writes += slow_ramp_writes(parameters)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
-    activity = TorqueMove(command.torque, command.timeout, parameters, prepare)
+    activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)
     core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
     core.last_target = None
 
@@ -228,16 +230,27 @@ def require_cyclic(core: AxisCore, handle: Handle) -> None:
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
+    lead = _lead(core)
     return Prepare(
-        ModeSwitch(mode, core.parameters, _lead(core)),
+        ModeSwitch(mode, core.parameters, lead),
         Transfers(writes, core.parameters, OPTIONAL_PROFILE),
         gate,
+        in_motion=lead is not None,
     )
 
 
 def _lead(core: AxisCore) -> Lead | None:
+    """Return what leads an axis out of a trajectory: a drive that is in a velocity mode before we see it finds its speed there."""
     leading = _leading(core)
-    return None if leading is None else leading.step
+    if leading is None:
+        return None
+    units = core.parameters.units
+
+    def lead(image: Image, order: Order) -> None:
+        leading.step(image, order)
+        order.target_velocity = units.velocity.to_increments(leading.last_step.velocity)
+
+    return lead
 
 
 def _leading(core: AxisCore) -> Follow | None:

@@ -133,13 +133,14 @@ class ModeSwitch:
     trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
     """
 
-    __slots__ = ("_deadline", "_lead", "_mode", "_parameters", "_reference", "_sure_from")
+    __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference", "_sure_from")
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
         """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
         self._mode = mode
         self._parameters = parameters
         self._lead = lead
+        self._left: int | None = None  # the mode that the drive shows while the other one is asked for
         self._sure_from = -math.inf
         self._deadline: float | None = None
         self._reference: int | None = None
@@ -161,17 +162,27 @@ class ModeSwitch:
         if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is of long ago
             self._reference = image.position
         if self._is_shown(image, order):
+            self._left = None
             return True
-        order.mode = self._mode
+        order.mode, self._left = self._mode, image.mode
         preload(order, self._reference)
-        if self._lead is not None:
-            self._lead(image, order)
+        self.lead(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
             order.target_torque = image.torque  # what holds the load now; 0 would let it fall
         if image.now > self._deadline:
             order.mode = image.mode  # not to be taken later, when nobody expects it
             raise self._refused(image)
         return False
+
+    def lead(self, image: Image, order: Order) -> None:
+        """Let what moves the axis go on, before the mode is asked for and as long as it changes."""
+        if self._lead is not None:
+            self._lead(image, order)
+
+    def cancel(self, order: Order) -> None:
+        """Take back a mode that the drive has not taken yet: later, nobody would expect it."""
+        if self._left is not None:
+            order.mode = self._left
 
     def _is_shown(self, image: Image, order: Order) -> bool:
         """Whether 6061h shows the mode, and no other one that was asked for before is still on its way."""

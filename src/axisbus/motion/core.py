@@ -234,6 +234,14 @@ class AxisCore:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
         if image.state is not State.OPERATION_ENABLED:
             self.running.set_point = None  # what the drive had begun to take is void
+        if (
+            self.state is AxisState.STANDSTILL
+            and self.ladder is not None
+            and image.state not in _MAY_BE_ENERGISED
+        ):
+            self.state = (
+                AxisState.DISABLED
+            )  # its power is off already, though it may not have come to rest without
         goal = self.order.goal
         if goal not in ENERGISED or image.state is goal or isinstance(self.activity, Enable):
             return
@@ -443,7 +451,7 @@ class AxisCore:
             self._stopped(ladder, image)
 
     def _stopped(self, ladder: StopLadder, image: Image) -> None:
-        self.powered = ladder.confirmed and image.state in ENERGISED
+        self.powered = ladder.confirmed and ladder.seen in ENERGISED
         self._stopped_for_sure = ladder.confirmed
         self.last_target = image.reference
         error = stop_error(ladder, self.parameters.name)
@@ -451,13 +459,14 @@ class AxisCore:
             self._trip(error)
             enrich(error, image, self.history)
         elif self.state is not AxisState.ERRORSTOP:
-            self.state = self._state_after_stop(image)
+            self.state = self._state_after_stop(ladder.seen)
         self._end_stop(error)
 
-    def _state_after_stop(self, image: Image) -> AxisState:
-        if image.state not in ENERGISED:
+    def _state_after_stop(self, seen: State) -> AxisState:
+        """Return what the axis is in after a stop that has ``seen`` its drive so, by PDO or by SDO."""
+        if seen not in ENERGISED:
             return AxisState.DISABLED
-        locked = self.stopping.locks or image.state is State.QUICK_STOP_ACTIVE
+        locked = self.stopping.locks or seen is State.QUICK_STOP_ACTIVE
         return AxisState.STOPPING if locked else AxisState.STANDSTILL
 
     def _end_stop(self, error: AxisbusError | None) -> None:

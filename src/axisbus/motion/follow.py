@@ -137,6 +137,7 @@ class Follow(Activity):
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
         self._setup.cancel(order)
+        self._mode.cancel(order)
 
     def _way(self, trajectory: Trajectory, t: float) -> float:
         return trajectory.position(min(max(t, 0.0), trajectory.duration))

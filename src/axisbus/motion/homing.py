@@ -84,6 +84,7 @@ class HomingRun(Activity):
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
         self._transfers.cancel(order)
+        self._mode.cancel(order)
 
     def _prepare(self, image: Image, order: Order) -> None:
         written = self._transfers.step(image, order)

@@ -46,9 +46,13 @@ def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | N
 class Prepare:
     """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others."""
 
-    __slots__ = ("_gate", "_mode", "_prepared", "_transfers")
+    __slots__ = ("_gate", "_in_motion", "_mode", "_prepared", "_transfers")
 
-    def __init__(self, mode: ModeSwitch, transfers: Transfers, gate: Gate) -> None:
+    def __init__(
+        self, mode: ModeSwitch, transfers: Transfers, gate: Gate, *, in_motion: bool = False
+    ) -> None:
+        """``in_motion``: the axis is led while the mode changes, and must find its ramps written when it has changed."""
+        self._in_motion = in_motion
         self._mode = mode
         self._transfers = transfers
         self._gate = gate
@@ -58,9 +62,13 @@ class Prepare:
         """Return True from the cycle on in which the move may begin."""
         if not self._prepared:
             written = self._transfers.step(image, order)
-            self._prepared = self._mode.step(image, order) and written
+            if written or not self._in_motion:
+                self._prepared = self._mode.step(image, order) and written
+            else:
+                self._mode.lead(image, order)
         return self._prepared and self._gate.pass_through(self)
 
     def cancel(self, order: Order) -> None:
-        """Take back queued transfers."""
+        """Take back queued transfers, and a mode that was asked for."""
         self._transfers.cancel(order)
+        self._mode.cancel(order)

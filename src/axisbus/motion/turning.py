@@ -20,6 +20,7 @@ _VELOCITY_FLOOR = 2  # velocity increments
 _VELOCITY_SHARE = 0.05  # of the velocity asked for
 _TORQUE_FLOOR = 10  # per mille of rated torque
 _TORQUE_SHARE = 0.05  # of the torque asked for
+_UNKNOWN_SLOPE = 10.0  # seconds
 
 
 class VelocityMove(Activity):
@@ -114,10 +115,16 @@ class TorqueMove(Activity):
     course = Course(by_torque=True)
 
     def __init__(
-        self, torque: int, timeout: float | None, parameters: AxisParameters, prepare: Prepare
+        self,
+        torque: int,
+        timeout: float | None,
+        parameters: AxisParameters,
+        prepare: Prepare,
+        slope: int | None = None,
     ) -> None:
-        """``torque`` in 0.1 % of rated torque."""
+        """``torque`` in 0.1 % of rated torque; ``slope`` in the same per second, None where nobody knows it."""
         self._torque = torque
+        self._slope = slope
         self._timeout = timeout
         self._parameters = parameters
         self._prepare = prepare
@@ -132,6 +139,7 @@ class TorqueMove(Activity):
         order.halt = False
         if self._commanded_at is None:
             self._commanded_at = image.now
+            self._timeout = self._timeout or self._allowed(image.torque or 0)
         if not self.reached:
             self.reached = self._in_torque(image)
             self._watch(image)
@@ -140,6 +148,10 @@ class TorqueMove(Activity):
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
         self._prepare.cancel(order)
+
+    def _allowed(self, torque: int) -> float:
+        """Four times the slope from the present ``torque`` to the new one, and a margin."""
+        return 4.0 * (abs(torque) + abs(self._torque)) / self._slope + 2.0 if self._slope else _UNKNOWN_SLOPE
 
     def _in_torque(self, image: Image) -> bool:
         """The measured torque itself, more than half of it; a small one is lost in noise, and the drive's word counts."""
@@ -162,7 +174,8 @@ class TorqueMove(Activity):
             f"{self._parameters.name}: has not reached {self._torque / 10:g} % of rated torque",
             axis=self._parameters.name,
             observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
-            remedy="look at max torque (6072h) and torque slope (6087h) of the drive",
+            remedy="look at max torque (6072h) and torque slope (6087h) of the drive: with a slope of 0 some never get there; "
+            f"torque_slope in [axes.{self._parameters.name}.defaults] sets it",
         )
 
 

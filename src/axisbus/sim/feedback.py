@@ -21,17 +21,25 @@ class Feedback:
         self._dials = dials
         self._noise = axis.params.noise
         self._random = random.Random(seed)
+        self._frozen: Values | None = None
         self._kept: deque[tuple[float, Values]] = deque()
 
     def measured(self, now: float) -> Values:
         """Return position (of the motor), velocity and torque as they are shown ``now``."""
         motor = self._axis.motor
+        if self._dials.encoder_frozen:
+            return self._frozen if self._frozen is not None else self._freeze(motor.position)
+        self._frozen = None
         values = motor.position, motor.velocity, motor.torque
         if self._dials.feedback_delay > 0.0:
             values = self._late(now, values)
         if self._noise:
             return values[0] + self._random.uniform(-self._noise, self._noise), values[1], values[2]
         return values
+
+    def _freeze(self, position: float) -> Values:
+        self._frozen = position, 0.0, 0.0
+        return self._frozen
 
     def demand(self, position: int, shown: int) -> int:
         """Return 6062h of an energised drive that shows ``position``; ``shown`` is what 6062h is now."""

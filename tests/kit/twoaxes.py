@@ -1,13 +1,22 @@
-"""The EDS of a drive with two axes: the generic drive's, with every object of its profile a second time at +800h."""
+"""A drive with two axes: the EDS of the generic drive with every object of its profile a second time at +800h, and its cell."""
 
 from __future__ import annotations
 
 import re
 
 from axisbus.eds.builtin import resolve
+from kit.cell import cell_text
 
 _SECTION = re.compile(r"^\[(6[0-7][0-9A-F]{2})(sub[0-9A-F]+)?\]$", re.MULTILINE | re.IGNORECASE)
 _OFFSET = 0x800
+
+
+def two_axis_cell(folder, **changes: str) -> str:
+    """Write the EDS, and return a cell in which x and y are the two axes of node 1; ``changes``: see ``cell_text``."""
+    (folder / "two.eds").write_text(two_axis_eds(folder), encoding="ascii")
+    text = cell_text("xy", eds="two.eds", **changes)
+    text = re.sub(r'\[nodes\.2\]\neds = "two\.eds"\n', "", text)
+    return text.replace("node = 2\n", "node = 1\ndrive_axis = 2\n")
 
 
 def two_axis_eds(folder) -> str:

@@ -1,0 +1,146 @@
+"""What the rules of the campaign know: the cell, what was asked, what has gone wrong, and what the master says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from axisbus.errors import AxisbusError
+from axisbus.motion.handle import Handle
+from kit.campaign.mishaps import MISHAPS, Mishap, Site
+from kit.campaign.orders import QUIET
+from kit.campaign.scenes import Scene
+from kit.cell import Cell
+
+MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
+_POWER = frozenset({"enable", "disable", "coast"})
+HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
+
+
+class Violation(Exception):
+    """A rule that did not hold; ``rule`` is its name."""
+
+    def __init__(self, rule: str, text: str) -> None:
+        super().__init__(text)
+        self.rule = rule
+
+
+@dataclass
+class Asked:
+    """A command that was given; ``goals``: where it leads each axis, in increments of the drive, where that is known."""
+
+    what: str
+    names: str
+    handle: Handle
+    since: float
+    goals: dict[str, float] = field(default_factory=dict)
+    ended: float | None = None
+
+    @property
+    def error(self) -> AxisbusError | None:
+        return self.handle.exception()
+
+
+@dataclass
+class Trouble:
+    """A mishap of one axis, from when and until when."""
+
+    what: str
+    since: float
+    until: float = math.inf
+
+    @property
+    def kind(self) -> Mishap:
+        return MISHAPS[self.what]
+
+
+class Facts:
+    """Holds what has happened in one script."""
+
+    def __init__(self, site: Site, scene: Scene) -> None:
+        self.cell: Cell = site.cell
+        self.site = site
+        self.scene = scene
+        self.names = scene.names
+        self.asked: list[Asked] = []
+        self.troubles: dict[str, list[Trouble]] = {name: [] for name in scene.names}
+        self.at = ""
+        self.worst = 0.0  # seconds that a stop took at most
+
+    @property
+    def now(self) -> float:
+        return self.cell.now
+
+    # -- what has gone wrong ---------------------------------------------------------------------------------------------
+
+    def begin(self, what: str, axis: str) -> list[str]:
+        """A mishap begins; return the axes that it may befall (those of one node share its troubles)."""
+        kind = MISHAPS[what]
+        befallen = [name for name in self.names if kind.shared or self._share_node(name, axis)]
+        for name in befallen:
+            until = math.inf if kind.ends else self.now
+            self.troubles[name].append(Trouble(what, self.now, until))
+        return befallen
+
+    def end(self, what: str, axis: str) -> None:
+        """A mishap ends."""
+        for name, troubles in self.troubles.items():
+            for trouble in troubles:
+                here = trouble.kind.shared or self._share_node(name, axis)
+                if here and trouble.kind.ends == what and trouble.until > self.now:
+                    trouble.until = self.now
+
+    def _share_node(self, name: str, other: str) -> bool:
+        return self.cell.device(name) is self.cell.device(other)
+
+    def troubled(self, name: str, within: float) -> Iterator[Trouble]:
+        """The troubles of an axis that last, or ended less than ``within`` seconds ago."""
+        return (trouble for trouble in self.troubles[name] if trouble.until > self.now - within)
+
+    def has_a_will(self, name: str) -> bool:
+        """Whether the drive moves by itself: then a moment's rest is nobody's promise."""
+        dials = self.cell.drive(name).dials
+        return bool(dials.creep) or dials.mode_slips_to is not None
+
+    def is_dropped(self, name: str) -> bool:
+        """Whether its user has let go of a load that only the motor holds: it falls."""
+        params = self.cell.drive(name).params
+        own = [asked.what for asked in self.asked if name in asked.names and asked.what in _POWER]
+        return bool(params.load) and not params.brake and bool(own) and own[-1] != "enable"
+
+    # -- what was asked --------------------------------------------------------------------------------------------------
+
+    def later(self, asked: Asked, name: str) -> bool:
+        """Whether something that moves this axis was asked after it."""
+        after = self.asked[self.asked.index(asked) + 1 :]
+        return any(other.what not in QUIET and name in other.names for other in after)
+
+    # -- what the master says --------------------------------------------------------------------------------------------
+
+    def is_told(self, name: str, text: str = "") -> bool:
+        """Whether the master says of an axis that it may move, or is energised still."""
+        error = self.cell.core(name).error
+        lines = [str(error)] if error is not None else []
+        lines += [part for part in text.split("\0") if part.startswith(f"{name}:") or f"[{name}]" in part]
+        return any(word in line for line in lines for word in HONEST)
+
+    def moves(self, name: str) -> bool:
+        return self.cell.speed(name) > MOVES
+
+    def place(self, name: str) -> float:
+        """Where the motor of an axis is, in increments as its drive counts them (unwrapped)."""
+        axis = self.cell.drive(name).axis
+        return axis.to_user(axis.motor.position)
+
+    def origin(self, name: str) -> float:
+        return self.cell.core(name).snapshot().origin
+
+    def must(self, holds: bool, rule: str, text: str) -> None:
+        """Hold a rule.
+
+        Raises:
+            Violation: it does not hold.
+        """
+        if not holds:
+            raise Violation(rule, f"at {self.now:.2f} s, before {self.at}: {text}")

@@ -1,0 +1,191 @@
+"""All rules of the campaign together, looked at in every cycle, and what must hold when the machine is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from axisbus.errors import AxisbusError
+from axisbus.motion.parameters import HoldsLoad
+from kit.campaign.facts import Asked, Facts
+from kit.campaign.mishaps import ENDS, MISHAPS
+from kit.campaign.rest import WAY, Rest
+from kit.campaign.travel import Travel
+from kit.campaign.truth import Truth
+from kit.probe import OFF
+
+CLOSED = 2.0  # s for which what was closed must stand
+LONGEST = 20.0  # s that the way out may take: all rungs for every axis
+
+
+class Judge:
+    """Lets time pass, tells the rules what happens, and looks."""
+
+    def __init__(self, facts: Facts) -> None:
+        self.facts = facts
+        self._rest, self._travel, self._truth = Rest(facts), Travel(facts), Truth(facts)
+
+    def asked(self, asked: Asked) -> None:
+        """A command was given."""
+        self.facts.asked.append(asked)
+        self._rest.asked(asked)
+
+    def happen(self, what: str, axis: str, value: float) -> None:
+        """A mishap begins or ends."""
+        if what in ENDS:
+            self.facts.end(what, axis)
+            ENDS[what](self.facts.site, axis, value)
+            if what in {kind.ends for kind in MISHAPS.values() if kind.moves}:
+                self._rest.befell(what, [axis], what != "free")
+            return
+        befallen = self.facts.begin(what, axis)
+        self._rest.befell(what, befallen, MISHAPS[what].moves)
+        MISHAPS[what].do(self.facts.site, axis, value)
+
+    def run(self, seconds: float) -> None:
+        """Let time pass, and look after each cycle.
+
+        Raises:
+            Violation: a rule did not hold.
+        """
+        end = self.facts.now + seconds
+        while self.facts.now < end - 1e-9:
+            self.facts.cell.machine.sleep(0.5 * self.facts.scene.period)  # one cycle
+            self._look()
+
+    def settle(self) -> None:
+        """Let time pass until no command is under way, or one is late."""
+        while any(asked.ended is None for asked in self.facts.asked):
+            self.run(0.1)
+            self._truth.late()
+
+    def _look(self) -> None:
+        facts = self.facts
+        scan = facts.cell.machine.scan
+        facts.must(not scan.ended and scan.failure is None, "the scan lives", f"{scan.failure!r}")
+        self._note_ends()
+        for name in facts.names:
+            self._rest.look(name)
+            self._travel.look(name)
+            self._truth.look(name)
+
+    def _note_ends(self) -> None:
+        for asked in self.facts.asked:
+            if asked.ended is not None or asked.handle.busy:
+                continue
+            asked.ended = self.facts.now
+            self._rest.ended(asked)
+            self._travel.ended(asked)
+            self._truth.ended(asked)
+
+    # -- the way out -----------------------------------------------------------------------------------------------------
+
+    def leave(self, ending: str) -> None:
+        """Leave the machine: what is not told as moving stands, is off, and stays so when nothing holds it any more.
+
+        Raises:
+            Violation: a rule did not hold.
+        """
+        facts, began = self.facts, self.facts.now
+        text = _error_of(lambda: ENDINGS[ending](facts))
+        took = facts.now - began
+        facts.worst = max(facts.worst, took)
+        facts.must(took <= LONGEST * len(facts.names), "the way out ends", f"it took {took:.1f} s")
+        for asked in facts.asked:
+            busy = f"{asked.handle!r} is busy after the machine was left ({ending})"
+            facts.must(not asked.handle.busy, "every handle ends", busy)
+        honest = [name for name in facts.names if facts.is_told(name, text)]
+        for name in facts.names:
+            if name not in honest:
+                self._is_left(name, text)
+        self._stays_left(honest, text)
+
+    def _is_left(self, name: str, text: str) -> None:
+        facts = self.facts
+        told = f"{facts.cell.told(name)}; it was said {text!r}"
+        stands = not facts.moves(name) or facts.is_dropped(name)
+        facts.must(stands, "closed means standing", told)
+        core = facts.cell.core(name)
+        off = facts.cell.stage(name) in OFF or not core.touched
+        held = core.parameters.holds_load is HoldsLoad.TORQUE
+        facts.must(off or held, "closed means off", told)
+
+    def _stays_left(self, honest: list[str], text: str) -> None:
+        facts = self.facts
+        places = {name: facts.cell.where(name) for name in facts.names}
+        for _ in range(2):
+            facts.cell.run(CLOSED)
+            for name in facts.names:
+                came = abs(facts.cell.where(name) - places[name])
+                told = f"{facts.cell.told(name)}, {came:g} deg on; {text!r}"
+                falls = facts.cell.drive(name).params.load and not facts.cell.drive(name).params.brake
+                facts.must(name in honest or came <= WAY or falls, "closed stays so", told)
+                facts.cell.free(name)
+
+    def forget(self) -> None:
+        """Nobody asks for what became of the handles."""
+        for asked in self.facts.asked:
+            if not asked.handle.busy:
+                asked.handle.exception()
+
+
+def _with(facts: Facts) -> None:
+    with facts.cell.machine:
+        pass
+
+
+def _exception(facts: Facts) -> None:
+    """What went wrong while stopping stands in the notes of what ended the block."""
+    try:
+        with facts.cell.machine:
+            raise _Own
+    except _Own as error:
+        raise AxisbusError("\0".join(getattr(error, "__notes__", ()))) from None
+
+
+class _Own(Exception):
+    """The user's own."""
+
+
+def _ctrl_c(facts: Facts) -> None:
+    failures = facts.cell.ctrl_c(LONGEST * len(facts.names))
+    text = _error_of(facts.cell.machine.close)
+    raise AxisbusError("\0".join([*map(str, failures), text]))
+
+
+def _twice(facts: Facts) -> None:
+    text = _error_of(facts.cell.machine.close)
+    again = _error_of(facts.cell.machine.close)
+    raise AxisbusError("\0".join([text, again]))
+
+
+def _busy(facts: Facts) -> None:
+    """Commands are under way when it is closed."""
+    for axis in facts.cell.machine:
+        _error_of(lambda axis=axis: axis.move_velocity(60.0))
+        _error_of(axis.reset)
+    facts.cell.machine.close()
+
+
+ENDINGS: dict[str, Callable[[Facts], None]] = {
+    "close": lambda facts: facts.cell.machine.close(),
+    "with": _with,
+    "exception": _exception,
+    "ctrl-c": _ctrl_c,
+    "closed-twice": _twice,
+    "busy-close": _busy,
+}
+
+
+def _error_of(leave: Callable[[], object]) -> str:
+    """The texts of all errors, apart from each other; empty where there was none."""
+    try:
+        leave()
+    except (AxisbusError, ExceptionGroup) as error:
+        return _all_text(error)
+    return ""
+
+
+def _all_text(error: BaseException) -> str:
+    if isinstance(error, BaseExceptionGroup):
+        return "\0".join(_all_text(one) for one in error.exceptions)
+    return str(error)

@@ -1,0 +1,107 @@
+"""The commands of the campaign, by name: for one axis, and for the group of all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from axisbus.motion.handle import Handle
+from axisbus.motion.trajectory import Trapezoid
+from kit.cell import Cell
+from kit.plants import Ramp
+
+STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
+QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position"}  # nothing moves by these
+PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
+
+
+class Order(NamedTuple):
+    """How a command is given, with a number from -1 to 1, and where it leads: to ``value * goal``, from where the axis is led to
+    where ``relative`` (deg); None: to no place that is known before."""
+
+    give: Callable[[Cell, str, float], Handle]
+    goal: float | None = None
+    relative: bool = False
+
+
+def demand_of(cell: Cell, name: str) -> float:
+    """Where a trajectory has to begin, in the axis's unit."""
+    snapshot = cell.core(name).snapshot()
+    units = cell.core(name).parameters.units.position
+    reference = cell.core(name).image.reference
+    return units.to_units((reference or 0) - snapshot.origin)
+
+
+def _trapezoid(cell: Cell, name: str, value: float) -> Handle:
+    start = demand_of(cell, name)
+    return cell[name].follow(Trapezoid(start, start + 200.0 * value, 100.0, 500.0))
+
+
+ORDERS: Mapping[str, Order] = {
+    "enable": Order(lambda cell, name, _: cell[name].enable()),
+    "disable": Order(lambda cell, name, _: cell[name].disable()),
+    "coast": Order(lambda cell, name, _: cell[name].disable(coast=True)),
+    "reset": Order(lambda cell, name, _: cell[name].reset()),
+    "halt": Order(lambda cell, name, _: cell[name].halt()),
+    "stop": Order(lambda cell, name, _: cell[name].stop()),
+    "release": Order(lambda cell, name, _: cell[name].release()),
+    "quick_stop": Order(lambda cell, name, _: cell[name].quick_stop()),
+    "move_relative": Order(
+        lambda cell, name, value: cell[name].move_relative(300.0 * value, velocity=100.0),
+        300.0,
+        relative=True,
+    ),
+    "move_additive": Order(lambda cell, name, value: cell[name].move_additive(100.0 * value, velocity=60.0)),
+    "move_absolute": Order(
+        lambda cell, name, value: cell[name].move_absolute(200.0 * value, velocity=150.0), 200.0
+    ),
+    "move_near": Order(
+        lambda cell, name, value: cell[name].move_absolute(20.0 * value, velocity=150.0), 20.0
+    ),
+    "move_velocity": Order(lambda cell, name, value: cell[name].move_velocity(100.0 * value)),
+    "move_fast": Order(lambda cell, name, value: cell[name].move_velocity(330.0 * value, acceleration=900.0)),
+    "jog": Order(lambda cell, name, value: cell[name].jog(80.0 * value)),
+    "torque": Order(lambda cell, name, value: cell[name].torque_control(0.3 * value)),
+    "home": Order(lambda cell, name, _: cell[name].home()),
+    "set_position": Order(lambda cell, name, value: cell[name].set_position(100.0 * value)),
+    "follow": Order(_trapezoid, 200.0, relative=True),
+    "follow_on": Order(lambda cell, name, _: cell[name].follow(Ramp(demand_of(cell, name)))),
+}
+
+
+def _line(cell: Cell, value: float) -> tuple[float, ...]:
+    return (200.0 * value, 150.0, -40.0 * value)[: len(cell.machine)]
+
+
+def _group(cell: Cell):
+    return cell.machine.group(*(axis.name for axis in cell.machine))
+
+
+GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
+    "group_enable": lambda cell, _: _group(cell).enable(),
+    "group_disable": lambda cell, _: _group(cell).disable(),
+    "group_halt": lambda cell, _: _group(cell).halt(),
+    "group_stop": lambda cell, _: _group(cell).stop(),
+    "group_release": lambda cell, _: _group(cell).release(),
+    "group_reset": lambda cell, _: _group(cell).reset(),
+    "group_quick_stop": lambda cell, _: _group(cell).quick_stop(),
+    "move_linear": lambda cell, value: _group(cell).move_linear(_line(cell, value), velocity=100.0),
+    "move_direct": lambda cell, value: _group(cell).move_direct(_line(cell, value), velocity=100.0),
+}
+
+MOTIONS = (
+    "move_relative",
+    "move_absolute",
+    "move_near",
+    "move_velocity",
+    "move_fast",
+    "move_additive",
+    "follow",
+    "follow_on",
+    "jog",
+    "torque",
+    "home",
+)
+AXIS_STOPS = ("halt", "halt", "stop", "stop", "quick_stop", "disable", "coast")
+GROUP_MOTIONS = ("move_linear", "move_direct")
+GROUP_STOPS = ("group_halt", "group_stop", "group_quick_stop", "group_disable")

@@ -1,0 +1,134 @@
+"""Rules of rest: what is said to stand stands, what was stopped stays, and a drive is energised only when that was asked."""
+
+from __future__ import annotations
+
+from axisbus.errors import Interrupted
+from axisbus.motion.states import AxisState
+from kit.campaign.facts import MOVES, Asked, Facts
+from kit.campaign.orders import QUIET, STOPS
+from kit.probe import ENABLED, OFF, STAGE_NAMES
+
+WAY = 1.0  # deg that an axis may come from where it was said to stand
+BLIND = 0.8  # s for which a state may say Standstill while the plant moves
+UNCONFIRMED = 4.0  # s for which ErrorStop may leave an axis moving: all rungs of its ladder
+ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
+RESTS = 1.0  # s after which an axis at rest is taken at its word
+
+
+class Rest:
+    """Holds what was said to stand, and since when a state and its plant differ."""
+
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._stood: dict[str, tuple[float, str]] = {}  # axis: where it was said to stand, and by what
+        self._stage = {name: facts.cell.stage(name) for name in facts.names}
+        self._differs: dict[tuple[str, str], float] = {}  # (axis, rule): since when
+        self._resting: dict[str, float] = {}
+
+    def asked(self, asked: Asked) -> None:
+        """A command was given: by some of them nothing moves."""
+        for name in asked.names:
+            resumes = self._facts.cell.drive(name).dials.resumes_on_enable
+            if (
+                asked.what not in QUIET
+                or (asked.what == "enable" and resumes)
+                or self._facts.is_dropped(name)
+            ):
+                self._forget(name)
+
+    def befell(self, what: str, names: list[str], moves: bool) -> None:
+        """Something happens to axes; by some of it a plant moves, and that is no broken promise."""
+        for name in names:
+            if moves and what not in ("jam", "resumes"):
+                self._forget(name)
+
+    def ended(self, asked: Asked) -> None:
+        """A command has ended; a stop that is done, or says why it was none, has promised something."""
+        error = asked.error
+        if asked.what not in STOPS or isinstance(error, Interrupted):
+            return
+        self._facts.worst = max(self._facts.worst, self._facts.now - asked.since)
+        for name in asked.names:
+            if error is None or not self._facts.is_told(name, f"{name}:{error}"):
+                self._promised(name, asked)
+
+    def look(self, name: str) -> None:
+        self._energised_only_when_asked(name)
+        self._stays_where_it_was_stopped(name)
+        self._states_are_true(name)
+        self._rest_is_a_promise(name)
+
+    def _forget(self, name: str) -> None:
+        self._stood.pop(name, None)
+        self._resting.pop(name, None)
+
+    def _promised(self, name: str, stop: Asked) -> None:
+        facts = self._facts
+        unseen = facts.cell.drive(name).dials.encoder_frozen and facts.cell.stage(name) in OFF
+        if facts.later(stop, name) or facts.has_a_will(name) or facts.is_dropped(name) or unseen:
+            return
+        said = "done" if stop.error is None else f"ended by {stop.error}"
+        told = f"{stop.handle.name} was {said} at {facts.now:.2f} s"
+        facts.must(not facts.moves(name), "a stop that is done stands", f"{told}: {facts.cell.told(name)}")
+        self._stood.setdefault(name, (facts.cell.where(name), told))
+
+    def _stays_where_it_was_stopped(self, name: str) -> None:
+        if name not in self._stood:
+            return
+        place, told = self._stood[name]
+        came = abs(self._facts.cell.where(name) - place)
+        text = f"{told}; now {self._facts.cell.told(name)}, {came:g} deg on"
+        self._facts.must(came <= WAY, "what was stopped stays", text)
+
+    def _energised_only_when_asked(self, name: str) -> None:
+        facts = self._facts
+        before, self._stage[name] = self._stage[name], facts.cell.stage(name)
+        if before not in OFF or self._stage[name] != ENABLED:
+            return
+        recent = facts.now - ENABLE_LATE
+        enables = [asked for asked in facts.asked if asked.what == "enable" and name in asked.names]
+        asked_for = any(asked.ended is None or asked.ended > recent for asked in enables)
+        by_other = any(trouble.what == "other_enables" for trouble in facts.troubled(name, 0.1))
+        text = f"{facts.cell.told(name)}, was {STAGE_NAMES[before]}"
+        facts.must(asked_for or by_other, "energised only when asked", text)
+
+    def _states_are_true(self, name: str) -> None:
+        facts, cell = self._facts, self._facts.cell
+        state, moves = cell.core(name).state, facts.moves(name)
+        energised = cell.stage(name) not in OFF
+        alive = not cell.device(name).dials.dead
+        seen = not cell.drive(name).dials.encoder_frozen
+        said = f"{state.value}, error {cell.core(name).error}"
+        stands = state is AxisState.STANDSTILL and moves and seen
+        self._not_long("Standstill is standing", name, BLIND, stands, said)
+        held = state is AxisState.STOPPING and self._rests(name) and seen
+        self._not_long("what is held in Stopping stands", name, BLIND, held and moves, said)
+        off = state is AxisState.DISABLED and energised and cell.core(name).touched
+        self._not_long("Disabled is off", name, BLIND, off and self._rests(name), said)
+        untold = state is AxisState.ERRORSTOP and moves and alive and seen and not facts.is_told(name)
+        self._not_long("ErrorStop stops or says that it moves", name, UNCONFIRMED, untold and energised, said)
+
+    def _rest_is_a_promise(self, name: str) -> None:
+        """An axis that rests in Standstill or ErrorStop, and is not told as moving, is said to stand."""
+        facts, cell = self._facts, self._facts.cell
+        state = cell.core(name).state
+        rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)
+        if not rests or facts.is_told(name) or facts.has_a_will(name):
+            self._resting.pop(name, None)
+            return
+        since = self._resting.setdefault(name, facts.now)
+        if facts.now - since > RESTS and cell.speed(name) <= MOVES:
+            told = f"it rested in {state.value} at {facts.now:.2f} s"
+            self._stood.setdefault(name, (cell.where(name), told))
+
+    def _rests(self, name: str) -> bool:
+        core = self._facts.cell.core(name)
+        return core.ladder is None and core.activity is None
+
+    def _not_long(self, rule: str, name: str, limit: float, wrong: bool, said: str) -> None:
+        facts = self._facts
+        if not wrong:
+            self._differs.pop((name, rule), None)
+            return
+        long = facts.now - self._differs.setdefault((name, rule), facts.now)
+        facts.must(long <= limit, rule, f"{long:.2f} s: {facts.cell.told(name)}, the master says {said}")

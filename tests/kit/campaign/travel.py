@@ -1,0 +1,140 @@
+"""Rules of motion: a move that is done is there, no command leads beyond a limit, and nothing jolts."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from kit.campaign.facts import Asked, Facts
+from kit.campaign.orders import PATHS
+from kit.probe import ENABLED, OFF, PlantSample
+
+_TORQUE_MODES = (4, 10)
+_CYCLES = 4.0  # scan periods in which a guard can do nothing: its look, the way there and back, the drive's own step
+_ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
+_CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
+_SEIZED = 0.1  # s for which the demand shows how a motor was pushed
+_SPACING = 0.0039  # s between two positions of which a speed is made
+_QUANTUM = 2.0  # increments by which the difference of two positions may be off by rounding
+
+
+class Travel:
+    """Holds the last speeds of each demand."""
+
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._seen = {name: facts.cell.moment(name) for name in facts.names}
+        self._outside: dict[str, bool] = {}
+        self._pushed = dict.fromkeys(facts.names, facts.now)  # when the drive was in a torque mode last
+
+    def ended(self, asked: Asked) -> None:
+        """A move that is done is where it was to go, and stands."""
+        if asked.error is not None:
+            return
+        facts = self._facts
+        for name, goal in asked.goals.items():
+            if facts.later(asked, name) or any(t.kind.moves for t in facts.troubled(name, _CALM)):
+                continue
+            off = abs(facts.place(name) - goal) / facts.cell.scale_of(name)
+            told = f"{asked.handle.name}: {facts.cell.told(name)}, {off:g} deg off"
+            facts.must(off <= facts.scene.there, "done means there", told)
+            facts.must(not facts.moves(name), "done means standing", told)
+
+    def look(self, name: str) -> None:
+        drive = self._facts.cell.drive(name)
+        if drive.mode_display in _TORQUE_MODES or drive.mode in _TORQUE_MODES:
+            self._pushed[name] = self._facts.now
+        samples = self._facts.cell.record(name).since(self._seen[name])
+        calm = not any(True for _ in self._facts.troubled(name, _CALM)) and self._facts.scene.exact
+        if calm:
+            self._inside_limits(name)
+        else:
+            self._outside.pop(name, None)
+        if len(samples) < 4:
+            return
+        self._seen[name] = samples[-3].time
+        if calm:
+            self._smooth(name, samples)
+
+    # -- limits ----------------------------------------------------------------------------------------------------------
+
+    def _inside_limits(self, name: str) -> None:
+        """By a command alone nobody gets farther beyond a limit than the axis comes before a stop can act (``reaction``)."""
+        facts = self._facts
+        core = facts.cell.core(name)
+        limits = core.parameters.limits.position
+        if limits is None or not core.bounded or facts.cell.stage(name) in OFF:
+            self._outside.pop(name, None)
+            return
+        units = core.parameters.units.position
+        place = units.to_units(facts.place(name) - facts.origin(name))
+        beyond = max(limits[0] - place, place - limits[1])
+        if self._outside.setdefault(
+            name, beyond > 0.0
+        ):  # it was there when it was enabled, or got there by a trouble
+            self._outside[name] = beyond > 0.0
+            return
+        text = f"{facts.cell.told(name)}, {beyond:g} deg beyond {limits}"
+        facts.must(beyond <= self.reaction(name), "never beyond a limit", text)
+
+    def reaction(self, name: str) -> float:
+        """Degrees that an axis may be beyond a limit by a command.
+
+        Derivation. In each cycle the guard stops what would not come to rest before the limit with the deceleration of its stop.
+        It cannot know of what happens in the ``T`` = 4 scan periods between a position's sampling and the drive's obeying. A motion
+        that is led is known ahead, speed and acceleration: nothing remains but rounding, and the lag of the motor, which trails
+        behind a demand that stops before the limit. Under torque the acceleration is not known before it is seen: from rest,
+        ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to brake with the deceleration ``d``
+        of the quick stop. ``a`` is the torque that is commanded, less friction, times what one torque accelerates.
+        """
+        drive, facts = self._facts.cell.drive(name), self._facts
+        if drive.mode_display not in _TORQUE_MODES and drive.mode not in _TORQUE_MODES:
+            return _ROUNDING
+        scale, params = facts.cell.scale_of(name), drive.params
+        torque = max(0.0, abs(drive.target_torque) - params.friction)
+        time = _CYCLES * facts.scene.period
+        speed = torque / 1000.0 * params.rated_acceleration / abs(scale) * time
+        braking = drive.settings.quick_stop_deceleration / params.acceleration_unit / abs(scale)
+        return _ROUNDING + speed * time / 2 + speed * speed / (2 * max(braking, 1.0))
+
+    # -- jolts -----------------------------------------------------------------------------------------------------------
+
+    def _smooth(self, name: str, samples: list[PlantSample]) -> None:
+        """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set."""
+        drive = self._facts.cell.drive(name)
+        if self._facts.now - self._pushed[name] < _SEIZED:
+            return
+        if any(sample.stage != ENABLED for sample in samples) or self._by_path(name):
+            return
+        allowed = self._allowed(name)
+        for before, after in pairwise(_speeds(_spaced(samples))):
+            change = abs(after[0] - before[0]) / min(before[1], after[1])
+            noise = _QUANTUM / abs(self._facts.cell.scale_of(name)) / min(before[1], after[1]) ** 2
+            text = f"{change:g} deg/s² where {allowed:g} are allowed: {self._facts.cell.told(name)}, mode {drive.mode_display}"
+            self._facts.must(change <= 1.1 * allowed + 2.0 * noise, "no jolt", text)
+
+    def _by_path(self, name: str) -> bool:
+        """Whether the path of the motion is the caller's."""
+        last = next((asked for asked in reversed(self._facts.asked) if name in asked.names), None)
+        return last is not None and last.what in PATHS and last.ended is None
+
+    def _allowed(self, name: str) -> float:
+        facts, drive = self._facts, self._facts.cell.drive(name)
+        scale = abs(facts.cell.scale_of(name)) * drive.params.acceleration_unit
+        limit = facts.cell.core(name).parameters.limits.acceleration or 0.0
+        return max(limit, drive.settings.quick_stop_deceleration / scale)
+
+
+def _spaced(samples: list[PlantSample]) -> list[PlantSample]:
+    kept = samples[:1]
+    for sample in samples[1:]:
+        if sample.time - kept[-1].time > _SPACING:
+            kept.append(sample)
+    return kept
+
+
+def _speeds(samples: list[PlantSample]) -> list[tuple[float, float]]:
+    """Speeds between samples, with the time that each is of."""
+    return [
+        ((after.demand - before.demand) / (after.time - before.time), after.time - before.time)
+        for before, after in pairwise(samples)
+    ]

@@ -1,0 +1,109 @@
+"""Rules of truth: nothing stale passes as fresh, every command ends in time, and an error names what has happened."""
+
+from __future__ import annotations
+
+from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
+from kit.campaign.facts import Asked, Facts, Trouble
+
+_LATEST = 20.0  # s after which no command may be under way
+_LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
+_REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
+_FASTEST = 500.0  # deg/s
+_USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
+_REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
+# What the master says of a command of its own user, without any mishap.
+_OWN = ("limit", "torque", "quick stop", "coast", "disable", "not homed", "another axis")
+
+
+class Truth:
+    """Holds which errors have been judged."""
+
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._errors: dict[str, int] = {}
+        self._fresh = dict.fromkeys(facts.names, facts.now)
+
+    def look(self, name: str) -> None:
+        self._nothing_stale(name)
+        self._error_names_its_cause(name)
+
+    def late(self) -> None:
+        """Every command has ended, or is not late yet."""
+        for asked in self._facts.asked:
+            limit = _LATEST_PATH if asked.what == "follow_on" else _LATEST
+            late = asked.ended is None and self._facts.now - asked.since > limit
+            self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
+
+    def ended(self, asked: Asked) -> None:
+        """A command that failed says why, and that has happened."""
+        error = asked.error
+        if error is None or isinstance(error, (Interrupted, *_REFUSED)):
+            return
+        for name in asked.names:
+            if self._has_cause(name, error):
+                return
+        self._no_cause(asked.names, error)
+
+    # -- freshness -------------------------------------------------------------------------------------------------------
+
+    def _nothing_stale(self, name: str) -> None:
+        """A position that is shown is where the motor was at most its maximum age (and a cycle) ago."""
+        facts = self._facts
+        snapshot = facts.cell.core(name).snapshot()
+        blind = [t for t in facts.troubled(name, _REMEMBERED) if t.what in _BLIND]
+        if snapshot.position is None or self._counts_anew(name):
+            return
+        if any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3)):
+            return
+        age = _USUAL_AGE if blind else 0.1 + 5 * facts.scene.period
+        if facts.scene.names and _polled(facts, name):
+            age = _USUAL_AGE
+        cell = facts.cell
+        moment = cell.moment(name)
+        positions = cell.positions(name, moment - age) or [cell.where(name)]
+        shown = cell.core(name).parameters.units.position
+        here = cell.where(name) - shown.to_units(facts.place(name) - snapshot.position)
+        low, high = min(positions) - 1.5, max(positions) + 1.5
+        told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
+        facts.must(low <= here <= high, "nothing stale is shown", told)
+
+    def _counts_anew(self, name: str) -> bool:
+        """Whether homing has just given the place another number."""
+        recent = self._facts.now - 0.5
+        homes = [asked for asked in self._facts.asked if asked.what == "home" and name in asked.names]
+        return any(asked.ended is None or asked.ended > recent for asked in homes)
+
+    # -- causes ----------------------------------------------------------------------------------------------------------
+
+    def _error_names_its_cause(self, name: str) -> None:
+        error = self._facts.cell.core(name).error
+        if error is None or self._errors.get(name) == id(error):
+            return
+        self._errors[name] = id(error)
+        if not self._has_cause(name, error):
+            self._no_cause(name, error)
+
+    def _has_cause(self, name: str, error: AxisbusError) -> bool:
+        text = str(error)
+        troubles = self._troubles(name)
+        if any(word in text for trouble in troubles for word in trouble.kind.says):
+            return True
+        return any(word in text for word in _OWN)
+
+    def _troubles(self, name: str) -> list[Trouble]:
+        return list(self._facts.troubled(name, _REMEMBERED))
+
+    def _no_cause(self, names: str, error: AxisbusError) -> None:
+        known = sorted({trouble.what for name in names for trouble in self._troubles(name)})
+        rule = "an error names its cause" if known else "no error without a cause"
+        self._facts.must(False, rule, f"{type(error).__name__} {error}; what has happened: {known}")
+
+
+_BLIND = frozenset(
+    {"dead", "pre_operational", "sync_lost", "other_stops_node", "reboots", "stalls", "inputs_lost"}
+)
+_LIES = frozenset({"encoder_frozen", "encoder_jumps", "late_feedback", "frames_late", "stalls", "jam"})
+
+
+def _polled(facts: Facts, name: str) -> bool:
+    return facts.cell.core(name).capabilities.max_age.get("position", 1.0) > 0.5
