@@ -344,7 +344,7 @@ class AxisCore:
         self.running.finish(handle, error)
 
     def _step_activity(self, activity: Activity, image: Image, order: Order) -> None:
-        if not isinstance(activity, PositionMove):
+        if self.running.set_point is not None and not isinstance(activity, PositionMove):
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
             done = self._arrival.complete(activity.step(image, order), image)
