@@ -67,20 +67,24 @@ def axis_step() -> None:
     test = rig("x").enabled()
     test.axis.move_absolute(100_000.0, velocity=1.0, timeout=1e9)
     test.run(1.0)
-    cycles = 20_000
+    parts, cycles = (
+        20,
+        1000,
+    )  # the least of several parts, as everywhere here: the machine has other work, too
     core, port, cycle = test.core, test.ports["x"], test.cycle
-    now, spent = cycle.now(), 0.0
-    for _ in range(cycles):
-        now += test.scan.period
-        cycle.wait_until(now)
-        start = time.thread_time()
-        port.write(core.step(port.read(now)))
-        core.snapshot()
-        spent += time.thread_time() - start
-        cycle.commit()
-        cycle.sync()
-        cycle.heartbeat()
-    step = spent / cycles
+    now, spent = cycle.now(), [0.0] * parts
+    for part in range(parts):
+        for _ in range(cycles):
+            now += test.scan.period
+            cycle.wait_until(now)
+            start = time.thread_time()
+            port.write(core.step(port.read(now)))
+            core.snapshot()
+            spent[part] += time.thread_time() - start
+            cycle.commit()
+            cycle.sync()
+            cycle.heartbeat()
+    step = min(spent) / cycles
     baseline = canopen_pdo()
     row("one axis stepped during a move", f"{step * 1e6:.1f} µs", f"canopen: its PDOs decoded, encoded {baseline * 1e6:.1f} µs",
         baseline / step, step <= 15e-6)  # fmt: skip

@@ -10,6 +10,7 @@ from axisbus.errors import ArgumentError, LimitError
 
 INT32_SPAN = 1 << 32
 INT32_HALF = 1 << 31
+INT32_LEAST = -INT32_HALF
 # What a whole number may be off when it was computed from units.
 _ABSOLUTE, _RELATIVE = 1e-9, 1e-12
 
@@ -91,8 +92,10 @@ def unwrap(previous: int, raw: int) -> int:
     ``previous`` is the unwrapped position before, ``raw`` the value just received (−2³¹ … 2³¹−1). The result is the count
     congruent to ``raw`` modulo 2³² that lies nearest to ``previous``.
     """
-    step = (raw - previous + INT32_HALF) % INT32_SPAN - INT32_HALF
-    return previous + step
+    step = raw - previous
+    if INT32_LEAST <= step < INT32_HALF:
+        return raw  # nothing has wrapped
+    return previous + (step + INT32_HALF) % INT32_SPAN - INT32_HALF
 
 
 def wrap(position: int) -> int:

@@ -15,6 +15,7 @@ from typing import Protocol
 from axisbus.cia301.nmt import NmtState
 
 _KEPT = 256
+_OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
 
 
 class NodeEventKind(Enum):
@@ -104,7 +105,7 @@ class NodeEvents:
         if monitor.bootups != self._bootups:
             self._bootups, self._operational = monitor.bootups, False
             self._note(NodeEventKind.BOOT_UP, now, monitor.bootup_stamp or now)
-        elif (monitor.state is NmtState.OPERATIONAL) is not self._operational:
+        elif (monitor.state is _OPERATIONAL) is not self._operational:
             self._operational = not self._operational
             forgotten = monitor.state is NmtState.UNKNOWN
             bad = NodeEventKind.UNKNOWN if forgotten else NodeEventKind.STATE

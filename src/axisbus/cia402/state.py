@@ -31,7 +31,10 @@ from axisbus.cia402.controlword import DISABLE_OPERATION, Command
 
 
 class State(Enum):
-    """A state of the power stage, by the standard's name."""
+    """A state of the power stage, by the standard's name.
+
+    What looks at a member in every cycle gives it a name of its module's own: a look-up in an Enum costs more than a call.
+    """
 
     __hash__ = object.__hash__  # members are looked up in sets in every cycle, and Enum's own is slow
 

@@ -10,6 +10,8 @@ from axisbus.errors import NodeTimeout
 from axisbus.machine.configure import HEARTBEATS
 from axisbus.sim.device import Device
 
+_INITIALISING = NmtState.INITIALISING  # looked at in every cycle
+
 
 class DirectMonitor:
     """What the heartbeats of a stand-in have told; holds state: the last of them. Times in seconds of virtual time."""
@@ -47,8 +49,9 @@ class DirectMonitor:
             self.bootups, self.bootup_stamp, self.stamp = device.boot_ups, now, now
             self.state, self._next = NmtState.PRE_OPERATIONAL, now + self._heartbeat
             return True
-        silent = device.dials.heartbeat_stops or device.nmt is NmtState.INITIALISING
-        if now >= self._next - 1e-9 and not silent:
+        if now < self._next - 1e-9:
+            return False
+        if not device.dials.heartbeat_stops and device.nmt is not _INITIALISING:
             self.state, self.stamp, self._next = device.nmt, now, now + self._heartbeat
         return False
 

@@ -47,9 +47,12 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stopping import REMEDIES, StopKind, Stopping, stop_error
 from axisbus.motion.supervision import Supervision
 
+_ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
+_ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _NOW = 0.1  # seconds: a position not older than that is of now
-_MAY_BE_ENERGISED = ENERGISED | {State.UNKNOWN}
+_MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
+_WITHOUT_TARGET_POSITION = WITHOUT_POSITION_DEMAND - {ModeOfOperation.HOMING}
 
 
 class AxisCore:
@@ -123,22 +126,26 @@ class AxisCore:
         self.history.note(image)
         self.run_down.look(image, self.touched)
         self._supervise(image)
-        self._let_go(image)
+        if image.state is not _ENABLED or order.goal is not _ENABLED:  # else it is where it was asked to be
+            self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
-        self._rest_waits.step(image, self.finish)
+        if self._rest_waits.waiting:
+            self._rest_waits.step(image, self.finish)
         order.halt = self.halted
-        if self.ladder is None and self.activity is not None:
-            self._step_activity(self.activity, image, order)
-        elif self.ladder is None:
+        stopping, activity = self.stopping, self.running.activity
+        if stopping.ladder is None and activity is not None:
+            self._step_activity(activity, image, order)
+        elif stopping.ladder is None:
             self.running.finish_handshake(image, order)
-        if self.ladder is not None:  # in the same cycle: in a cyclic mode one without a target is a jolt
-            self._step_ladder(self.ladder, image, order)
+        if stopping.ladder is not None:  # in the same cycle: in a cyclic mode one without a target is a jolt
+            self._step_ladder(stopping.ladder, image, order)
         self.halted = order.halt
-        if self.state is AxisState.SYNCHRONIZED_MOTION and order.target_position is not None:
+        if order.target_position is None:
+            if image.mode in _WITHOUT_TARGET_POSITION:
+                self._leave_no_old_target(image, order)
+        elif self.state is _SYNCHRONIZED:
             self.last_target = order.target_position
-        if order.target_position is None and self._keeps_target:
-            self._leave_no_old_target(image, order)
         image.led.note(
             image.now, image.mode, image.demand, order.target_position, bool(order.bits & cw.NEW_SET_POINT)
         )
@@ -148,12 +155,7 @@ class AxisCore:
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
         """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
-        if (
-            self.touched
-            and image.state is State.OPERATION_ENABLED
-            and image.mode in WITHOUT_POSITION_DEMAND
-            and image.mode != ModeOfOperation.HOMING
-        ):
+        if self._keeps_target and self.touched and image.state is _ENABLED:
             order.target_position = image.position
 
     def snapshot(self) -> Snapshot:
@@ -190,23 +192,24 @@ class AxisCore:
     # -- what nobody asked for ---------------------------------------------------------------------------------------
 
     def _supervise(self, image: Image) -> None:
-        if self.supervision.has_restarted(image):
+        supervision, ladder = self.supervision, self.stopping.ladder
+        if not image.operational and supervision.has_restarted(image):
             self.homed = False
             image.restart()
         if image.lost_count:
             self.homed = False
-        finding = self.supervision.node(image)
+        finding = supervision.node(image)
         if finding is None and image.state in _FAULTS:
-            if self._story is None and self.state is not AxisState.ERRORSTOP:
+            if self._story is None and self.state is not _ERRORSTOP:
                 self._fault(image)
             self._look_after_fault(image)
             return
-        if not self.powered or self.ladder is not None:
-            self.supervision.at_work()
-        if finding is None and self.powered and self.ladder is None:
-            finding = self.supervision.power(image, self.state, self.activity, bounded=self.bounded)
-        elif finding is None and self.powered and self.ladder is not None:
-            finding = self.supervision.coasting(image, self.ladder.rung, bounded=self.bounded)
+        if not self.powered or ladder is not None:
+            supervision.at_work()
+        if finding is None and self.powered and ladder is None:
+            finding = supervision.power(image, self.state, self.running.activity, bounded=self.bounded)
+        elif finding is None and self.powered and ladder is not None:
+            finding = supervision.coasting(image, ladder.rung, bounded=self.bounded)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:
@@ -223,7 +226,7 @@ class AxisCore:
 
     def _show_found(self, image: Image) -> None:
         """A drive that nobody has commanded yet: its axis is in the state that the drive shows."""
-        if image.state is State.UNKNOWN:
+        if image.state is _UNKNOWN:
             return
         if image.state not in ENERGISED:
             self.state = AxisState.DISABLED
@@ -232,7 +235,7 @@ class AxisCore:
 
     def _let_go(self, image: Image) -> None:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
-        if image.state is not State.OPERATION_ENABLED:
+        if image.state is not _ENABLED:
             self.running.set_point = None  # what the drive had begun to take is void
         if (
             self.state is AxisState.STANDSTILL
@@ -243,7 +246,7 @@ class AxisCore:
                 AxisState.DISABLED
             )  # its power is off already, though it may not have come to rest without
         goal = self.order.goal
-        if goal not in ENERGISED or image.state is goal or isinstance(self.activity, Enable):
+        if image.state is goal or goal not in ENERGISED or isinstance(self.activity, Enable):
             return
         if image.state not in _MAY_BE_ENERGISED:
             self.order.goal = State.SWITCH_ON_DISABLED
@@ -349,7 +352,7 @@ class AxisCore:
         self.running.finish(handle, error)
 
     def _step_activity(self, activity: Activity, image: Image, order: Order) -> None:
-        if not isinstance(activity, PositionMove):
+        if self.running.set_point is not None and not isinstance(activity, PositionMove):
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
             done = self._arrival.complete(activity.step(image, order), image)

@@ -140,7 +140,8 @@ class Follow(Activity):
         self._mode.cancel(order)
 
     def _way(self, trajectory: Trajectory, t: float) -> float:
-        return trajectory.position(min(max(t, 0.0), trajectory.duration))
+        end = trajectory.duration
+        return trajectory.position(0.0 if t < 0.0 else end if t > end else t)
 
     def _prepare(self, image: Image, order: Order) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")

@@ -41,17 +41,21 @@ class Peak:
             self._before, self._now, self._until = (0.0 if late else self._now), 0.0, now + _SPEED_TIME
         if value > self._now:
             self._now = value
-        return max(self._before, self._now)
+        return self._now if self._now > self._before else self._before
 
 
 class Following:
-    """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off."""
+    """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off.
+
+    ``_mode`` is the position mode in which its activity leads it; None where that is another mode.
+    """
 
     __slots__ = (
         "_activity",
         "_led",
         "_led_stamp",
         "_misses",
+        "_mode",
         "_parameters",
         "_peak",
         "_since",
@@ -66,9 +70,10 @@ class Following:
 
     def _forget(self, activity: Activity | None) -> None:
         self._activity = activity
+        self._mode = None if activity is None or activity.mode not in _LED else activity.mode
         self._peak = Peak()
         self._led: int | None = None
-        self._led_stamp = 0.0
+        self._led_stamp = -math.inf
         self._stamp = -math.inf
         self._misses = 0
         self._since = math.inf
@@ -104,9 +109,9 @@ class Following:
         """Return how far the axis is behind what leads it (None: nobody knows), and the speed at which it is led."""
         if activity.behind is not None:
             return activity.behind, activity.led_speed
-        if activity.mode not in _LED or image.mode != activity.mode:
+        if self._mode is None or image.mode != self._mode:
             return None, 0.0
-        return image.pull, self._speed(image)
+        return image.led.pull(image.demand, image.position, image.state, image.mode), self._speed(image)
 
     @staticmethod
     def _skew(image: Image) -> float:
@@ -119,9 +124,9 @@ class Following:
         led, when = image.led.target, image.now
         if led is None:
             led, when = image.demand, image.demand_stamp
-        before, stamp = self._led, self._led_stamp
-        if led is None or (before is not None and when <= stamp):
+        if led is None or when <= self._led_stamp:
             return 0.0
+        before, stamp = self._led, self._led_stamp
         self._led, self._led_stamp = led, when
         return 0.0 if before is None else abs(led - before) / (when - stamp)
 

@@ -25,6 +25,7 @@ from axisbus.motion.profile import braking_distance
 from axisbus.motion.states import AxisState
 from axisbus.motion.track import Track
 
+_CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
 _REACTION = 3.0  # scan periods: until the next look, until the drive has heard, until it brakes
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
@@ -61,10 +62,10 @@ class Guard:
 
         ``bounded``: whether the position limits hold. ``course``: where the running command leads the axis.
         """
-        if state is not AxisState.CONTINUOUS_MOTION:
+        if state is not _CONTINUOUS:
             self._free_since = None
-            moves = state is AxisState.DISCRETE_MOTION and bounded and course is not None
-            return self._overshoots(image, course) if moves and course is not None else None
+            to_target = state is _DISCRETE and bounded and self._edges is not None
+            return self._overshoots(image, course) if to_target and course is not None else None
         if self._free_since is None:
             self._free_since = image.now
         bounded = bounded and self._parameters.limits.position is not None

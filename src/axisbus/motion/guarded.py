@@ -26,7 +26,7 @@ class Guarded:
         self._name = name
         self.duration = self._ask(
             lambda: trajectory.duration,
-            "duration",
+            lambda: "duration",
             "mend its duration, which must give the same number always",
         )
 
@@ -41,20 +41,25 @@ class Guarded:
         """
         return self._ask(
             lambda: self._trajectory.position(t),
-            f"position at {t:.3f} s",
+            lambda: f"position at {t:.3f} s",
             "mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped",
         )
 
-    def _ask(self, ask: Callable[[], object], what: str, remedy: str) -> float:
-        """Return the number that the trajectory's own code gives; whatever else it does ends the command with its name."""
-        message = f"{self._name}: the trajectory gives no {what}"
+    def _ask(self, ask: Callable[[], object], what: Callable[[], str], remedy: str) -> float:
+        """Return the number that the trajectory's own code gives; whatever else it does ends the command with its name.
+
+        ``what`` says what was asked for, where that is to be told.
+        """
         try:
             value = ask()
         except BaseException as error:
             if not is_own(error):
                 raise
-            raise ArgumentError(message, observed=in_a_line(error), remedy=remedy) from error
+            raise ArgumentError(self._message(what), observed=in_a_line(error), remedy=remedy) from error
         found = number(value)
         if found is None:
-            raise ArgumentError(message, observed=f"it gave {told(value)}", remedy=remedy)
+            raise ArgumentError(self._message(what), observed=f"it gave {told(value)}", remedy=remedy)
         return found
+
+    def _message(self, what: Callable[[], str]) -> str:
+        return f"{self._name}: the trajectory gives no {what()}"

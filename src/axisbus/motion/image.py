@@ -11,7 +11,9 @@ from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
 from axisbus.motion.led import Led
 from axisbus.motion.still import Still
-from axisbus.units import INT32_HALF, INT32_SPAN, unwrap
+from axisbus.units import INT32_HALF, unwrap
+
+_HALF = float(INT32_HALF)  # what is compared in every cycle is of one type
 
 
 class Image:
@@ -71,7 +73,7 @@ class Image:
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self._raw_position: int | None = None
         self._seen_position = 0  # the last known one, unwrapped
-        self.fastest = float(INT32_HALF)  # increments per s: more than 606Ch can say
+        self.fastest = _HALF  # increments per s: more than 606Ch can say
         self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
         self.gap = 0.0  # seconds since the cycle before
@@ -99,29 +101,36 @@ class Image:
 
     def update(self, inputs: Inputs) -> None:
         """Take the inputs of this cycle."""
-        now, ages = inputs.now, self._max_age
-        self.gap = now - self.now
-        self.now = now
-        if self.gap >= 2 * self._period:
-            self.starvation.note(now, self.gap - self._period)
-        self.operational = inputs.operational
-        self.nmt = inputs.nmt
-        self.bus = inputs.bus
-        self.emcy = inputs.emcy
-        self.replies = {reply.id: reply for reply in inputs.sdo} if inputs.sdo else {}
+        (
+            now,
+            self.operational,
+            word,
+            mode,
+            position,
+            velocity,
+            torque,
+            demand,
+            self.emcy,
+            sdo,
+            self.nmt,
+            self.bus,
+        ) = inputs
+        if sdo or self.replies:
+            self.replies = {reply.id: reply for reply in sdo}
         # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.
-        since = now - max(0.0, self.gap - self._period) if self.gap < math.inf else now
-        self._take_statusword(inputs.statusword, since - ages[0])
-        self.mode, self.mode_stamp = _fresh(inputs.mode, since - ages[1], self.mode_stamp)
-        self._take_position(inputs.position, since - ages[2])
-        self.velocity, self.velocity_stamp = _fresh(inputs.velocity, since - ages[3], self.velocity_stamp)
-        self.torque, _ = _fresh(inputs.torque, since - ages[4], 0.0)
-        raw, self.demand_stamp = _fresh(inputs.demand, since - ages[5], self.demand_stamp)
-        self.demand = None if raw is None or self.led.idle else self.unwrapped(raw)
-        if self.demand is not None:
-            self.still_demand.feed(self.demand, self.demand_stamp)
-        if not self.led.idle and self.led.judge(self.demand, self.position, self.state, self.mode):
-            self.demand = None
+        self.gap = gap = now - self.now
+        self.now = now
+        since, ages = now if gap <= self._period else now - self._late(gap), self._max_age
+        self._take_statusword(word, since - ages[0])
+        self.mode = None if mode is None or mode.stamp < since - ages[1] else mode.value
+        if mode is not None:
+            self.mode_stamp = mode.stamp
+        self._take_position(position, since - ages[2])
+        self.velocity = None if velocity is None or velocity.stamp < since - ages[3] else velocity.value
+        if velocity is not None:
+            self.velocity_stamp = velocity.stamp
+        self.torque = None if torque is None or torque.stamp < since - ages[4] else torque.value
+        self._take_demand(demand, since - ages[5])
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
@@ -151,13 +160,21 @@ class Image:
         """The position that a controller should hold: the demand (6062h), else the actual position; None if unknown."""
         return self.demand if self.demand is not None else self.position
 
+    def _late(self, gap: float) -> float:
+        """Return how many seconds this cycle is late, ``gap`` s after the one before; the first one is not."""
+        late = gap - self._period
+        if gap >= 2 * self._period:
+            self.starvation.note(self.now, late)
+        return late if late < math.inf else 0.0
+
     def _take_statusword(self, sample: Sample | None, oldest: float) -> None:
         if sample is None or sample.stamp < oldest:
             self.statusword, self.state = None, State.UNKNOWN
             return
-        if sample.value != self.statusword:
-            self.statusword = sample.value
-            self.state = decode(sample.value)
+        word = sample.value
+        if word != self.statusword:
+            self.statusword = word
+            self.state = decode(word)
         self.statusword_stamp = sample.stamp
 
     def _take_position(self, sample: Sample | None, oldest: float) -> None:
@@ -166,26 +183,31 @@ class Image:
             self.position = None
             self.still.forget()
             return
-        raw = sample.value
+        raw, stamp = sample.value, sample.stamp
         if self._raw_position is None:
-            self.position = raw
+            position = raw
         else:
-            self.lost_count = (sample.stamp - self.position_stamp) * self.fastest >= INT32_HALF
-            self.position = unwrap(self._seen_position, raw)
-        self._raw_position, self._seen_position = raw, self.position
-        if sample.stamp != self.position_stamp:
-            self.position_stamp = sample.stamp
-            self.still.feed(self.position, sample.stamp)
+            self.lost_count = (stamp - self.position_stamp) * self.fastest >= _HALF
+            position = unwrap(self._seen_position, raw)
+        self._raw_position = raw
+        self.position = self._seen_position = position
+        if stamp != self.position_stamp:
+            self.position_stamp = stamp
+            self.still.feed(position, stamp)
+
+    def _take_demand(self, sample: Sample | None, oldest: float) -> None:
+        demand, position, led = None, self.position, self.led
+        if sample is not None:
+            self.demand_stamp = stamp = sample.stamp
+            if stamp >= oldest and position is not None and not led.idle:
+                demand = unwrap(position, sample.value)
+                self.still_demand.feed(demand, stamp)
+        if not led.idle and led.judge(demand, position, self.state, self.mode):
+            demand = None
+        self.demand = demand
 
     def unwrapped(self, raw: int) -> int | None:
         """Return a position of the drive's own count as unwrapped increments; None while the actual position is unknown."""
         if self.position is None or self._raw_position is None:
             return None
-        return self.position + (raw - self._raw_position + INT32_HALF) % INT32_SPAN - INT32_HALF
-
-
-def _fresh(sample: Sample | None, oldest: float, before: float) -> tuple[int | None, float]:
-    """Return the value, None where it is too old, and the stamp of the newest one (``before`` where there is none)."""
-    if sample is None:
-        return None, before
-    return (None if sample.stamp < oldest else sample.value), sample.stamp
+        return unwrap(self.position, raw)

@@ -93,6 +93,8 @@ class Inbox:
 
     def take(self) -> list[Waiting]:
         """Return what is to be done in this cycle, in order; the scan's thread."""
+        if not self._given and not self._left:
+            return []
         self._left.extend(_out(self._given, len(self._given)))
         taken = list(_out(self._left, AT_ONCE))
         if self._left:

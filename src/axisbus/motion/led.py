@@ -35,6 +35,8 @@ WITHOUT_POSITION_DEMAND = frozenset(
 _POSITION_MODES = frozenset(
     {_M.PROFILE_POSITION, _M.HOMING, _M.INTERPOLATED_POSITION, _M.CYCLIC_SYNC_POSITION}
 )
+_CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
+_ENABLED = State.OPERATION_ENABLED
 _MOVED = 20  # increments: more than a quiet value wanders
 _NO_CHANCE = 10  # samples in a row
 
@@ -78,15 +80,15 @@ class Led:
         """Take what is sent in this cycle: a target (None: none), and whether bit 4 (new set-point, homing start) goes with it."""
         if mode != self._mode:
             self._mode, self._before = mode, demand
-        if mode != _M.CYCLIC_SYNC_POSITION:
+        if mode != _CSP:
             self.target = None
         elif target is not None:
             self.target = target
-        if mode != _M.HOMING or not is_edge:
+        if mode != _HOMING or not is_edge:
             self.searching_since = math.inf
         elif self.searching_since == math.inf:
             self.searching_since = now
-        if is_edge and mode == _M.PROFILE_POSITION and target is not None and target != self.set_point:
+        if is_edge and mode == _PP and target is not None and target != self.set_point:
             self.set_point, self.set_point_at = target, now
 
     def judge(self, demand: int | None, position: int | None, state: State, mode: int | None) -> bool:
@@ -94,7 +96,7 @@ class Led:
         if demand is None or demand != position:
             self._same = 0
             return False
-        leads = state is State.OPERATION_ENABLED and mode in _POSITION_MODES
+        leads = state is _ENABLED and mode in _POSITION_MODES
         if not leads or abs(demand - self._same_at) <= _MOVED:
             return False
         self._same_at = demand

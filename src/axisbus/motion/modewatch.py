@@ -16,7 +16,7 @@ _TWICE = 2  # samples in a row
 class ModeWatch:
     """Holds whether the drive has shown the running command's mode, and how often in a row it then showed another."""
 
-    __slots__ = ("_activity", "_agreed", "_misses", "_name", "_stamp")
+    __slots__ = ("_activity", "_agreed", "_misses", "_mode", "_name", "_stamp")
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -24,6 +24,7 @@ class ModeWatch:
 
     def _watch(self, activity: Activity | None) -> None:
         self._activity = activity
+        self._mode = None if activity is None else activity.mode
         self._agreed = False
         self._misses = 0
         self._stamp = -math.inf
@@ -32,14 +33,15 @@ class ModeWatch:
         """Return that the drive has left the mode of ``activity`` by itself; None when it has not (as far as is known)."""
         if activity is not self._activity:
             self._watch(activity)
-        if activity is None or activity.mode is None or image.mode is None or image.mode_stamp == self._stamp:
+        mode, shown = self._mode, image.mode
+        if mode is None or shown is None or image.mode_stamp == self._stamp:
             return None
         self._stamp = image.mode_stamp
-        if image.mode == activity.mode:
+        if shown == mode:
             self._agreed, self._misses = True, 0
             return None
         self._misses += self._agreed
-        return self._left(activity.mode, image.mode) if self._misses >= _TWICE else None
+        return self._left(mode, shown) if self._misses >= _TWICE else None
 
     def _left(self, mode: ModeOfOperation, shown: int) -> ModeError:
         return ModeError(

@@ -47,18 +47,14 @@ class PositionMove(Activity):
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive has arrived."""
-        if self._before is not None and self._before.begun:
-            self._before.step(image, order)
+        if self._start is None and not self._begins(image, order):
             return False
-        if not self._prepare.step(image, order):
-            return False
-        if self._start is None:
-            self._begin(image)
         taken = self.set_point.step(image, order)
         order.halt = order.halt and self._stays_halted(image)
         if not taken:
             return False
-        self._judge_demand(image)
+        if not self._judged:
+            self._judge_demand(image)
         if self._arrived(image):
             return True
         self._watch.check(image)
@@ -84,6 +80,16 @@ class PositionMove(Activity):
         """Take back what is queued."""
         self._prepare.cancel(order)
 
+    def _begins(self, image: Image, order: Order) -> bool:
+        """Return True once nothing of another move is under way any more and all is prepared: from then on it goes."""
+        if self._before is not None and self._before.begun:
+            self._before.step(image, order)
+            return False
+        if not self._prepare.step(image, order):
+            return False
+        self._begin(image)
+        return True
+
     def _begin(self, image: Image) -> None:
         if self._profile.timeout is None:
             require_position(image, self._parameters.name, "the time that a move may take")
@@ -95,8 +101,6 @@ class PositionMove(Activity):
 
     def _judge_demand(self, image: Image) -> None:
         """A drive whose 6062h is the target itself, at once, says nothing of where it leads the axis: it is not believed again."""
-        if self._judged:
-            return
         self._judged = True
         target, position = self.set_point.target, image.position
         if (

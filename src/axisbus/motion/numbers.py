@@ -10,6 +10,8 @@ _LONGEST = 40  # characters of a value in a message
 
 def number(value: object) -> float | None:
     """Return a finite number as a float; None for anything else."""
+    if type(value) is float:  # what a trajectory gives in every cycle
+        return value if math.isfinite(value) else None
     if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:

@@ -7,6 +7,7 @@ from axisbus.cia402.port import Outputs, SdoRequest
 from axisbus.cia402.state import State, plan
 from axisbus.units import wrap
 
+_ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 # The word that keeps a drive in the state it is in. In fault nothing is asked, and bit 7 is low so that a reset is an edge.
 _HOLD = {
     State.SWITCH_ON_DISABLED: cw.Command.DISABLE_VOLTAGE.word,
@@ -47,6 +48,8 @@ class Order:
         self._next_id = 0
         self.goal: State | None = None
         self.asked_mode: int | None = None
+        self.sdo: list[SdoRequest] = []
+        self.cancel: list[int] = []
         self.clear()
 
     def clear(self) -> None:
@@ -58,9 +61,9 @@ class Order:
         self.target_position: int | None = None
         self.target_velocity: int | None = None
         self.target_torque: int | None = None
-        self.sdo: list[SdoRequest] = []
-        self.cancel: list[int] = []
         self.nmt_stop = False
+        if self.sdo or self.cancel:
+            self.sdo, self.cancel = [], []
 
     def request(self, index: int, subindex: int, value: int | None) -> int:
         """Ask for an SDO transfer (``value`` None reads) and return its id."""
@@ -72,17 +75,19 @@ class Order:
         """Return the controlword for a drive seen in ``state``; None where nothing must be sent."""
         if self.word is not None:
             return self.word
-        if self.goal is None or state is State.UNKNOWN:
+        if self.goal is None or state is _UNKNOWN:
             return None
         if state is self.goal:
             word = _HOLD[state]
         else:
             command = plan(state, self.goal)
             word = _HOLD[state] if command is None else command.word
-        if state is State.OPERATION_ENABLED:
+        if state is _ENABLED:
             # Also on the way down: until the drive has left the state, a halted motion would go on without it.
-            word |= cw.HALT if self.halt else 0
-            word |= self.bits if self.goal is state else 0
+            if self.halt:
+                word |= cw.HALT
+            if self.goal is state:
+                word |= self.bits
         return word
 
     def outputs(self, state: State) -> Outputs:

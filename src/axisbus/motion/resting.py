@@ -14,10 +14,11 @@ _TWICE = 2  # samples in a row
 class Resting:
     """Watches an axis that is enabled and at rest; holds the place where its rest began."""
 
-    __slots__ = ("_misses", "_parameters", "_place", "_stamp")
+    __slots__ = ("_allowed", "_misses", "_parameters", "_place", "_stamp")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
+        self._allowed = parameters.lag_allowed(0.0, by_position=False)
         self._place: int | None = None
         self._stamp = 0.0
         self._misses = 0
@@ -35,7 +36,7 @@ class Resting:
         self._stamp = image.position_stamp
         if self._place is None:
             self._place = position
-        allowed = self._parameters.lag_allowed(0.0, by_position=False)
+        allowed = self._allowed
         pull = image.pull or 0
         if abs(position - self._place) <= allowed and abs(pull) <= allowed:
             self._misses = 0

@@ -44,22 +44,22 @@ class RestWait:
 
 
 class RestWaits:
-    """The commands of one axis that wait for its rest."""
+    """The commands of one axis that wait for its rest, in ``waiting``."""
 
-    __slots__ = ("_parameters", "_waiting")
+    __slots__ = ("_parameters", "waiting")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._waiting: list[RestWait] = []
+        self.waiting: list[RestWait] = []
 
     def add(self, handle: Handle, then: Callable[[], None], now: float) -> None:
         """Let ``then`` be done once the axis stands; its handle ends with that."""
-        self._waiting.append(RestWait(self._parameters, handle, then, now))
+        self.waiting.append(RestWait(self._parameters, handle, then, now))
         handle.status = Status.ACTIVE
 
     def step(self, image: Image, finish: Callable[[Handle, AxisbusError | None], None]) -> None:
         """Do what may be done in this cycle; ``finish`` ends a handle."""
-        for waiting in list(self._waiting):
+        for waiting in list(self.waiting):
             try:
                 if not waiting.step(image):
                     continue
@@ -67,9 +67,9 @@ class RestWaits:
                 finish(waiting.handle, None)
             except AxisbusError as error:
                 finish(waiting.handle, error)
-            self._waiting.remove(waiting)
+            self.waiting.remove(waiting)
 
     def drop(self) -> list[Handle]:
         """Forget them all; return their handles."""
-        handles, self._waiting = [waiting.handle for waiting in self._waiting], []
+        handles, self.waiting = [waiting.handle for waiting in self.waiting], []
         return handles

@@ -36,6 +36,9 @@ class Phase(Enum):
     TAKEN = "taken"
 
 
+_CLEAR, _OFFER, _RELEASE, _TAKEN = Phase.CLEAR, Phase.OFFER, Phase.RELEASE, Phase.TAKEN
+
+
 class SetPoint:
     """One set-point on its way into the drive; holds the phase and the deadline of the wait for bit 12."""
 
@@ -54,7 +57,7 @@ class SetPoint:
     @property
     def begun(self) -> bool:
         """Whether the drive may have seen the edge but the handshake is not finished."""
-        return self.phase in (Phase.OFFER, Phase.RELEASE)
+        return self.phase is _OFFER or self.phase is _RELEASE
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True from the statusword on in which the handshake is complete.
@@ -62,27 +65,26 @@ class SetPoint:
         Raises:
             SetPointError: bit 12 does not follow bit 4 in time.
         """
-        if self.phase is not Phase.TAKEN:
-            self._advance(image)
-        if self.phase is Phase.OFFER:
+        if self.phase is _TAKEN:
+            return True
+        self._advance(image)
+        if self.phase is _OFFER:
             order.target_position = self.target
             order.bits = cw.NEW_SET_POINT | cw.CHANGE_SET_IMMEDIATELY
-        return self.phase is Phase.TAKEN
+        return self.phase is _TAKEN
 
     def _advance(self, image: Image) -> None:
         if self._deadline is None:
             self._deadline = image.now + self._timeout
         word = image.statusword
         acknowledged = None if word is None else bool(word & sw.SET_POINT_ACKNOWLEDGE)
-        if self.phase is Phase.CLEAR and acknowledged is False:
-            self._enter(Phase.OFFER, image)
-        elif self.phase is Phase.OFFER and acknowledged:
+        if self.phase is _CLEAR and acknowledged is False:
+            self._enter(_OFFER, image)
+        elif self.phase is _OFFER and acknowledged:
             self._released = image.now
-            self._enter(Phase.RELEASE, image)
-        elif (
-            self.phase is Phase.RELEASE and acknowledged is False and image.statusword_stamp > self._released
-        ):
-            self._enter(Phase.TAKEN, image)
+            self._enter(_RELEASE, image)
+        elif self.phase is _RELEASE and acknowledged is False and image.statusword_stamp > self._released:
+            self._enter(_TAKEN, image)
         elif image.now > self._deadline:
             raise self._stuck(image)
 
@@ -92,7 +94,7 @@ class SetPoint:
         self._deadline = image.now + self._timeout
 
     def _stuck(self, image: Image) -> SetPointError:
-        bit = int(self.phase is Phase.OFFER)
+        bit = int(self.phase is _OFFER)
         word = "no fresh statusword" if image.statusword is None else f"statusword 0x{image.statusword:04X}"
         return SetPointError(
             f"{self._name}: the drive does not {'take the set-point' if bit else 'end the set-point handshake'}",

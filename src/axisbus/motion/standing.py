@@ -29,7 +29,7 @@ from axisbus.motion.still import Still
 class Standing:
     """One look for standstill from ``since`` on, to be stepped in each cycle; holds the places compared and what was seen last."""
 
-    __slots__ = ("_by", "_first", "_homing", "_parameters", "_since", "_still_speed")
+    __slots__ = ("_by", "_first", "_homing", "_parameters", "_pull_window", "_since", "_still_speed")
 
     def __init__(self, parameters: AxisParameters, since: float, *, homing: bool = False) -> None:
         """``since``: what was received at or before this moment does not count (seconds of the scan's clock).
@@ -37,6 +37,7 @@ class Standing:
         ``homing``: the drive has just given its position another name, and 6062h may still have the old one.
         """
         self._parameters = parameters
+        self._pull_window = parameters.pull_window
         self._homing = homing
         self._since = since
         self._first = math.inf  # when the first position after that came
@@ -64,7 +65,7 @@ class Standing:
     def pulls(self, image: Image) -> bool:
         """Whether the controller leads the axis to somewhere else than where it is."""
         pull = None if self._homing else image.pull
-        return pull is not None and abs(pull) > self._parameters.pull_window
+        return pull is not None and abs(pull) > self._pull_window
 
     def _knows_demand(self, image: Image) -> bool:
         """Whether 6062h says where the axis is led now that it rests.

@@ -22,6 +22,8 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.resting import Resting
 from axisbus.motion.states import MOVING, AxisState
 
+_ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
+_ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 _POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
 _SILENT = frozenset(
     {NmtState.OPERATIONAL, NmtState.UNKNOWN}
@@ -73,8 +75,8 @@ class Supervision:
 
     @staticmethod
     def has_restarted(image: Image) -> bool:
-        """Whether the node's position may be another one than before."""
-        return not image.operational and image.nmt in _RESTARTED
+        """Whether the position of a node that is not operational may be another one than before."""
+        return image.nmt in _RESTARTED
 
     def power(
         self, image: Image, state: AxisState, activity: Activity | None = None, *, bounded: bool = True
@@ -83,28 +85,28 @@ class Supervision:
 
         ``activity`` is what moves it (None: nothing does, it must rest); ``bounded``: see ``Guard.danger``.
         """
-        if state is AxisState.ERRORSTOP:
-            return self._unknown(image) or self._unrest(image, activity)
+        if state is _ERRORSTOP:
+            return self._unknown(image) if image.state is _UNKNOWN else self._unrest(image, activity)
         if state not in _POWERED:
             return None
-        return (
-            self._gap(image)
-            or self._unknown(image)
-            or self._dropped(image, state)
-            or self._astray(image, state, activity)
-            or self._unrest(image, activity)
-            or self._danger(image, state, bounded, None if activity is None else activity.course)
-        )
+        if image.gap > self._longest_gap:
+            return self._gap(image)
+        if image.state is not _ENABLED and not self._is_held(image, state):
+            return self._unknown(image) if image.state is _UNKNOWN else self._dropped(image)
+        moving = activity if state in MOVING else None
+        astray = self._mode.error(image, moving) or self._following.error(image, moving)
+        if astray is not None:  # not under control: a quick stop is surer than a halt
+            return Finding(astray, Rung.QUICK_STOP)
+        unrest = self._unrest(image, activity)
+        if unrest is not None:
+            return unrest
+        course = None if activity is None else activity.course
+        danger = self.guard.danger(image, state, bounded=bounded, course=course)
+        return None if danger is None else self._endangered(danger, course)
 
     def at_work(self) -> None:
         """The axis is being stopped, or is not ours to watch: its next rest begins anew."""
         self._resting.forget()
-
-    def _astray(self, image: Image, state: AxisState, activity: Activity | None) -> Finding | None:
-        """A drive that leaves its mode, or does not go where it is led, is not under control: a quick stop is surer than a halt."""
-        moving = activity if state in MOVING else None
-        error = self._mode.error(image, moving) or self._following.error(image, moving)
-        return None if error is None else Finding(error, Rung.QUICK_STOP)
 
     def _unrest(self, image: Image, activity: Activity | None) -> Finding | None:
         if activity is not None:
@@ -117,14 +119,18 @@ class Supervision:
         """Return what endangers an axis that a halt under torque lets coast, where a harder rung than ``rung`` would brake it."""
         course = Course(by_torque=True)
         harder = stop_of(self._parameters, course)[0] > rung
-        if not harder or image.mode not in TORQUE_MODES or image.state is not State.OPERATION_ENABLED:
+        if not harder or image.mode not in TORQUE_MODES or image.state is not _ENABLED:
             return None
-        return self._danger(image, AxisState.CONTINUOUS_MOTION, bounded, course)
+        danger = self.guard.danger(image, AxisState.CONTINUOUS_MOTION, bounded=bounded, course=course)
+        return None if danger is None else self._endangered(danger, course)
 
-    def _gap(self, image: Image) -> Finding | None:
+    @staticmethod
+    def _is_held(image: Image, state: AxisState) -> bool:
+        """Whether the drive holds the axis after a quick stop, as it was asked to."""
+        return image.state is State.QUICK_STOP_ACTIVE and state is _STOPPING
+
+    def _gap(self, image: Image) -> Finding:
         """A program that was suspended comes back with values that look fresh and a world that has moved on."""
-        if image.gap <= self._longest_gap:
-            return None
         name = self._parameters.name
         return Finding(
             StaleError(
@@ -136,15 +142,10 @@ class Supervision:
             )
         )
 
-    def _unknown(self, image: Image) -> Finding | None:
-        if image.state is not State.UNKNOWN:
-            return None
+    def _unknown(self, image: Image) -> Finding:
         return Finding(silence(self._parameters, image), Rung.QUICK_STOP)
 
-    def _dropped(self, image: Image, state: AxisState) -> Finding | None:
-        held = image.state is State.QUICK_STOP_ACTIVE and state is AxisState.STOPPING
-        if image.state is State.OPERATION_ENABLED or held:
-            return None
+    def _dropped(self, image: Image) -> Finding:
         name = self._parameters.name
         return Finding(
             DriveError(
@@ -157,9 +158,8 @@ class Supervision:
             Rung.QUICK_STOP,
         )
 
-    def _danger(self, image: Image, state: AxisState, bounded: bool, course: Course | None) -> Finding | None:
-        danger = self.guard.danger(image, state, bounded=bounded, course=course)
-        return None if danger is None else Finding(danger, stop_of(self._parameters, course or Course())[0])
+    def _endangered(self, danger: AxisbusError, course: Course | None) -> Finding:
+        return Finding(danger, stop_of(self._parameters, course or Course())[0])
 
     def _lost_error(self, image: Image) -> BusError:
         name, node = self._parameters.name, self._parameters.node

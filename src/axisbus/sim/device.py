@@ -23,6 +23,7 @@ from axisbus.sim.settings import AXIS_SPAN
 HEARTBEAT_LOST = 0x8130
 RPDO_LATE = 0x8250
 NMT_LEFT = 0x8100
+_OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING  # looked at in every step
 SAVE, LOAD = 0x6576_6173, 0x6461_6F6C
 _COMMUNICATION = -1  # who an error belongs to that is no axis's
 _MAX_AXES = 8
@@ -96,7 +97,7 @@ class Device:
     @property
     def operational(self) -> bool:
         """Whether PDOs are exchanged."""
-        return self.nmt is NmtState.OPERATIONAL
+        return self.nmt is _OPERATIONAL
 
     def step(self, dt: float) -> None:
         """Let ``dt`` seconds pass; a long time is taken in pieces."""
@@ -111,7 +112,7 @@ class Device:
             drive.step(dt)
         if self.node_id == NO_NODE_ID:
             return  # it stays initialising until LSS gives it one
-        if self.nmt is NmtState.INITIALISING:
+        if self.nmt is _INITIALISING:
             self._boot_timer -= dt
             if self._boot_timer <= 1e-9:
                 self.nmt = NmtState.PRE_OPERATIONAL

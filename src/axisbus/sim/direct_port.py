@@ -14,6 +14,10 @@ from axisbus.sim.direct_sdo import SdoQueue, shifted
 from axisbus.sim.settings import AXIS_SPAN
 from axisbus.sim.words import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
 
+# Looked at in every cycle.
+_OPERATIONAL, _INITIALISING = NmtState.OPERATIONAL, NmtState.INITIALISING
+_SYNC_PDO, _EVENT_PDO, _SDO = Source.SYNC_PDO, Source.EVENT_PDO, Source.SDO
+_NOTHING = Outputs()
 _INPUTS = tuple(INPUT_OBJECTS)
 _READ = attrgetter("statusword", "mode_display", "position", "velocity", "torque", "position_demand")
 # Outputs in the order in which they take effect: the controlword last, so that it finds its target.
@@ -57,13 +61,13 @@ class DirectPort:
         self._sdo = SdoQueue(device, self._offset, sdo_time, sdo_timeout)
         self._samples: list[Sample | None] = [None] * len(_INPUTS)
         self._emcy: tuple[Emcy, ...] = ()
-        self._pending = Outputs()
+        self._pending = _NOTHING
         self._latched: dict[str, int] = {}
         self._last_controlword: int | None = None
         self._sent_by_sdo: dict[str, int] = {}
         self._next_poll = self._next_beat = 0.0
         self._last_beat = -1e9
-        self._reported = NmtState.UNKNOWN
+        self._reported, self._nmt = NmtState.UNKNOWN, int(NmtState.UNKNOWN)
         self.capabilities = Capabilities(
             self._sources(INPUT_OBJECTS, inputs), self._sources(OUTPUT_OBJECTS, outputs), remappable, {}
         )
@@ -107,7 +111,7 @@ class DirectPort:
         alive = now - self._last_beat <= 3.0 * self._node_heartbeat + 1e-9
         return Inputs(
             now,
-            alive and self._reported is NmtState.OPERATIONAL,
+            alive and self._reported is _OPERATIONAL,
             statusword,
             mode,
             position,
@@ -116,7 +120,7 @@ class DirectPort:
             demand,
             emcy,
             self._sdo.take_replies(),
-            int(self._reported),
+            self._nmt,
         )
 
     def write(self, outputs: Outputs) -> None:
@@ -165,7 +169,7 @@ class DirectPort:
 
     def commit(self, now: float) -> None:
         """Let event-driven outputs take effect, hold synchronous ones for SYNC, queue SDO and NMT."""
-        pending, self._pending = self._pending, Outputs()
+        pending, self._pending = self._pending, _NOTHING
         sources = self.capabilities.outputs
         if pending.cancel:
             self._sdo.cancel(pending.cancel)
@@ -178,11 +182,11 @@ class DirectPort:
             if value is None:
                 continue
             source = sources[name]
-            if source is Source.SYNC_PDO:
+            if source is _SYNC_PDO:
                 self._latched[name] = value
-            elif source is Source.EVENT_PDO:
+            elif source is _EVENT_PDO:
                 self._apply(name, value)
-            elif source is Source.SDO:
+            elif source is _SDO:
                 self._send_by_sdo(name, value, now)
         if pending.nmt_stop and not self.device.dials.dead:
             self.device.nmt_command(NmtCommand.STOP)
@@ -213,10 +217,10 @@ class DirectPort:
         self._sdo.serve(now)
         if device.dials.dead:
             return
-        if now >= self._next_beat - 1e-9 and device.nmt is not NmtState.INITIALISING:
+        if now >= self._next_beat - 1e-9 and device.nmt is not _INITIALISING:
             self._next_beat = now + self._node_heartbeat
             if not device.dials.heartbeat_stops:
-                self._last_beat, self._reported = now, device.nmt
+                self._hear(now)
         if self._events:
             self._watch_events(now)
         if self._polled and now >= self._next_poll and device.answers_sdo:
@@ -225,8 +229,12 @@ class DirectPort:
 
     def know_state(self, now: float) -> None:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
-        self._last_beat, self._reported = now, self.device.nmt
+        self._hear(now)
         self._next_beat = now + self._node_heartbeat
+
+    def _hear(self, now: float) -> None:
+        """A heartbeat came."""
+        self._last_beat, self._reported, self._nmt = now, self.device.nmt, int(self.device.nmt)
 
     def quick_stop(self) -> None:
         """Send the last controlword once more as a quick stop, where one was ever sent."""

@@ -33,6 +33,8 @@ from axisbus.sim.words import (
 )
 
 FOLLOWING_ERROR = 0x8611
+# What is looked at in every step has a name of its own: a look-up in an Enum costs more than a call.
+_OFF, _RUN, _ENABLED = Effort.OFF, Effort.RUN, Stage.ENABLED
 _HALT_EFFORT = (Effort.OFF, Effort.SLOW, Effort.QUICK, Effort.LIMIT, Effort.LIMIT)
 
 
@@ -171,12 +173,12 @@ class Drive:
         axis.refresh()
         axis.motor.blocked = dials.blocked
         axis.motor.sticks = dials.sticks
-        if dials.creep and self._effort is not Effort.OFF:
+        if dials.creep and self._effort is not _OFF:
             axis.drift += dials.creep * dt
         if dials.encoder_jump:
             self._jump_encoder()
         word = self.controlword
-        if word != self._word or word & 0x8F != 0x0F or power.stage is not Stage.ENABLED:
+        if word != self._word or word & 0x8F != 0x0F or power.stage is not _ENABLED:
             self._hear(word)
         if power.pending is not None:
             power.step(dt, axis.standing)
@@ -202,7 +204,7 @@ class Drive:
         if self._sync_time is not None:
             self._sync_period = self.time - self._sync_time
         self._sync_time = self.time
-        if self._effort is Effort.RUN and not self._halted:
+        if self._effort is _RUN and not self._halted:
             self._mode.sync(self.axis, self._interpolation_time())
 
     def _interpolation_time(self) -> float:
@@ -278,11 +280,11 @@ class Drive:
 
     def _move(self, dt: float) -> None:
         effort, axis = self._effort, self.axis
-        if effort is Effort.RUN:
+        if effort is _RUN:
             self._run(dt)
             if self._mode.supervised and axis.following_fault(dt):
                 self.fault(FOLLOWING_ERROR)
-        elif effort is Effort.OFF:
+        elif effort is _OFF:
             self._coast(dt)
         else:
             axis.brake(effort, dt)
@@ -384,7 +386,7 @@ class Drive:
     # What is published.
 
     def _publish(self) -> None:
-        axis, energised = self.axis, self._effort is not Effort.OFF
+        axis, energised = self.axis, self._effort is not _OFF
         position, velocity, torque = self._feedback.measured(self.time)
         self.position = as_int32(round(axis.to_user(position)))
         if energised:

@@ -8,6 +8,8 @@ from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import PowerStage, Stage
 from axisbus.sim.words import SW_BIT_10, SW_INTERNAL_LIMIT, SW_REMOTE, SW_VOLTAGE, SW_WARNING
 
+_ENABLED, _QUICK_STOP = Stage.ENABLED, Stage.QUICK_STOP  # looked at in every step
+
 
 def compose(
     power: PowerStage, dials: DriveDials, mode: Mode, axis: Axis, *, halted: bool, warning: bool
@@ -20,11 +22,11 @@ def compose(
         word |= SW_REMOTE
     if warning:
         word |= SW_WARNING
-    if power.stage is Stage.ENABLED:
+    if power.stage is _ENABLED:
         word |= mode.halted_bits(axis) if halted else mode.bits(axis)
         if axis.clamped or axis.speed_limited or axis.forbidden or axis.motor.saturated:
             word |= SW_INTERNAL_LIMIT
-    elif power.stage is Stage.QUICK_STOP and axis.standing:
+    elif power.stage is _QUICK_STOP and axis.standing:
         word |= SW_BIT_10
     if dials.target_reached_always:
         word |= SW_BIT_10

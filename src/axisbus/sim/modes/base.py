@@ -6,6 +6,8 @@ from axisbus.sim.axis import Axis
 from axisbus.sim.power import Effort
 from axisbus.sim.words import SW_BIT_10
 
+_SLOW = Effort.SLOW  # asked for in every step at rest
+
 
 class Mode:
     """A mode that holds the axis where it is (6060h = 0); the others replace what differs."""
@@ -29,7 +31,7 @@ class Mode:
 
     def step(self, axis: Axis, dt: float) -> None:
         """Move the demand on by ``dt`` seconds."""
-        axis.brake(Effort.SLOW, dt)
+        axis.brake(_SLOW, dt)
 
     def halt(self, axis: Axis, effort: Effort, dt: float) -> None:
         """The halt bit is set: come to rest as 605Dh says (``Effort.OFF``: coast)."""

@@ -29,6 +29,7 @@ from axisbus.sim.words import (
 )
 
 _NO_WINDOW = 0xFFFF_FFFF
+_SLOW = Effort.SLOW  # asked for in every step at rest
 
 
 class SetPoint(NamedTuple):
@@ -89,7 +90,7 @@ class ProfilePosition(Mode):
         if profile is not None:
             self._run(axis, profile, dt)
         else:
-            axis.brake(Effort.SLOW, dt)
+            axis.brake(_SLOW, dt)
             if self._active is not None:
                 self._plan(axis, self._active)  # its limits were 0: perhaps they are set by now
         self._watch_window(axis, dt)
