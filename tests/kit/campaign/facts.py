@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError
@@ -15,6 +15,7 @@ from kit.cell import Cell
 
 MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
 _POWER = frozenset({"enable", "disable", "coast"})
+_TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 
 
@@ -67,10 +68,13 @@ class Facts:
         self.troubles: dict[str, list[Trouble]] = {name: [] for name in scene.names}
         self.at = ""
         self.worst = 0.0  # seconds that a stop took at most
+        self.core = {name: self.cell.core(name) for name in scene.names}
+        self.drive = {name: self.cell.drive(name) for name in scene.names}
+        self.scale = {name: self.cell.scale_of(name) for name in scene.names}
 
     @property
     def now(self) -> float:
-        return self.cell.now
+        return self.cell.cycle.now()
 
     # -- what has gone wrong ---------------------------------------------------------------------------------------------
 
@@ -100,7 +104,7 @@ class Facts:
 
     def has_a_will(self, name: str) -> bool:
         """Whether the drive moves by itself: then a moment's rest is nobody's promise."""
-        dials = self.cell.drive(name).dials
+        dials = self.drive[name].dials
         return bool(dials.creep) or dials.mode_slips_to is not None
 
     def is_dropped(self, name: str) -> bool:
@@ -116,31 +120,45 @@ class Facts:
         after = self.asked[self.asked.index(asked) + 1 :]
         return any(other.what not in QUIET and name in other.names for other in after)
 
+    def power_asked_after(self, asked: Asked, name: str) -> bool:
+        """Whether its power was asked to go, or a stop that may take it, after this command."""
+        after = self.asked[self.asked.index(asked) + 1 :]
+        return any(other.what in _TAKES_POWER and name in other.names for other in after)
+
     # -- what the master says --------------------------------------------------------------------------------------------
 
     def is_told(self, name: str, text: str = "") -> bool:
         """Whether the master says of an axis that it may move, or is energised still."""
-        error = self.cell.core(name).error
+        error = self.core[name].error
         lines = [str(error)] if error is not None else []
         lines += [part for part in text.split("\0") if part.startswith(f"{name}:") or f"[{name}]" in part]
         return any(word in line for line in lines for word in HONEST)
 
     def moves(self, name: str) -> bool:
-        return self.cell.speed(name) > MOVES
+        return abs(self.drive[name].axis.motor.velocity / self.scale[name]) > MOVES
+
+    def where(self, name: str) -> float:
+        """Where the motor of an axis is, in its unit, 0 where it stood on power-up."""
+        return self.drive[name].axis.motor.position / self.scale[name]
+
+    def stage(self, name: str) -> int:
+        """The state of the power stage, by the stand-in's number."""
+        return int(self.drive[name].power.stage)
 
     def place(self, name: str) -> float:
         """Where the motor of an axis is, in increments as its drive counts them (unwrapped)."""
-        axis = self.cell.drive(name).axis
+        axis = self.drive[name].axis
         return axis.to_user(axis.motor.position)
 
     def origin(self, name: str) -> float:
-        return self.cell.core(name).snapshot().origin
+        return self.core[name].image.origin
 
-    def must(self, holds: bool, rule: str, text: str) -> None:
-        """Hold a rule.
+    def must(self, holds: bool, rule: str, text: str | Callable[[], str]) -> None:
+        """Hold a rule; ``text`` may be what makes it, as that takes time.
 
         Raises:
             Violation: it does not hold.
         """
         if not holds:
-            raise Violation(rule, f"at {self.now:.2f} s, before {self.at}: {text}")
+            said = text if isinstance(text, str) else text()
+            raise Violation(rule, f"at {self.now:.2f} s, before {self.at}: {said}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.errors import Interrupted
 from axisbus.motion.states import AxisState
-from kit.campaign.facts import MOVES, Asked, Facts
+from kit.campaign.facts import Asked, Facts
 from kit.campaign.orders import QUIET, STOPS
 from kit.probe import ENABLED, OFF, STAGE_NAMES
 
@@ -45,12 +45,23 @@ class Rest:
     def ended(self, asked: Asked) -> None:
         """A command has ended; a stop that is done, or says why it was none, has promised something."""
         error = asked.error
+        if asked.what == "enable" and error is None:
+            for name in asked.names:
+                self._is_energised(name, asked)
         if asked.what not in STOPS or isinstance(error, Interrupted):
             return
         self._facts.worst = max(self._facts.worst, self._facts.now - asked.since)
         for name in asked.names:
             if error is None or not self._facts.is_told(name, f"{name}:{error}"):
                 self._promised(name, asked)
+
+    def _is_energised(self, name: str, enable: Asked) -> None:
+        """An enable that is done has a drive that is energised, unless something has just happened to it."""
+        facts = self._facts
+        if any(True for _ in facts.troubled(name, 0.2)) or facts.power_asked_after(enable, name):
+            return
+        told = f"{enable.handle.name} was done at {facts.now:.2f} s: {facts.cell.told(name)}"
+        facts.must(facts.cell.stage(name) == ENABLED, "an enable that is done has power", told)
 
     def look(self, name: str) -> None:
         self._energised_only_when_asked(name)
@@ -75,14 +86,18 @@ class Rest:
     def _stays_where_it_was_stopped(self, name: str) -> None:
         if name not in self._stood:
             return
+        facts = self._facts
         place, told = self._stood[name]
-        came = abs(self._facts.cell.where(name) - place)
-        text = f"{told}; now {self._facts.cell.told(name)}, {came:g} deg on"
-        self._facts.must(came <= WAY, "what was stopped stays", text)
+        came = abs(facts.where(name) - place)
+        facts.must(
+            came <= WAY,
+            "what was stopped stays",
+            lambda: f"{told}; now {facts.cell.told(name)}, {came:g} deg on",
+        )
 
     def _energised_only_when_asked(self, name: str) -> None:
         facts = self._facts
-        before, self._stage[name] = self._stage[name], facts.cell.stage(name)
+        before, self._stage[name] = self._stage[name], facts.stage(name)
         if before not in OFF or self._stage[name] != ENABLED:
             return
         recent = facts.now - ENABLE_LATE
@@ -93,42 +108,46 @@ class Rest:
         facts.must(asked_for or by_other, "energised only when asked", text)
 
     def _states_are_true(self, name: str) -> None:
-        facts, cell = self._facts, self._facts.cell
-        state, moves = cell.core(name).state, facts.moves(name)
-        energised = cell.stage(name) not in OFF
-        alive = not cell.device(name).dials.dead
-        seen = not cell.drive(name).dials.encoder_frozen
-        said = f"{state.value}, error {cell.core(name).error}"
+        facts, core = self._facts, self._facts.core[name]
+        state, moves = core.state, facts.moves(name)
+        energised = facts.stage(name) not in OFF
+        seen = not facts.drive[name].dials.encoder_frozen
         stands = state is AxisState.STANDSTILL and moves and seen
-        self._not_long("Standstill is standing", name, BLIND, stands, said)
+        self._not_long("Standstill is standing", name, BLIND, stands)
         held = state is AxisState.STOPPING and self._rests(name) and seen
-        self._not_long("what is held in Stopping stands", name, BLIND, held and moves, said)
-        off = state is AxisState.DISABLED and energised and cell.core(name).touched
-        self._not_long("Disabled is off", name, BLIND, off and self._rests(name), said)
-        untold = state is AxisState.ERRORSTOP and moves and alive and seen and not facts.is_told(name)
-        self._not_long("ErrorStop stops or says that it moves", name, UNCONFIRMED, untold and energised, said)
+        self._not_long("what is held in Stopping stands", name, BLIND, held and moves)
+        off = state is AxisState.DISABLED and energised and core.touched
+        self._not_long("Disabled is off", name, BLIND, off and self._rests(name))
+        untold = state is AxisState.ERRORSTOP and moves and energised and seen
+        untold = untold and not facts.cell.device(name).dials.dead and not facts.is_told(name)
+        self._not_long("ErrorStop stops or says that it moves", name, UNCONFIRMED, untold)
 
     def _rest_is_a_promise(self, name: str) -> None:
         """An axis that rests in Standstill or ErrorStop, and is not told as moving, is said to stand."""
-        facts, cell = self._facts, self._facts.cell
-        state = cell.core(name).state
+        facts = self._facts
+        state = facts.core[name].state
         rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)
         if not rests or facts.is_told(name) or facts.has_a_will(name):
             self._resting.pop(name, None)
             return
         since = self._resting.setdefault(name, facts.now)
-        if facts.now - since > RESTS and cell.speed(name) <= MOVES:
-            told = f"it rested in {state.value} at {facts.now:.2f} s"
-            self._stood.setdefault(name, (cell.where(name), told))
+        if name not in self._stood and facts.now - since > RESTS and not facts.moves(name):
+            self._stood[name] = facts.where(name), f"it rested in {state.value} at {facts.now:.2f} s"
 
     def _rests(self, name: str) -> bool:
-        core = self._facts.cell.core(name)
+        core = self._facts.core[name]
         return core.ladder is None and core.activity is None
 
-    def _not_long(self, rule: str, name: str, limit: float, wrong: bool, said: str) -> None:
-        facts = self._facts
+    def _not_long(self, rule: str, name: str, limit: float, wrong: bool) -> None:
+        facts, core = self._facts, self._facts.core[name]
         if not wrong:
             self._differs.pop((name, rule), None)
             return
         long = facts.now - self._differs.setdefault((name, rule), facts.now)
-        facts.must(long <= limit, rule, f"{long:.2f} s: {facts.cell.told(name)}, the master says {said}")
+        facts.must(
+            long <= limit,
+            rule,
+            lambda: (
+                f"{long:.2f} s: {facts.cell.told(name)}, the master says {core.state.value}, error {core.error}"
+            ),
+        )

@@ -8,7 +8,7 @@ from kit.campaign.facts import Asked, Facts, Trouble
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
-_FASTEST = 500.0  # deg/s
+_NEAR = 1.5  # deg by which a position that is shown may be off
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
 _REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
 # What the master says of a command of its own user, without any mishap.
@@ -49,21 +49,18 @@ class Truth:
     def _nothing_stale(self, name: str) -> None:
         """A position that is shown is where the motor was at most its maximum age (and a cycle) ago."""
         facts = self._facts
-        snapshot = facts.cell.core(name).snapshot()
-        blind = [t for t in facts.troubled(name, _REMEMBERED) if t.what in _BLIND]
-        if snapshot.position is None or self._counts_anew(name):
+        position = facts.core[name].image.position
+        if position is None:
+            return
+        here = facts.where(name) - (facts.place(name) - position) / facts.scale[name]
+        if abs(here - facts.where(name)) < _NEAR or self._counts_anew(name):
             return
         if any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3)):
             return
-        age = _USUAL_AGE if blind else 0.1 + 5 * facts.scene.period
-        if facts.scene.names and _polled(facts, name):
-            age = _USUAL_AGE
-        cell = facts.cell
-        moment = cell.moment(name)
-        positions = cell.positions(name, moment - age) or [cell.where(name)]
-        shown = cell.core(name).parameters.units.position
-        here = cell.where(name) - shown.to_units(facts.place(name) - snapshot.position)
-        low, high = min(positions) - 1.5, max(positions) + 1.5
+        blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _REMEMBERED))
+        age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
+        positions = facts.cell.positions(name, facts.cell.moment(name) - age)
+        low, high = min(positions) - _NEAR, max(positions) + _NEAR
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
         facts.must(low <= here <= high, "nothing stale is shown", told)
 
@@ -76,7 +73,7 @@ class Truth:
     # -- causes ----------------------------------------------------------------------------------------------------------
 
     def _error_names_its_cause(self, name: str) -> None:
-        error = self._facts.cell.core(name).error
+        error = self._facts.core[name].error
         if error is None or self._errors.get(name) == id(error):
             return
         self._errors[name] = id(error)
@@ -106,4 +103,4 @@ _LIES = frozenset({"encoder_frozen", "encoder_jumps", "late_feedback", "frames_l
 
 
 def _polled(facts: Facts, name: str) -> bool:
-    return facts.cell.core(name).capabilities.max_age.get("position", 1.0) > 0.5
+    return facts.core[name].capabilities.max_age.get("position", 1.0) > 0.5
