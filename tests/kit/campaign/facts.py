@@ -12,6 +12,7 @@ from kit.campaign.mishaps import MISHAPS, Mishap, Site
 from kit.campaign.orders import QUIET
 from kit.campaign.scenes import Scene
 from kit.cell import Cell
+from kit.probe import OFF
 
 MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
 _POWER = frozenset({"enable", "disable", "coast"})
@@ -101,6 +102,10 @@ class Facts:
     def troubled(self, name: str, within: float) -> Iterator[Trouble]:
         """The troubles of an axis that last, or ended less than ``within`` seconds ago."""
         return (trouble for trouble in self.troubles[name] if trouble.until > self.now - within)
+
+    def falls_unseen(self, name: str) -> bool:
+        """Whether the motor has no power, and its feedback says nothing of it: nobody can know that it turns."""
+        return self.drive[name].dials.encoder_frozen and self.stage(name) in OFF
 
     def has_a_will(self, name: str) -> bool:
         """Whether the drive moves by itself: then a moment's rest is nobody's promise."""

@@ -75,7 +75,7 @@ class Rest:
 
     def _promised(self, name: str, stop: Asked) -> None:
         facts = self._facts
-        unseen = facts.cell.drive(name).dials.encoder_frozen and facts.cell.stage(name) in OFF
+        unseen = facts.falls_unseen(name)
         if facts.later(stop, name) or facts.has_a_will(name) or facts.is_dropped(name) or unseen:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"

@@ -55,7 +55,8 @@ class Truth:
         here = facts.where(name) - (facts.place(name) - position) / facts.scale[name]
         if abs(here - facts.where(name)) < _NEAR or self._counts_anew(name):
             return
-        if any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3)):
+        late = facts.drive[name].dials.feedback_delay > 0.0
+        if late or any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3)):
             return
         blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _REMEMBERED))
         age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
@@ -65,7 +66,9 @@ class Truth:
         facts.must(low <= here <= high, "nothing stale is shown", told)
 
     def _counts_anew(self, name: str) -> bool:
-        """Whether homing has just given the place another number."""
+        """Whether homing, or a restart, has just given the place another number."""
+        if any(trouble.what == "reboots" for trouble in self._facts.troubled(name, 2.0)):
+            return True
         recent = self._facts.now - 0.5
         homes = [asked for asked in self._facts.asked if asked.what == "home" and name in asked.names]
         return any(asked.ended is None or asked.ended > recent for asked in homes)
