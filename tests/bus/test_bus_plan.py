@@ -132,7 +132,7 @@ CASES = {
     "an empty drive gets the standard layout with SYNC": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 6071/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 6077/16 MAPPING",
@@ -142,7 +142,7 @@ CASES = {
     "without SYNC it is event-driven": Case(
         EMPTY,
         {
-            "RPDO1": "205 255 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 255 6060/8 607A/32 6040/16 MAPPING",
             "RPDO2": "305 255 60FF/32 6071/16 MAPPING",
             "TPDO1": "185 255 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 255 606C/32 6077/16 MAPPING",
@@ -166,7 +166,7 @@ CASES = {
     "it is remapped when torque is wanted too": Case(
         GENERIC,
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 6071/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 6077/16 MAPPING",
@@ -228,7 +228,7 @@ CASES = {
     "one RPDO and one TPDO are filled by order of importance": Case(
         DevicePdos(EMPTY.rpdos[:1], EMPTY.tpdos[:1]),
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
         },
         by_sdo=("target_velocity", "target_torque", "velocity", "torque", "demand"),
@@ -236,7 +236,7 @@ CASES = {
     "room that is left is used": Case(
         DevicePdos(EMPTY.rpdos[:1], EMPTY.tpdos[:1]),
         {
-            "RPDO1": "205 1 6040/16 6060/8 60FF/32 MAPPING",
+            "RPDO1": "205 1 6060/8 60FF/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 606C/32 MAPPING",
         },
         wanted=Wanted(("statusword", "mode", "velocity"), ("controlword", "mode", "target_velocity")),
@@ -244,7 +244,7 @@ CASES = {
     "a mode that cannot be mapped travels by SDO": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 607A/32 MAPPING",
+            "RPDO1": "205 1 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 MAPPING",
@@ -256,7 +256,7 @@ CASES = {
     "objects that the drive does not have are missing and not mapped": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
         },
         missing=("target_velocity", "velocity"),
@@ -266,7 +266,7 @@ CASES = {
     "what the drive refused to map is left out": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 607A/32 MAPPING",
+            "RPDO1": "205 1 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 MAPPING",
@@ -310,7 +310,7 @@ CASES = {
             (*GENERIC.tpdos, *(tpdo(n, "", valid=False) for n in (5, 6, 7))),
         ),
         {
-            "RPDO5": "27F 1 6840/16 6860/8 687A/32 MAPPING",
+            "RPDO5": "27F 1 6860/8 687A/32 6840/16 MAPPING",
             "RPDO6": "37F 1 68FF/32 6871/16 MAPPING",
             "TPDO5": "47F 1 6841/16 6861/8 6864/32 MAPPING",
             "TPDO6": "57F 1 686C/32 6877/16 MAPPING",
@@ -326,7 +326,7 @@ CASES = {
             (*GENERIC.tpdos, tpdo(65, "6841/16 6864/32", 1, cob_id=0x1C5)),
         ),
         {
-            "RPDO65": "245 1 6840/16 6860/8 687A/32 MAPPING",
+            "RPDO65": "245 1 6860/8 687A/32 6840/16 MAPPING",
             "TPDO65": "1C5 1 6841/16 6861/8 6864/32 MAPPING",
         },
         objects=objects(axis=2),
@@ -364,6 +364,42 @@ def test_a_drive_gets_its_plan(name: str) -> None:
     assert missing == set(case.missing)
     assert all(pdo.target.bits <= 64 for pdo in plan.pdos)
     assert len(plan.notes) >= len(by_sdo) + len(missing)
+
+
+MAPPED = Wanted((), ("controlword", "mode", "target_position"))
+
+
+@pytest.mark.parametrize(
+    ("rpdos", "after"),
+    [
+        ("607A/32 6040/16", False),
+        ("6060/8 607A/32 6040/16", False),
+        ("607A/32 6040/16 6060/8", False),
+        ("6040/16 607A/32", True),
+        ("6040/16 6060/8 607A/32", True),
+        ("6060/8 6040/16 607A/32", True),
+        ("6040/16 6060/8, 607A/32", True),  # apart, in whichever order they are taken
+        ("607A/32, 6060/8 6040/16", True),
+        ("607A/32 6040/16, 6060/8 6040/16", True),  # two controlwords: the edge may come with the other one
+        ("6060/8 607A/32", True),  # the controlword travels by SDO, which waits for no SYNC
+        ("6060/8 6040/16", False),  # the target travels by SDO: the port waits for its answer
+        ("6040/16 607A/16 6060/8", False),  # half a target is none: by SDO as well
+    ],
+)
+def test_the_edge_goes_with_its_target_only_where_the_mapping_makes_it_come_later(
+    rpdos: str, after: bool
+) -> None:
+    device = DevicePdos(tuple(rpdo(number, text, 1) for number, text in enumerate(rpdos.split(", "), 1)), ())
+    plan = make_plan(NODE, device, objects(), MAPPED, Policy(remap=False))
+    assert plan.edge_after_target is after
+
+
+def test_what_the_master_lays_out_needs_no_wait() -> None:
+    for rpdos in (1, 2, 4):
+        plan = make_plan(NODE, DevicePdos(EMPTY.rpdos[:rpdos], EMPTY.tpdos), objects())
+        first = next(pdo for pdo in plan.pdos if "controlword" in pdo.values)
+        assert first.values[-1] == "controlword"
+        assert not plan.edge_after_target
 
 
 def test_event_timer_and_inhibit_time_are_set_where_they_are_off() -> None:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import chain
 
-from axisbus.bus import choose
+from axisbus.bus import choose, edge
 from axisbus.bus.mapping import DevicePdos, MapEntry, axis_index
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import MappedObject, Pdo
@@ -34,6 +34,8 @@ _EVENT_TYPES = (254, 255)
 _PDO_COB_IDS = range(0x181, 0x580)
 _NODE_BITS = 0x7F
 
+# By importance, not in the order of mapping: many drives take the entries of an RPDO one by one, and one that reads the edge of a
+# set-point before its target starts towards the old one. So the controlword is mapped last, wherever it is.
 LAYOUT_OUTPUTS = (("controlword", "mode", "target_position"), ("target_velocity", "target_torque"))
 LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
 
@@ -119,6 +121,11 @@ class Plan:
         return tuple(pdo for pdo in self.pdos if pdo.change is not Change.DISABLE)
 
     @property
+    def edge_after_target(self) -> bool:
+        """Whether the edge of a new set-point must go one SYNC after its target (see ``edge``)."""
+        return edge.after_target([pdo.values for pdo in self.active if pdo.receive])
+
+    @property
     def remapped(self) -> bool:
         """Whether a mapping changes."""
         return any(pdo.change is Change.MAPPING for pdo in self.pdos)
@@ -188,7 +195,7 @@ class _Side:
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
         if self.policy.remap and self.policy.communication:
             slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
-            laid = choose.lay_out(slots, self._mappable(), layout)
+            laid = choose.lay_out(slots, self._mappable(), layout, last=edge.CONTROLWORD)
             if laid.carried - kept.carried and len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]

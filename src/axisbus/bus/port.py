@@ -6,12 +6,13 @@ from collections import deque
 
 from axisbus.bus import freshness
 from axisbus.bus.deadline import Deadline, Deadlines
+from axisbus.bus.edge import CONTROLWORD
 from axisbus.bus.mapping import axis_index
 from axisbus.bus.node import Node
 from axisbus.bus.plan import Plan
 from axisbus.bus.poller import Poller
 from axisbus.bus.prime import prime_inputs, prime_outputs
-from axisbus.bus.rpdo import CONTROLWORD, Frame, RpdoImage, arrange
+from axisbus.bus.rpdo import Frame, RpdoImage, arrange
 from axisbus.bus.sdo_output import SdoOutputs, is_motion
 from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.bus.worker import Job
@@ -51,6 +52,7 @@ class CanPort:
             outputs=dict(plan.outputs),
             remappable=remappable,
             max_age=freshness.max_ages(plan, scan_period),
+            edge_after_target=plan.edge_after_target,
         )
         self._bootups = node.nmt.bootups
         self._samples: dict[str, Sample] = {}

@@ -111,12 +111,16 @@ OUTPUT_OBJECTS = {
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown."""
+    """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown.
+
+    ``edge_after_target``: the drive may see the controlword of a cycle before the target of the same cycle.
+    """
 
     inputs: dict[str, Source]
     outputs: dict[str, Source]
     remappable: bool
     max_age: dict[str, float]
+    edge_after_target: bool = False
 
 
 class Port(Protocol):

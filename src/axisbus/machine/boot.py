@@ -335,4 +335,9 @@ def _travels(how: Capabilities) -> str:
     for name, source in (*how.outputs.items(), *how.inputs.items()):
         if name.replace("_", " ") not in groups.setdefault(source, []):
             groups[source].append(name.replace("_", " "))
-    return "; ".join(f"{source.value}: {', '.join(names)}" for source, names in groups.items())
+    parts = [f"{source.value}: {', '.join(names)}" for source, names in groups.items()]
+    if how.edge_after_target:
+        parts.append(
+            "the edge of a set-point goes one cycle after its target, because of the order of mapping"
+        )
+    return "; ".join(parts)

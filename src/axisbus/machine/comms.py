@@ -7,13 +7,13 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from axisbus.bus.edge import CONTROLWORD
 from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.pdo_read import read_number
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
-from axisbus.bus.rpdo import CONTROLWORD
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import DEADLINE

@@ -2,12 +2,14 @@
 
 Theory of operation
 -------------------
-A set-point is taken on the *rising edge* of bit 4; the drive answers with bit 12, and takes it back when bit 4 falls. Four phases:
+A set-point is taken on the *rising edge* of bit 4; the drive answers with bit 12, and takes it back when bit 4 falls. Five phases:
 
 1. CLEAR: bit 4 is low, wait until bit 12 is low too.
-2. OFFER: target and bit 4 go out together (the port puts the target first where they travel apart). Wait for bit 12.
-3. RELEASE: bit 4 is low again. Wait for bit 12 to fall, in a word received after bit 4 went low.
-4. TAKEN: bit 10 (target reached) now speaks of *this* set-point. The word in which bit 12 fell counts already, because an
+2. TARGET, only where the drive may see a controlword before the target of the same cycle (``Capabilities.edge_after_target``): for
+   one cycle the target goes out with bit 4 low.
+3. OFFER: target and bit 4 go out together. Wait for bit 12.
+4. RELEASE: bit 4 is low again. Wait for bit 12 to fall, in a word received after bit 4 went low.
+5. TAKEN: bit 10 (target reached) now speaks of *this* set-point. The word in which bit 12 fell counts already, because an
    event-driven drive sends no other one after a move of zero length.
 
 A handshake that has begun is always finished: a replacing move lets the old one run to TAKEN (a few cycles) and then offers its own
@@ -31,6 +33,7 @@ class Phase(Enum):
     """Where the handshake is."""
 
     CLEAR = "clear"
+    TARGET = "target"
     OFFER = "offer"
     RELEASE = "release"
     TAKEN = "taken"
@@ -64,8 +67,9 @@ class SetPoint:
         """
         if self.phase is not Phase.TAKEN:
             self._advance(image)
-        if self.phase is Phase.OFFER:
+        if self.phase in (Phase.TARGET, Phase.OFFER):
             order.target_position = self.target
+        if self.phase is Phase.OFFER:
             order.bits = cw.NEW_SET_POINT | cw.CHANGE_SET_IMMEDIATELY
         return self.phase is Phase.TAKEN
 
@@ -75,6 +79,8 @@ class SetPoint:
         word = image.statusword
         acknowledged = None if word is None else bool(word & sw.SET_POINT_ACKNOWLEDGE)
         if self.phase is Phase.CLEAR and acknowledged is False:
+            self._enter(Phase.TARGET if image.edge_after_target else Phase.OFFER, image)
+        elif self.phase is Phase.TARGET and acknowledged is False:
             self._enter(Phase.OFFER, image)
         elif self.phase is Phase.OFFER and acknowledged:
             self._released = image.now
