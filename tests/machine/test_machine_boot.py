@@ -119,6 +119,26 @@ def test_without_1016_the_node_is_guarded(tmp_path):
     assert made.drive.error_code == 0
 
 
+def test_an_event_driven_rpdo_is_sent_three_times_within_the_deadline_that_boot_arms(tmp_path):
+    """A drive that knows neither 1016h nor guarding watches for the controlword's RPDO (14xxh:05): three heartbeat periods."""
+    source = (ROOT / "eds" / "generic-cia402.eds").read_text()
+    for section in ("1016", "1016sub0", "1016sub1"):
+        begin = source.index(f"[{section}]")
+        end = source.index("\n[", begin)
+        source = source[:begin] + source[end + 1 :]
+    (tmp_path / "deaf.eds").write_text(source)
+    path = cell(
+        tmp_path,
+        ("builtin:generic-cia402", "deaf.eds"),
+        ('scan_period = "5ms"', 'scan_period = "5ms"\nsync = false\nheartbeat = "60ms"'),
+    )
+    with Machine.open(path) as machine:
+        assert "1400h:05 expects our RPDO within 180 ms" in machine.reports[0].watchdog.text
+        assert machine.stand_in(3).device.read(0x1400, 5) == 180
+        (port,) = machine.scan.cycle._ports
+        assert {rpdo.repeat for rpdo in port._pace._rpdos.values()} == {0.06}
+
+
 def test_a_value_that_reads_back_otherwise_names_line_expected_and_got(tmp_path, monkeypatch):
     made = device()
     read = made.read

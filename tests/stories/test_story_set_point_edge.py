@@ -7,6 +7,7 @@ and where its motor stands in the end.
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterator
 from unittest.mock import patch
@@ -14,8 +15,9 @@ from unittest.mock import patch
 import pytest
 
 from axisbus.bus import edge
+from axisbus.eds.builtin import resolve
 from axisbus.errors import MotionTimeout
-from kit.cell import SCALE, Cell, Stage
+from kit.cell import GENERIC, SCALE, Cell, Stage
 
 PP = 1
 WORD, MODE, TARGET, SPEED = "6040", "6060", "607A", "60FF"
@@ -74,9 +76,19 @@ def tables(mapping: dict[int, list[str]] | None, on_arrival: str) -> str:
     return text
 
 
+def unmapped(stage: Stage) -> str:
+    """The generic drive as one whose maker maps nothing: the master lays its RPDOs out."""
+    text = resolve(GENERIC, stage.folder).read_text("utf-8")
+    text, count = re.subn(r"(\[160[0-3]sub0\][^\[]*?DefaultValue=)\d+", r"\g<1>0", text)
+    assert count == 4
+    (stage.folder / "unmapped.eds").write_text(text, "utf-8")
+    return "unmapped.eds"
+
+
 def opened(stage: Stage, name: str, travels: str) -> Cell:
     bus, on_arrival = TRAVELS[travels]
-    cell = stage.real("x", bus=bus, more=tables(MAPPINGS[name], on_arrival), **SLOW)
+    eds = GENERIC if MAPPINGS[name] is not None else unmapped(stage)
+    cell = stage.real("x", bus=bus, eds=eds, more=tables(MAPPINGS[name], on_arrival), **SLOW)
     cell.device().dials.rpdos_in_order = True
     cell.x.enable().wait(10)
     return cell
@@ -104,6 +116,13 @@ def test_moves_arrive_with_every_mapping(story: Stage, name: str, travels: str) 
         cell.x.move_absolute(target, velocity=300.0, acceleration=3000.0).wait(10)
         assert abs(cell.where() - target) < 0.5
     assert seen == TARGETS
+
+
+def test_the_master_maps_the_controlword_last(story: Stage) -> None:
+    device = opened(story, "the master's own", "with SYNC").device()
+    count = device.read(0x1600, 0)
+    mapped = [device.read(0x1600, number) >> 16 for number in range(1, count + 1)]
+    assert mapped == [0x6060, 0x607A, 0x6040]
 
 
 @pytest.fixture

@@ -69,7 +69,7 @@ class Comms(Nmt, Protocol):
         """Listen to emergency messages where the node's 1014h has them."""
 
     def cyclic_rpdos(self) -> list[int]:
-        """Return the numbers (from 1) of the RPDOs that the scan will send in every cycle."""
+        """Return the numbers (from 1) of the RPDOs that the scan will go on sending, at least as often as its heartbeat."""
 
     def watch(self, timeout: float | None) -> None:
         """Expect the node's heartbeat from now on; ``timeout`` in seconds."""

@@ -14,6 +14,7 @@ from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.pdo_read import read_number
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
+from axisbus.bus.rpdo_pace import REPEAT
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import DEADLINE
@@ -114,7 +115,12 @@ class CanComms:
         also = [(table.receive, table.number) for table in self._config.pdos]
         plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
         port = CanPort(
-            self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
+            self._node,
+            plan,
+            scan_period=self._cell.bus.scan_period,
+            remappable=self._config.remappable,
+            # As often as a heartbeat, whose triple boot-up may make the RPDO's deadline (``Watch.arm_deadlines``).
+            rpdo_repeat=min(REPEAT, self._cell.bus.heartbeat or REPEAT),
         )
         port.prime()
         self.ports[axis.name] = port
@@ -159,7 +165,7 @@ class CanComms:
         return self._node.nmt.state.text
 
     def cyclic_rpdos(self) -> list[int]:
-        """The RPDOs that hold a controlword: from the first command on the scan sends them in every cycle."""
+        """The RPDO that holds the controlword, where it is one: from the first command on the scan goes on sending it."""
         first = [_controlword_pdo(port) for port in self.ports.values()]
         return [number for number in first if number is not None]
 
