@@ -418,6 +418,53 @@ def test_a_tighter_event_timer_stays(has: int, gets: int) -> None:
     assert plan.pdos[0].target.event_timer == gets
 
 
+OWN_TYPE = {"fixed": frozenset({(False, 1)})}  # the user has set the transmission type
+KEPT = {"communication": False, "remap": False}  # the drive refuses everything else
+
+
+@pytest.mark.parametrize(
+    ("policy", "has", "gets", "change"),
+    [
+        ({"sync": False}, 1000, 20, "COMMUNICATION"),
+        ({"sync": False, "timed": frozenset({1})}, 1000, 1000, "KEEP"),
+        ({"sync": False, "timed": frozenset({1})}, 0, 0, "KEEP"),
+        (OWN_TYPE, 1000, 20, "COMMUNICATION"),
+        (OWN_TYPE, 21, 20, "COMMUNICATION"),
+        (OWN_TYPE, 20, 20, "KEEP"),
+        (OWN_TYPE, 5, 5, "KEEP"),
+        (OWN_TYPE, 0, 0, "KEEP"),  # on change only, as the user has it
+        (OWN_TYPE, None, None, "KEEP"),
+        (OWN_TYPE | {"timed": frozenset({1})}, 1000, 1000, "KEEP"),
+        (KEPT, 1000, 20, "TIMER"),
+        (KEPT, 0, 0, "KEEP"),
+        (KEPT | {"timers": False}, 1000, 1000, "KEEP"),  # a drive found enabled: nothing is written
+    ],
+)
+def test_a_slow_event_timer_of_the_statusword_is_shortened(
+    policy: dict[str, object], has: int | None, gets: int | None, change: str
+) -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", event=has),))
+    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy(**policy))  # type: ignore[arg-type]
+    (pdo,) = plan.pdos
+    assert (pdo.target.event_timer, pdo.change.name) == (gets, change)
+    assert [(timer.was, timer.wanted) for timer in plan.event_timers] == (
+        [(has, gets)] if has != gets else []
+    )
+
+
+def test_the_event_timer_of_another_value_stays_as_the_user_has_its_tpdo() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", event=1000)))
+    wanted = Wanted(("statusword", "position"), ())
+    plan = make_plan(NODE, device, objects(), wanted, Policy(fixed=frozenset({(False, 2)})))
+    assert [pdo.target.event_timer for pdo in plan.pdos] == [None, 1000]
+
+
+def test_with_sync_the_event_timer_does_not_matter() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", event=1000),))
+    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy())
+    assert (plan.pdos[0].target.transmission_type, plan.pdos[0].target.event_timer) == (1, 1000)
+
+
 def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
     wanted = Wanted(
         synchronous_inputs=frozenset({"position"}), synchronous_outputs=frozenset({"target_torque"})

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.bootplan import Address, ErrorControl, Letter, Outcome, Phase
 from axisbus.cia301.bootup import boot_up
@@ -64,6 +65,9 @@ class Comms(Nmt, Protocol):
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
+
+    def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
+        """Return the event timers of the axis's TPDOs that were to be changed, and what has become of them."""
 
     def follow_emcy(self) -> None:
         """Listen to emergency messages where the node's 1014h has them."""
@@ -287,6 +291,7 @@ class NodeBoot:
                 self._power[axis.name] in ENERGISED,
                 tuple(modes.short(mode) for mode in sorted(parameters.modes)),
                 _travels(how),
+                self._comms.event_timers(axis),
                 how.outputs.get("controlword") is Source.SYNC_PDO,
                 ladder,
                 scale,

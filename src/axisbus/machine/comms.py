@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from axisbus.bus.edge import CONTROLWORD
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
@@ -22,7 +23,7 @@ from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
 from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos
+from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos, timed_pdos
 from axisbus.machine.configure import HEARTBEATS
 
 _FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
@@ -109,7 +110,9 @@ class CanComms:
             communication=disturb,
             taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
             spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
+            timers=disturb,
             fixed=fixed_pdos(self._config.pdos),
+            timed=timed_pdos(self._config.pdos),
             requests=requested_pdos(self._config.pdos),
         )
         also = [(table.receive, table.number) for table in self._config.pdos]
@@ -125,6 +128,10 @@ class CanComms:
         port.prime()
         self.ports[axis.name] = port
         return port.capabilities
+
+    def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
+        """Return the event timers that ``connect`` was to change, and what has become of them."""
+        return self.ports[axis.name].plan.event_timers
 
     def _set_tables(self) -> None:
         """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
