@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from axisbus.bus import edge
 from axisbus.bus.mapping import DevicePdos, MapEntry, axis_objects
 from axisbus.bus.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
 from axisbus.bus.plantext import describe
@@ -392,6 +393,17 @@ def test_the_edge_goes_with_its_target_only_where_the_mapping_makes_it_come_late
     device = DevicePdos(tuple(rpdo(number, text, 1) for number, text in enumerate(rpdos.split(", "), 1)), ())
     plan = make_plan(NODE, device, objects(), MAPPED, Policy(remap=False))
     assert plan.edge_after_target is after
+
+
+@pytest.mark.parametrize(
+    ("after_target", "foreign_sync", "cycles"),
+    [(False, False, 0), (False, True, 0), (True, False, 1), (True, True, 2)],
+)
+def test_beside_anothers_sync_the_edge_waits_for_one_cycle_more(
+    after_target: bool, foreign_sync: bool, cycles: int
+) -> None:
+    """A cycle that took too long sends its frames together with those of the next, before the same SYNC."""
+    assert edge.delay(after_target, foreign_sync) == cycles
 
 
 def test_what_the_master_lays_out_needs_no_wait() -> None:

@@ -205,7 +205,7 @@ def test_a_controlword_with_something_behind_it_is_noted(
         (note,) = found
         assert note.line == kit.line_of(path, f"map = {written}")
         assert behind in note.observed
-        assert "one cycle after its target" in note.observed
+        assert "a cycle after its target" in note.observed
 
 
 def test_a_tpdo_takes_no_object_that_the_drive_only_takes(tmp_path: Path) -> None:

@@ -16,6 +16,15 @@ CONTROLWORD = "controlword"
 _TARGET = "target_position"
 
 
+def delay(after_target: bool, foreign_sync: bool) -> int:
+    """Return how many cycles the edge comes after its target.
+
+    Our own SYNC stands between any two cycles. Another device's does not: a cycle that took too long sends its frames with those
+    of the next, so that only the second cycle is sure to have a SYNC between.
+    """
+    return int(after_target) + int(after_target and foreign_sync)
+
+
 def after_target(rpdos: Iterable[Sequence[str | None]]) -> bool:
     """Whether the edge must wait for the target's SYNC; ``rpdos``: the values that each RPDO in use carries, as they are mapped.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from axisbus.bus import freshness
+from axisbus.bus import edge, freshness
 from axisbus.bus.deadline import Deadline, Deadlines
 from axisbus.bus.edge import CONTROLWORD
 from axisbus.bus.mapping import axis_index
@@ -52,10 +52,12 @@ class CanPort:
         scan_period: float,
         remappable: bool = True,
         rpdo_repeat: float = REPEAT,
+        foreign_sync: bool = False,
     ) -> None:
         """Listen to the TPDOs of ``plan``, which holds in the drive; ``scan_period`` in seconds. Sends nothing.
 
         ``rpdo_repeat``: seconds after which an event-driven RPDO is sent again at the latest, though nothing has changed.
+        ``foreign_sync``: another device sends SYNC.
         """
         self.node = node
         self.plan = plan
@@ -65,7 +67,7 @@ class CanPort:
             outputs=dict(plan.outputs),
             remappable=remappable,
             max_age=freshness.max_ages(plan, scan_period),
-            edge_after_target=plan.edge_after_target,
+            edge_delay=edge.delay(plan.edge_after_target, foreign_sync),
         )
         self._bootups = node.nmt.bootups
         self._samples: dict[str, Sample] = {}

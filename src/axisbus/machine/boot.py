@@ -341,8 +341,9 @@ def _travels(how: Capabilities) -> str:
         if name.replace("_", " ") not in groups.setdefault(source, []):
             groups[source].append(name.replace("_", " "))
     parts = [f"{source.value}: {', '.join(names)}" for source, names in groups.items()]
-    if how.edge_after_target:
+    if how.edge_delay:
+        cycles = "one cycle" if how.edge_delay == 1 else f"{how.edge_delay} cycles"
         parts.append(
-            "the edge of a set-point goes one cycle after its target, because of the order of mapping"
+            f"the edge of a set-point goes {cycles} after its target, because of the order of mapping"
         )
     return "; ".join(parts)

@@ -122,6 +122,7 @@ class CanComms:
             plan,
             scan_period=self._cell.bus.scan_period,
             remappable=self._config.remappable,
+            foreign_sync=self._cell.bus.hears_sync,
             # As often as a heartbeat, whose triple boot-up may make the RPDO's deadline (``Watch.arm_deadlines``).
             rpdo_repeat=min(REPEAT, self._cell.bus.heartbeat or REPEAT),
         )

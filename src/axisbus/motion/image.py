@@ -31,7 +31,7 @@ class Image:
         "demand",
         "demand_repeats",
         "demand_stamp",
-        "edge_after_target",
+        "edge_delay",
         "emcy",
         "fastest",
         "gap",
@@ -70,8 +70,7 @@ class Image:
         self.still_demand = Still(tolerance, window)
         # Then silence means that it has not changed.
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
-        # Then the edge of a set-point may not go with its target.
-        self.edge_after_target = capabilities.edge_after_target
+        self.edge_delay = capabilities.edge_delay
         self._raw_position: int | None = None
         self._seen_position = 0  # the last known one, unwrapped
         self.fastest = float(INT32_HALF)  # increments per s: more than 606Ch can say

@@ -71,7 +71,7 @@ class DirectPort:
             self._sources(OUTPUT_OBJECTS, outputs),
             remappable,
             {},
-            controlword_first,
+            int(controlword_first),
         )
         self._order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
         self.capabilities.max_age.update(self._ages(max_age or {}))

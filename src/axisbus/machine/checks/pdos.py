@@ -203,7 +203,7 @@ def controlword_last(case: Case) -> Found:
                 config.at.of("map"),
                 f"node {node.node_id}: {config.name} does not map the controlword last",
                 f"{dictionary.entry(behind[0].index, 0)} stands before {dictionary.entry(mapped[-1].index, mapped[-1].subindex)}; "
-                "many drives take the entries one by one, so the edge of a set-point is sent one cycle after its target",
+                "many drives take the entries one by one, so the edge of a set-point is sent a cycle after its target",
                 "write the controlword last, unless the drive wants it so",
             )
 
