@@ -127,9 +127,13 @@ transmission = 255
 """
 
 
-def reports_of(path, *, timer, **dials):
+def reports_of(path, *, timer, enabled=False, **dials):
     """Boot a stand-in on a bus whose TPDO1 has this event timer in ms; return its reports and the timer that it has then."""
     made = device()
+    if enabled:
+        made.power_on()
+        made.drives[0].start_enabled(1)
+        made.step(0.5)
     made.write(0x1800, 5, timer)
     for name, value in dials.items():
         setattr(made.dials, name, value)
@@ -153,6 +157,13 @@ def test_one_that_the_drive_does_not_let_be_written_is_told_as_well(tmp_path):
     (report,), now = reports_of(path, timer=1000, sdo_write_aborts={(0x1800, 5): 0x0601_0002})
     assert now == 1000
     assert "stays 1000 ms: the drive does not take 20 ms" in report.text()
+
+
+def test_a_drive_found_enabled_keeps_its_event_timer(tmp_path):
+    (report,), now = reports_of(cell(tmp_path), timer=1000, enabled=True)
+    assert report.axes[0].found_enabled
+    assert now == 1000
+    assert report.axes[0].event_timers == ()
 
 
 @pytest.mark.parametrize("timer", [0, 5, 20])
