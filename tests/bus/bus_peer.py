@@ -25,7 +25,7 @@ class FakeBus(can.BusABC):
     def __init__(self) -> None:
         super().__init__(channel="fake")
         self.channel_info = "fake"
-        self.inbox: queue.SimpleQueue[can.Message | Exception] = queue.SimpleQueue()
+        self.inbox: queue.Queue[can.Message | Exception] = queue.Queue()
         self.sent: list[Frame] = []
         self.remote: list[int] = []
         self.peers: list[Handler] = []

@@ -95,9 +95,9 @@ def test_remapping_follows_the_procedure_of_cia_301(sdo: SdoClient, slave: Slave
     assert writes_to(slave, 0x1400, 0x1600) == [
         ("1400:1", OFF | 0x205),
         ("1600:0", 0),
-        ("1600:1", 0x60400010),
-        ("1600:2", 0x60600008),
-        ("1600:3", 0x607A0020),
+        ("1600:1", 0x60600008),
+        ("1600:2", 0x607A0020),
+        ("1600:3", 0x60400010),
         ("1600:0", 3),
         ("1400:2", 1),
         ("1400:1", 0x205),
@@ -167,6 +167,41 @@ def test_a_drive_that_takes_nothing_is_used_as_it_is(sdo: SdoClient, slave: Slav
     assert plan.outputs["controlword"] is Source.EVENT_PDO
     assert plan.inputs["position"] is Source.SDO
     assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+
+
+def keeps_its_pdos(slave: Slave, *, timer: bool) -> None:
+    """Let the drive refuse every change of its PDOs but that of TPDO1's event timer (or that too), which is slow."""
+    slave.objects[0x1800, 5] = (1000).to_bytes(2, "little")
+    for index in (0x1400, 0x1401, 0x1800, 0x1801):
+        for sub in (1, 2, 3, 5):
+            slave.abort_on[index, sub] = 0x0601_0002
+    if timer:
+        del slave.abort_on[0x1800, 5]
+
+
+def test_a_slow_event_timer_is_shortened_where_the_drive_takes_nothing_else(
+    sdo: SdoClient, slave: Slave
+) -> None:
+    """It is written while the PDO is on: such a drive cannot be told to switch it off."""
+    keeps_its_pdos(slave, timer=True)
+    plan = configure(sdo, PAIR)
+    assert slave.number(0x1800, 5) == 20
+    assert writes_to(slave, 0x1800)[-1] == ("1800:5", 20)
+    assert [str(timer) for timer in plan.event_timers] == ["TPDO1 (statusword) was 1000 ms, is now 20 ms"]
+    slave.writes.clear()
+    again = configure(sdo, PAIR)
+    assert again.event_timers == ()
+    assert "1800:5" not in dict(writes_to(slave, 0x1800))
+
+
+def test_one_that_cannot_be_written_is_told(sdo: SdoClient, slave: Slave) -> None:
+    keeps_its_pdos(slave, timer=False)
+    plan = configure(sdo, PAIR)
+    assert slave.number(0x1800, 5) == 1000
+    assert [pdo.target.event_timer for pdo in plan.pdos if not pdo.receive] == [1000]
+    assert [str(timer) for timer in plan.event_timers] == [
+        "TPDO1 (statusword) stays 1000 ms: the drive does not take 20 ms"
+    ]
 
 
 def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClient, slave: Slave) -> None:

@@ -38,7 +38,9 @@ WANTED = Wanted(("statusword",), ("controlword",))
 def plan_of(kind: int, request: float | None = None, event: int | None = 0) -> Plan:
     device = DevicePdos((rpdo(1, "6040/16", kind),), (tpdo(1, "6041/16", kind, event=event, inhibit=0),))
     policy = Policy(
-        fixed=frozenset({(True, 1), (False, 1)}), requests={} if request is None else {1: request}
+        fixed=frozenset({(True, 1), (False, 1)}),
+        timed=frozenset({1}),
+        requests={} if request is None else {1: request},
     )
     return make_plan(NODE, device, objects(), WANTED, policy)
 

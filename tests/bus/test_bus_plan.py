@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from axisbus.bus import edge
 from axisbus.bus.mapping import DevicePdos, MapEntry, axis_objects
 from axisbus.bus.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
 from axisbus.bus.plantext import describe
@@ -132,7 +133,7 @@ CASES = {
     "an empty drive gets the standard layout with SYNC": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 6071/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 6077/16 MAPPING",
@@ -142,7 +143,7 @@ CASES = {
     "without SYNC it is event-driven": Case(
         EMPTY,
         {
-            "RPDO1": "205 255 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 255 6060/8 607A/32 6040/16 MAPPING",
             "RPDO2": "305 255 60FF/32 6071/16 MAPPING",
             "TPDO1": "185 255 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 255 606C/32 6077/16 MAPPING",
@@ -166,7 +167,7 @@ CASES = {
     "it is remapped when torque is wanted too": Case(
         GENERIC,
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 6071/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 6077/16 MAPPING",
@@ -228,7 +229,7 @@ CASES = {
     "one RPDO and one TPDO are filled by order of importance": Case(
         DevicePdos(EMPTY.rpdos[:1], EMPTY.tpdos[:1]),
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
         },
         by_sdo=("target_velocity", "target_torque", "velocity", "torque", "demand"),
@@ -236,7 +237,7 @@ CASES = {
     "room that is left is used": Case(
         DevicePdos(EMPTY.rpdos[:1], EMPTY.tpdos[:1]),
         {
-            "RPDO1": "205 1 6040/16 6060/8 60FF/32 MAPPING",
+            "RPDO1": "205 1 6060/8 60FF/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 606C/32 MAPPING",
         },
         wanted=Wanted(("statusword", "mode", "velocity"), ("controlword", "mode", "target_velocity")),
@@ -244,7 +245,7 @@ CASES = {
     "a mode that cannot be mapped travels by SDO": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 607A/32 MAPPING",
+            "RPDO1": "205 1 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 MAPPING",
@@ -256,7 +257,7 @@ CASES = {
     "objects that the drive does not have are missing and not mapped": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 6060/8 607A/32 MAPPING",
+            "RPDO1": "205 1 6060/8 607A/32 6040/16 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
         },
         missing=("target_velocity", "velocity"),
@@ -266,7 +267,7 @@ CASES = {
     "what the drive refused to map is left out": Case(
         EMPTY,
         {
-            "RPDO1": "205 1 6040/16 607A/32 MAPPING",
+            "RPDO1": "205 1 607A/32 6040/16 MAPPING",
             "RPDO2": "305 1 60FF/32 MAPPING",
             "TPDO1": "185 1 6041/16 6061/8 6064/32 MAPPING",
             "TPDO2": "285 1 606C/32 MAPPING",
@@ -310,7 +311,7 @@ CASES = {
             (*GENERIC.tpdos, *(tpdo(n, "", valid=False) for n in (5, 6, 7))),
         ),
         {
-            "RPDO5": "27F 1 6840/16 6860/8 687A/32 MAPPING",
+            "RPDO5": "27F 1 6860/8 687A/32 6840/16 MAPPING",
             "RPDO6": "37F 1 68FF/32 6871/16 MAPPING",
             "TPDO5": "47F 1 6841/16 6861/8 6864/32 MAPPING",
             "TPDO6": "57F 1 686C/32 6877/16 MAPPING",
@@ -326,7 +327,7 @@ CASES = {
             (*GENERIC.tpdos, tpdo(65, "6841/16 6864/32", 1, cob_id=0x1C5)),
         ),
         {
-            "RPDO65": "245 1 6840/16 6860/8 687A/32 MAPPING",
+            "RPDO65": "245 1 6860/8 687A/32 6840/16 MAPPING",
             "TPDO65": "1C5 1 6841/16 6861/8 6864/32 MAPPING",
         },
         objects=objects(axis=2),
@@ -366,6 +367,53 @@ def test_a_drive_gets_its_plan(name: str) -> None:
     assert len(plan.notes) >= len(by_sdo) + len(missing)
 
 
+MAPPED = Wanted((), ("controlword", "mode", "target_position"))
+
+
+@pytest.mark.parametrize(
+    ("rpdos", "after"),
+    [
+        ("607A/32 6040/16", False),
+        ("6060/8 607A/32 6040/16", False),
+        ("607A/32 6040/16 6060/8", False),
+        ("6040/16 607A/32", True),
+        ("6040/16 6060/8 607A/32", True),
+        ("6060/8 6040/16 607A/32", True),
+        ("6040/16 6060/8, 607A/32", True),  # apart, in whichever order they are taken
+        ("607A/32, 6060/8 6040/16", True),
+        ("607A/32 6040/16, 6060/8 6040/16", True),  # two controlwords: the edge may come with the other one
+        ("6060/8 607A/32", True),  # the controlword travels by SDO, which waits for no SYNC
+        ("6060/8 6040/16", False),  # the target travels by SDO: the port waits for its answer
+        ("6040/16 607A/16 6060/8", False),  # half a target is none: by SDO as well
+    ],
+)
+def test_the_edge_goes_with_its_target_only_where_the_mapping_makes_it_come_later(
+    rpdos: str, after: bool
+) -> None:
+    device = DevicePdos(tuple(rpdo(number, text, 1) for number, text in enumerate(rpdos.split(", "), 1)), ())
+    plan = make_plan(NODE, device, objects(), MAPPED, Policy(remap=False))
+    assert plan.edge_after_target is after
+
+
+@pytest.mark.parametrize(
+    ("after_target", "foreign_sync", "cycles"),
+    [(False, False, 0), (False, True, 0), (True, False, 1), (True, True, 2)],
+)
+def test_beside_anothers_sync_the_edge_waits_for_one_cycle_more(
+    after_target: bool, foreign_sync: bool, cycles: int
+) -> None:
+    """A cycle that took too long sends its frames together with those of the next, before the same SYNC."""
+    assert edge.delay(after_target, foreign_sync) == cycles
+
+
+def test_what_the_master_lays_out_needs_no_wait() -> None:
+    for rpdos in (1, 2, 4):
+        plan = make_plan(NODE, DevicePdos(EMPTY.rpdos[:rpdos], EMPTY.tpdos), objects())
+        first = next(pdo for pdo in plan.pdos if "controlword" in pdo.values)
+        assert first.values[-1] == "controlword"
+        assert not plan.edge_after_target
+
+
 def test_event_timer_and_inhibit_time_are_set_where_they_are_off() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=0, inhibit=0), tpdo(2, "6064/32")))
     wanted = Wanted(("statusword", "position"), ())
@@ -380,6 +428,53 @@ def test_a_tighter_event_timer_stays(has: int, gets: int) -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=has),))
     plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy(sync=False))
     assert plan.pdos[0].target.event_timer == gets
+
+
+OWN_TYPE = {"fixed": frozenset({(False, 1)})}  # the user has set the transmission type
+KEPT = {"communication": False, "remap": False}  # the drive refuses everything else
+
+
+@pytest.mark.parametrize(
+    ("policy", "has", "gets", "change"),
+    [
+        ({"sync": False}, 1000, 20, "COMMUNICATION"),
+        ({"sync": False, "timed": frozenset({1})}, 1000, 1000, "KEEP"),
+        ({"sync": False, "timed": frozenset({1})}, 0, 0, "KEEP"),
+        (OWN_TYPE, 1000, 20, "COMMUNICATION"),
+        (OWN_TYPE, 21, 20, "COMMUNICATION"),
+        (OWN_TYPE, 20, 20, "KEEP"),
+        (OWN_TYPE, 5, 5, "KEEP"),
+        (OWN_TYPE, 0, 0, "KEEP"),  # on change only, as the user has it
+        (OWN_TYPE, None, None, "KEEP"),
+        (OWN_TYPE | {"timed": frozenset({1})}, 1000, 1000, "KEEP"),
+        (KEPT, 1000, 20, "TIMER"),
+        (KEPT, 0, 0, "KEEP"),
+        (KEPT | {"timers": False}, 1000, 1000, "KEEP"),  # a drive found enabled: nothing is written
+    ],
+)
+def test_a_slow_event_timer_of_the_statusword_is_shortened(
+    policy: dict[str, object], has: int | None, gets: int | None, change: str
+) -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", event=has),))
+    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy(**policy))  # type: ignore[arg-type]
+    (pdo,) = plan.pdos
+    assert (pdo.target.event_timer, pdo.change.name) == (gets, change)
+    assert [(timer.was, timer.wanted) for timer in plan.event_timers] == (
+        [(has, gets)] if has != gets else []
+    )
+
+
+def test_the_event_timer_of_another_value_stays_as_the_user_has_its_tpdo() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", event=1000)))
+    wanted = Wanted(("statusword", "position"), ())
+    plan = make_plan(NODE, device, objects(), wanted, Policy(fixed=frozenset({(False, 2)})))
+    assert [pdo.target.event_timer for pdo in plan.pdos] == [None, 1000]
+
+
+def test_with_sync_the_event_timer_does_not_matter() -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", event=1000),))
+    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy())
+    assert (plan.pdos[0].target.transmission_type, plan.pdos[0].target.event_timer) == (1, 1000)
 
 
 def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:

@@ -249,6 +249,57 @@ def test_what_was_not_sent_is_sent_later_where_it_is_still_wanted(make: Maker) -
     assert port.take_frames() == [(0, b"\x02\x05")]
 
 
+EVENT_DRIVEN = DevicePdos(
+    (rpdo(1, "6060/8 607A/32 6040/16"), rpdo(2, "60FF/32 6071/16")), (tpdo(1, "6041/16 6061/8 6064/32"),)
+)
+WISH = Outputs(controlword=0x0F, mode=1, target_position=7)
+
+
+def rpdos(port: CanPort, outputs: Outputs = WISH) -> list[int]:
+    """The COB-IDs of the RPDOs that go out in a cycle."""
+    port.read(time.monotonic())
+    port.write(outputs)
+    return [can_id for can_id, _ in port.take_frames()]
+
+
+def test_an_event_driven_rpdo_goes_out_when_it_changes(make: Maker, node: Node, fake: FakeBus) -> None:
+    arrived(node, fake, 0x705, "05")
+    port = make(EVENT_DRIVEN, sync=False)
+    assert rpdos(port) == [0x205]
+    assert rpdos(port) == []
+    assert rpdos(port, WISH._replace(target_position=8)) == [0x205]
+    assert rpdos(port, WISH._replace(target_position=8, target_velocity=1)) == [0x305]
+
+
+def test_one_that_was_dropped_goes_out_later_though_nothing_has_changed(
+    make: Maker, node: Node, fake: FakeBus
+) -> None:
+    arrived(node, fake, 0x705, "05")
+    port = make(EVENT_DRIVEN, sync=False)
+    port.read(time.monotonic())
+    port.write(WISH)
+    port.drop_frames()
+    assert rpdos(port) == [0x205]
+
+
+def test_a_node_that_comes_back_to_operational_gets_them_anew(make: Maker, node: Node, fake: FakeBus) -> None:
+    """In any other state it takes none, so what was sent then does not count."""
+    arrived(node, fake, 0x705, "7F")
+    port = make(EVENT_DRIVEN, sync=False)
+    assert rpdos(port) == [0x205]
+    arrived(node, fake, 0x705, "05")
+    assert rpdos(port) == [0x205]
+    assert rpdos(port) == []
+
+
+def test_the_quick_stop_of_a_silent_cycle_has_the_values_that_were_sent_last(make: Maker) -> None:
+    port = make(EVENT_DRIVEN, sync=False)
+    assert rpdos(port) == [0x205]
+    assert rpdos(port) == []
+    by_pdo, _ = port.stop_frames()
+    assert by_pdo == ((0x205, struct.pack("<biH", 1, 7, 0x02)),)
+
+
 # -- polled values
 
 

@@ -182,6 +182,32 @@ def test_an_rpdo_takes_no_object_that_the_drive_only_sends(tmp_path: Path) -> No
     assert "a TPDO" in problem.remedy
 
 
+@pytest.mark.parametrize(
+    ("written", "behind"),
+    [
+        ('["6040", "607A"]', "607Ah:00 (Target position)"),
+        ('["6060", "6040", "607A"]', "607Ah:00 (Target position)"),
+        ('["6060", "607A", "6040"]', None),
+        ('["6040"]', None),
+        ('["607A", "6060"]', None),
+    ],
+)
+def test_a_controlword_with_something_behind_it_is_noted(
+    tmp_path: Path, written: str, behind: str | None
+) -> None:
+    path = kit.write(
+        tmp_path, ("[nodes.1.pdo.tpdo2]", f"[nodes.1.pdo.rpdo1]\nmap = {written}\n[nodes.1.pdo.tpdo2]")
+    )
+    found = [each for each in kit.notes(path) if "does not map the controlword last" in each.message]
+    if behind is None:
+        assert found == []
+    else:
+        (note,) = found
+        assert note.line == kit.line_of(path, f"map = {written}")
+        assert behind in note.observed
+        assert "a cycle after its target" in note.observed
+
+
 def test_a_tpdo_takes_no_object_that_the_drive_only_takes(tmp_path: Path) -> None:
     path = kit.write(tmp_path, (MAP, 'map = ["6065"]'), eds=kit.entry("6065", AccessType="rww"))
     assert "an RPDO" in kit.only(path, "error", 'map = ["6065"]').remedy

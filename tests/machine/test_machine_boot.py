@@ -9,6 +9,7 @@ import pytest
 from axisbus import Machine, Recorder, eds
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import ArgumentError, BootError, LimitError, SdoAbort, StateError
+from axisbus.machine import wire
 from axisbus.machine.proposal import compare
 from axisbus.machine.stopping import Watchdog, stop_ladder
 from axisbus.motion.parameters import HoldsLoad, StopTimes
@@ -117,6 +118,95 @@ def test_without_1016_the_node_is_guarded(tmp_path):
         assert made.drive.error_code == 0
     time.sleep(0.5)  # our silence afterwards faults nobody
     assert made.drive.error_code == 0
+
+
+SLOW_STATUSWORD = """
+[nodes.3.pdo.tpdo1]
+transmission = 255
+[axes.x]
+"""
+
+
+def reports_of(path, *, timer, enabled=False, **dials):
+    """Boot a stand-in on a bus whose TPDO1 has this event timer in ms; return its reports and the timer that it has then."""
+    made = device()
+    if enabled:
+        made.power_on()
+        made.drives[0].start_enabled(1)
+        made.step(0.5)
+    made.write(0x1800, 5, timer)
+    for name, value in dials.items():
+        setattr(made.dials, name, value)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wire, "devices", lambda *_: {3: made})
+        with Machine.open(path) as machine:
+            return machine.reports, made.read(0x1800, 5)
+
+
+def test_a_slow_event_timer_of_the_statusword_is_shortened_and_told(tmp_path):
+    path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
+    (report,), now = reports_of(path, timer=1000)
+    assert now == 20
+    assert "    event timer   TPDO1 (statusword, mode, position) was 1000 ms, is now 20 ms" in report.text()
+    (axis,) = report.as_json()["axes"]
+    assert axis["event_timers"] == [{"pdo": "TPDO1", "was_ms": 1000, "wanted_ms": 20, "now_ms": 20}]
+
+
+def test_one_that_the_drive_does_not_let_be_written_is_told_as_well(tmp_path):
+    path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
+    (report,), now = reports_of(path, timer=1000, sdo_write_aborts={(0x1800, 5): 0x0601_0002})
+    assert now == 1000
+    assert "stays 1000 ms: the drive does not take 20 ms" in report.text()
+
+
+def test_a_drive_found_enabled_keeps_its_event_timer(tmp_path):
+    (report,), now = reports_of(cell(tmp_path), timer=1000, enabled=True)
+    assert report.axes[0].found_enabled
+    assert now == 1000
+    assert report.axes[0].event_timers == ()
+
+
+@pytest.mark.parametrize("timer", [0, 5, 20])
+def test_an_event_timer_that_is_quick_enough_is_not_spoken_of(tmp_path, timer):
+    path = cell(tmp_path, ("[axes.x]", SLOW_STATUSWORD))
+    (report,), now = reports_of(path, timer=timer)
+    assert now == timer
+    assert "event timer" not in report.text()
+    assert report.as_json()["axes"][0]["event_timers"] == []
+
+
+def test_an_event_timer_of_the_cell_file_stays(tmp_path):
+    own = SLOW_STATUSWORD.replace("255", '255\nevent_timer = "300ms"')
+    (report,), now = reports_of(cell(tmp_path, ("[axes.x]", own)), timer=1000)
+    assert now == 300
+    assert "event timer" not in report.text()
+
+
+def test_without_sync_event_timers_are_set_and_told(tmp_path):
+    path = cell(tmp_path, ('scan_period = "5ms"', 'scan_period = "5ms"\nsync = false'))
+    (report,), now = reports_of(path, timer=0)
+    assert now == 20
+    assert "TPDO1 (statusword, mode, position) was off, is now 20 ms" in report.text()
+
+
+def test_an_event_driven_rpdo_is_sent_three_times_within_the_deadline_that_boot_arms(tmp_path):
+    """A drive that knows neither 1016h nor guarding watches for the controlword's RPDO (14xxh:05): three heartbeat periods."""
+    source = (ROOT / "eds" / "generic-cia402.eds").read_text()
+    for section in ("1016", "1016sub0", "1016sub1"):
+        begin = source.index(f"[{section}]")
+        end = source.index("\n[", begin)
+        source = source[:begin] + source[end + 1 :]
+    (tmp_path / "deaf.eds").write_text(source)
+    path = cell(
+        tmp_path,
+        ("builtin:generic-cia402", "deaf.eds"),
+        ('scan_period = "5ms"', 'scan_period = "5ms"\nsync = false\nheartbeat = "60ms"'),
+    )
+    with Machine.open(path) as machine:
+        assert "1400h:05 expects our RPDO within 180 ms" in machine.reports[0].watchdog.text
+        assert machine.stand_in(3).device.read(0x1400, 5) == 180
+        (port,) = machine.scan.cycle._ports
+        assert {rpdo.repeat for rpdo in port._pace._rpdos.values()} == {0.06}
 
 
 def test_a_value_that_reads_back_otherwise_names_line_expected_and_got(tmp_path, monkeypatch):

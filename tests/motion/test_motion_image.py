@@ -251,6 +251,33 @@ def test_a_set_point_is_not_offered_while_the_old_acknowledge_stands():
         point.step(img, order)
 
 
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_the_target_goes_ahead_of_the_edge_by_as_many_cycles_as_the_port_wants(delay):
+    img = Image(Capabilities({}, {}, True, {}, delay), T, 2.0, 0.05)
+    order, point = Order(), SetPoint(5_000, "x", 1.0)
+    sent = []
+    for number in range(4):
+        seen(img, number * T, statusword=0x0427)
+        order.clear()
+        point.step(img, order)
+        sent.append((order.target_position, order.bits))
+        assert point.begun == bool(order.bits)
+    assert sent == [(5_000, 0)] * delay + [(5_000, 0x30)] * (4 - delay)
+
+
+def test_the_edge_waits_for_the_statusword_also_behind_its_target():
+    """The drive shows an acknowledge that nobody asked for: an edge now could not be told from it."""
+    img = Image(Capabilities({}, {}, True, {}, 1), T, 2.0, 0.05)
+    order, point = Order(), SetPoint(5_000, "x", 1.0)
+    sent = []
+    for number, word in enumerate((0x0427, 0x1427, 0x1427, 0x0427)):
+        seen(img, number * T, statusword=word)
+        order.clear()
+        point.step(img, order)
+        sent.append((order.target_position, order.bits))
+    assert sent == [(5_000, 0)] * 3 + [(5_000, 0x30)]
+
+
 # Ladder.
 
 

@@ -16,6 +16,7 @@ from kit.probe import ENABLED, OFF
 PP = 1
 PERIOD = 0.01
 CYCLES = (0, 1, 5, 50)  # delays of the acknowledge
+PORTS = {"target first": {}, "controlword first": {"controlword_first": True}}
 
 
 def edges(cell) -> list[float]:
@@ -44,8 +45,9 @@ def settled(cell, target: float) -> bool:
 
 
 @pytest.mark.parametrize("delay", CYCLES)
-def test_a_move_arrives_whatever_the_acknowledge_takes(story, delay):
-    cell, seen = ready(story, delay)
+@pytest.mark.parametrize("port", PORTS)
+def test_a_move_arrives_whatever_the_acknowledge_takes(story, delay, port):
+    cell, seen = ready(story, delay, port=PORTS[port])
     for target in (20.0, -3.0, 7.5):
         cell.x.move_absolute(target).wait(10)
         assert settled(cell, target)
@@ -53,8 +55,9 @@ def test_a_move_arrives_whatever_the_acknowledge_takes(story, delay):
 
 
 @pytest.mark.parametrize("delay", CYCLES)
-def test_a_replacement_at_any_moment_of_the_handshake_ends_at_the_last_target(story, delay):
-    cell, seen = ready(story, delay)
+@pytest.mark.parametrize("port", PORTS)
+def test_a_replacement_at_any_moment_of_the_handshake_ends_at_the_last_target(story, delay, port):
+    cell, seen = ready(story, delay, port=PORTS[port])
     for offset in range(61):
         seen.clear()
         home, far, last = 0.0, 300.0, -2.0 - offset / 10
@@ -82,9 +85,10 @@ def test_several_replacements_in_a_row_end_at_the_last(story, delay):
 
 
 @pytest.mark.parametrize("delay", CYCLES)
-def test_a_halt_in_the_handshake_leaves_nothing_behind(story, delay):
+@pytest.mark.parametrize("port", PORTS)
+def test_a_halt_in_the_handshake_leaves_nothing_behind(story, delay, port):
     """The drive may acknowledge long after the halt; neither then nor with the next move may it go for the old target."""
-    cell, seen = ready(story, delay)
+    cell, seen = ready(story, delay, port=PORTS[port])
     for offset in (0, 1, 2, 3, 4, 5, 7, 10, 20, 40, 52, 60):
         seen.clear()
         start = cell.where()

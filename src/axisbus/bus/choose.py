@@ -54,8 +54,13 @@ def _best(carries: Mapping[Pdo, frozenset[str]], left: frozenset[str]) -> Pdo | 
     return best if best is not None and carries[best] & left else None
 
 
-def lay_out(slots: Sequence[Pdo], entries: Entries, layout: Sequence[Sequence[str]]) -> Chosen:
-    """Map the entries by ``layout``, one group per slot; what has no slot of its own takes the first one with room, in order."""
+def lay_out(
+    slots: Sequence[Pdo], entries: Entries, layout: Sequence[Sequence[str]], last: str | None = None
+) -> Chosen:
+    """Map the entries by ``layout``, one group per slot; what has no slot of its own takes the first one with room, in order.
+
+    Who comes first in a group is placed first; ``last`` names the value that is mapped behind all others all the same.
+    """
     rooms: list[list[str]] = [[] for _ in slots]
     homeless: list[str] = []
     for number, group in enumerate(layout):
@@ -66,7 +71,7 @@ def lay_out(slots: Sequence[Pdo], entries: Entries, layout: Sequence[Sequence[st
                     homeless.append(name)
     lost = frozenset(name for name in homeless if not _place(name, rooms, entries))
     pdos = tuple(
-        (slot, tuple(entries[name].mapped for name in room))
+        (slot, tuple(entries[name].mapped for name in sorted(room, key=lambda name: name == last)))
         for slot, room in zip(slots, rooms, strict=True)
         if room
     )

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-The receive thread puts each frame of 7E4h with its time into a queue. ``_exchange`` sends a request, takes the answers of its kind
+The receive thread puts each frame of 7E4h with its time into an inbox. ``_exchange`` sends a request, takes the answers of its kind
 until its wait is over, and hands them to the dialogue. An answer to the last request that comes after that was too late; its delay
 is told, so that the waits grow. However a dialogue ends, every slave is switched back to *waiting*: a slave
 left in *configuration* would obey the next master's requests.
@@ -10,7 +10,6 @@ left in *configuration* would obey the next master's requests.
 
 from __future__ import annotations
 
-import queue
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
@@ -19,6 +18,7 @@ from typing import TypeVar
 
 from axisbus.bus import discover, nmt
 from axisbus.bus.channel import Channel, require_other_thread
+from axisbus.bus.inbox import Inbox
 from axisbus.bus.nmt import NodeMonitor
 from axisbus.bus.operation import signs_of_operation
 from axisbus.cia301 import cob, lss_master
@@ -54,7 +54,7 @@ class NodeIdGiven:
 
 
 class LssMaster:
-    """The LSS master of a channel; holds the answers that wait in a queue, and the pace learnt from the slaves.
+    """The LSS master of a channel; holds the answers that wait in an inbox, and the pace learnt from the slaves.
 
     Every call blocks, may raise what its dialogue raises and ``AdapterError`` when the channel fails, and is to be made from one
     thread at a time, not from the receive thread (``StateError``). The first call listens for ``LISTEN`` s and raises
@@ -74,7 +74,7 @@ class LssMaster:
         self._channel = channel
         self._on_progress = on_progress
         self._quiet = beside_operation
-        self._queue: queue.SimpleQueue[tuple[bytes, float]] = queue.SimpleQueue()
+        self._inbox: Inbox[tuple[bytes, float]] = Inbox()
         self._asked = (0, 0.0)  # the last service that has an answer, and when it was sent
 
     # -- what it does -------------------------------------------------------------------------------------------------------------
@@ -253,17 +253,13 @@ class LssMaster:
         """Return the next frame, None when there is none by the time ``until``; a frame that is there is taken even then."""
         while True:
             self._channel.check()
-            left = until - time.monotonic()
-            try:
-                if left <= 0.0:
-                    return self._queue.get_nowait()
-                return self._queue.get(timeout=min(left, _SLICE))
-            except queue.Empty:
-                if left <= 0.0:
-                    return None
+            now = time.monotonic()
+            item = self._inbox.take(min(until, now + _SLICE))
+            if item is not None or now >= until:
+                return item
 
     def _receive(self, data: bytes, stamp: float) -> None:
-        self._queue.put((data, stamp))
+        self._inbox.put((data, stamp))
 
     # -- what it asks of the bus --------------------------------------------------------------------------------------------------
 

@@ -147,14 +147,16 @@ def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
 def _apply(sdo: SdoClient, plan: Plan, rtr: bool | None = None) -> Plan:
     """Bring the drive where the plan says; return the plan with what was read back; raises ``_Refusal`` after restoring."""
     changed = [pdo for pdo in plan.pdos if pdo.change is not Change.KEEP]
+    # An event timer may change while its PDO is on (CiA 301 7.5.2.37), and on such a drive nothing else may.
+    switched = [pdo for pdo in changed if pdo.change is not Change.TIMER]
     touched: list[PlannedPdo] = []
     try:
-        for pdo in changed:
+        for pdo in switched:
             touched.append(pdo)
             _switch_off(sdo, pdo)
         for pdo in changed:
             _write(sdo, pdo)
-        for pdo in changed:
+        for pdo in switched:
             _switch_on(sdo, pdo, rtr)
     except _Refusal:
         for pdo in reversed(touched):

@@ -15,12 +15,13 @@ the reason in ``notes``; what must be synchronous and is not is ``impossible``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from itertools import chain
 
-from axisbus.bus import choose
+from axisbus.bus import choose, edge, eventtimer
+from axisbus.bus.cobids import CobIds
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.bus.mapping import DevicePdos, MapEntry, axis_index
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import MappedObject, Pdo
@@ -31,9 +32,9 @@ from axisbus.eds.dictionary import PROFILE_AREA
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
 EVENT_PROFILE = 255  # transmission type: event-driven by the device profile
 _EVENT_TYPES = (254, 255)
-_PDO_COB_IDS = range(0x181, 0x580)
-_NODE_BITS = 0x7F
 
+# By importance, not in the order of mapping: many drives take the entries of an RPDO one by one, and one that reads the edge of a
+# set-point before its target starts towards the old one. So the controlword is mapped last, wherever it is.
 LAYOUT_OUTPUTS = (("controlword", "mode", "target_position"), ("target_velocity", "target_torque"))
 LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
 
@@ -43,6 +44,7 @@ class Change(Enum):
 
     KEEP = "as the drive has it"
     COMMUNICATION = "communication parameters set"
+    TIMER = "event timer set"
     MAPPING = "remapped"
     DISABLE = "switched off, others carry the same"
 
@@ -52,21 +54,24 @@ class Policy:
     """How the plan may be made.
 
     ``sync``: PDOs are tied to SYNC, else event-driven. ``remap``: mappings may be changed. ``communication``: communication
-    parameters may be changed. ``event_timer`` (ms) and ``inhibit_time`` (100 µs) are for event-driven TPDOs. ``refused`` holds the
-    indices that the drive would not map. ``taken`` are COB-IDs of other nodes, ``spare`` those that PDOs past the fourth may take.
-    ``fixed`` are the PDOs (whether receive, number) whose transmission type the user has set, which stays as it is. ``requests``
-    are the TPDOs, by number, that we ask for by remote frames, each with its period in seconds; no other is ever asked for.
+    parameters may be changed; without that, at most event timers (``timers``). ``event_timer`` (ms) and ``inhibit_time`` (100 µs)
+    are for event-driven TPDOs. ``refused`` holds the indices that the drive would not map. ``taken`` are COB-IDs of other nodes,
+    ``spare`` those that PDOs past the fourth may take. ``fixed`` are the PDOs (whether receive, number) whose transmission type the
+    user has set, ``timed`` the TPDOs, by number, whose event timer is the user's; both stay. ``requests`` are the TPDOs, by number,
+    that we ask for by remote frames, each with its period in seconds; no other is ever asked for.
     """
 
     sync: bool = True
     remap: bool = True
     communication: bool = True
-    event_timer: int = 20
+    timers: bool = True
+    event_timer: int = eventtimer.LIMIT
     inhibit_time: int = 50
     refused: frozenset[int] = frozenset()
     taken: frozenset[int] = frozenset()
     spare: tuple[int, ...] = ()
     fixed: frozenset[tuple[bool, int]] = frozenset()
+    timed: frozenset[int] = frozenset()
     requests: Mapping[int, float] = field(default_factory=dict)
 
 
@@ -85,6 +90,7 @@ class PlannedPdo:
     """One PDO as it is and as it shall be; ``values`` names what each mapping entry carries (None: nothing of motion's).
 
     ``request`` is the period in seconds in which we ask for a TPDO by remote frames, 0 for one that comes by itself.
+    ``event_timer`` is the one in ms that it is to be given, None where it keeps its own; ``target`` has what was read back.
     """
 
     receive: bool
@@ -94,6 +100,7 @@ class PlannedPdo:
     values: tuple[str | None, ...]
     signed: tuple[bool, ...]
     request: float = 0.0
+    event_timer: int | None = None
 
     @property
     def name(self) -> str:
@@ -119,6 +126,26 @@ class Plan:
         return tuple(pdo for pdo in self.pdos if pdo.change is not Change.DISABLE)
 
     @property
+    def edge_after_target(self) -> bool:
+        """Whether the edge of a new set-point must go one SYNC after its target (see ``edge``)."""
+        return edge.after_target([pdo.values for pdo in self.active if pdo.receive])
+
+    @property
+    def event_timers(self) -> tuple[EventTimer, ...]:
+        """The event timers that were to be changed; once the plan holds, with what has become of them."""
+        return tuple(
+            EventTimer(
+                pdo.name,
+                tuple(name for name in pdo.values if name is not None),
+                pdo.before.event_timer or 0,
+                pdo.event_timer,
+                pdo.target.event_timer or 0,
+            )
+            for pdo in self.active
+            if pdo.event_timer is not None
+        )
+
+    @property
     def remapped(self) -> bool:
         """Whether a mapping changes."""
         return any(pdo.change is Change.MAPPING for pdo in self.pdos)
@@ -135,7 +162,7 @@ def make_plan(
     """Plan one axis (1 to 8); ``objects``: see ``mapping.axis_objects``. Raises nothing: what is wrong stands in the plan."""
     wanted = wanted or Wanted()
     policy = policy or Policy()
-    ids = _CobIds(node_id, device, policy)
+    ids = CobIds(node_id, device, policy.taken, policy.spare)
     outputs = _Side(True, _entries(OUTPUT_OBJECTS, wanted.outputs, objects, axis), policy)
     inputs = _Side(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
     pdos = (*outputs.plan(device.rpdos, axis, ids), *inputs.plan(device.tpdos, axis, ids))
@@ -182,13 +209,13 @@ class _Side:
     entries: dict[str, MapEntry]
     policy: Policy
 
-    def plan(self, pdos: tuple[Pdo, ...], axis: int, ids: _CobIds) -> tuple[PlannedPdo, ...]:
+    def plan(self, pdos: tuple[Pdo, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
         usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
         kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
         if self.policy.remap and self.policy.communication:
             slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
-            laid = choose.lay_out(slots, self._mappable(), layout)
+            laid = choose.lay_out(slots, self._mappable(), layout, last=edge.CONTROLWORD)
             if laid.carried - kept.carried and len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
@@ -247,14 +274,18 @@ class _Side:
             return "the mapping is fixed and does not hold it"
         return f"{direction} with room for it is not there"
 
-    def _planned(self, pdo: Pdo, mapping: tuple[MappedObject, ...], ids: _CobIds) -> PlannedPdo | None:
+    def _planned(self, pdo: Pdo, mapping: tuple[MappedObject, ...], ids: CobIds) -> PlannedPdo | None:
         target = replace(pdo, mapping=mapping)
         if self.policy.communication:
             cob_id = ids.choose(pdo, self.receive)
             if cob_id is None:
                 return None
             target = self._communication(replace(target, cob_id=cob_id, valid=True))
-        change = Change.KEEP if target == pdo else Change.COMMUNICATION
+        elif self.policy.timers:
+            target = self._quicker(target)
+        change = Change.COMMUNICATION if self.policy.communication else Change.TIMER
+        if target == pdo:
+            change = Change.KEEP
         return PlannedPdo(
             self.receive,
             pdo,
@@ -263,11 +294,12 @@ class _Side:
             choose.names_in(mapping, self.entries),
             tuple(self._signed(mapped) for mapped in mapping),
             self.policy.requests[target.number] if self._requested(target) else 0.0,
+            target.event_timer if target.event_timer != pdo.event_timer else None,
         )
 
     def _communication(self, pdo: Pdo) -> Pdo:
         if not self._may_retype(pdo):
-            return pdo
+            return self._quicker(pdo)
         if self.policy.sync:
             keeps = pdo.synchronous if self.receive else pdo.transmission_type == SYNC_EVERY
             return pdo if keeps else replace(pdo, transmission_type=SYNC_EVERY)
@@ -277,12 +309,21 @@ class _Side:
 
     def _timers(self, pdo: Pdo) -> Pdo:
         """Event timer and inhibit time of an event-driven TPDO, where the drive has them and they are not set tighter."""
-        event, inhibit = pdo.event_timer, pdo.inhibit_time
-        if event is not None and not 0 < event <= self.policy.event_timer:
-            event = self.policy.event_timer
-        if inhibit == 0:
-            inhibit = self.policy.inhibit_time
-        return replace(pdo, event_timer=event, inhibit_time=inhibit)
+        inhibit = self.policy.inhibit_time if pdo.inhibit_time == 0 else pdo.inhibit_time
+        return self._timed(replace(pdo, inhibit_time=inhibit), start=True)
+
+    def _quicker(self, pdo: Pdo) -> Pdo:
+        """The statusword's TPDO, event-driven by the user's wish or because the drive keeps it so: the handshake lives on it."""
+        carries = "statusword" in choose.names_in(pdo.mapping, self.entries)
+        if self.receive or not carries or pdo.transmission_type not in _EVENT_TYPES:
+            return pdo
+        return self._timed(pdo, start=False)
+
+    def _timed(self, pdo: Pdo, *, start: bool) -> Pdo:
+        if pdo.number in self.policy.timed:
+            return pdo
+        event = eventtimer.quicker(pdo.event_timer, self.policy.event_timer, start=start)
+        return replace(pdo, event_timer=event)
 
     def _signed(self, mapped: MappedObject) -> bool:
         return any(entry.mapped == mapped and entry.signed for entry in self.entries.values())
@@ -301,32 +342,6 @@ class _Side:
         ]
 
 
-class _CobIds:
-    """Hands out COB-IDs while one plan is made; holds state: those that the plan has used."""
-
-    def __init__(self, node_id: int, device: DevicePdos, policy: Policy) -> None:
-        self._node_id = node_id
-        self._used = set(policy.taken)
-        self._spare: Iterator[int] = iter(policy.spare)
-        self._owners = {pdo.cob_id: pdo for pdo in (*device.rpdos, *device.tpdos) if pdo.valid}
-
-    def choose(self, pdo: Pdo, receive: bool) -> int | None:
-        """Return the predefined COB-ID of PDOs 1 to 4, else the PDO's own, else a spare one; None where none is free.
-
-        The predefined one comes first because files and drives with another node's COB-ID written in are common.
-        """
-        bases = cob.RPDO if receive else cob.TPDO
-        predefined = (bases[pdo.number - 1] + self._node_id,) if pdo.number <= len(bases) else ()
-        for candidate in chain(predefined, (pdo.cob_id,), self._spare):
-            if _is_pdo_cob_id(candidate) and self._is_free(candidate, pdo):
-                self._used.add(candidate)
-                return candidate
-        return None
-
-    def _is_free(self, cob_id: int, pdo: Pdo) -> bool:
-        return cob_id not in self._used and self._owners.get(cob_id, pdo) is pdo
-
-
 def _is_of_other_axis(mapped: MappedObject, axis: int) -> bool:
     own = range(axis_index(0x6000, axis), axis_index(0x6000, axis + 1))
     return mapped.index in PROFILE_AREA and mapped.index not in own
@@ -336,13 +351,6 @@ def _source(pdo: PlannedPdo) -> Source:
     """How its values travel; a TPDO of type 0 comes at SYNC, but only when something changed: its silence means nothing."""
     on_change = not pdo.receive and pdo.target.transmission_type == 0
     return Source.SYNC_PDO if pdo.target.synchronous and not on_change else Source.EVENT_PDO
-
-
-def _is_pdo_cob_id(cob_id: int) -> bool:
-    """Whether it may be a PDO's (CiA 301 7.3.5); one without node ID was written without ``$NODEID`` and is every node's."""
-    if cob_id > cob.ID_MASK_11:
-        return True  # 29 bits: nothing is reserved there
-    return cob_id in _PDO_COB_IDS and cob_id & _NODE_BITS != 0
 
 
 def _not_synchronous(names: frozenset[str], sources: Mapping[str, Source], policy: Policy) -> list[str]:

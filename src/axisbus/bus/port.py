@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
-from axisbus.bus import freshness
+from axisbus.bus import edge, freshness
 from axisbus.bus.deadline import Deadline, Deadlines
+from axisbus.bus.edge import CONTROLWORD
 from axisbus.bus.mapping import axis_index
 from axisbus.bus.node import Node
 from axisbus.bus.plan import Plan
 from axisbus.bus.poller import Poller
 from axisbus.bus.prime import prime_inputs, prime_outputs
-from axisbus.bus.rpdo import CONTROLWORD, Frame, RpdoImage, arrange
+from axisbus.bus.rpdo import Frame, RpdoImage
+from axisbus.bus.rpdo_pace import REPEAT, RpdoPace
 from axisbus.bus.sdo_output import SdoOutputs, is_motion
 from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.bus.worker import Job
@@ -41,8 +44,21 @@ class CanPort:
     counts as not operational until then, whatever it says later: it gets no RPDO, but can still be stopped by SDO.
     """
 
-    def __init__(self, node: Node, plan: Plan, *, scan_period: float, remappable: bool = True) -> None:
-        """Listen to the TPDOs of ``plan``, which holds in the drive; ``scan_period`` in seconds. Sends nothing."""
+    def __init__(
+        self,
+        node: Node,
+        plan: Plan,
+        *,
+        scan_period: float,
+        remappable: bool = True,
+        rpdo_repeat: float = REPEAT,
+        foreign_sync: bool = False,
+    ) -> None:
+        """Listen to the TPDOs of ``plan``, which holds in the drive; ``scan_period`` in seconds. Sends nothing.
+
+        ``rpdo_repeat``: seconds after which an event-driven RPDO is sent again at the latest, though nothing has changed.
+        ``foreign_sync``: another device sends SYNC.
+        """
         self.node = node
         self.plan = plan
         self.axis = plan.axis
@@ -51,6 +67,7 @@ class CanPort:
             outputs=dict(plan.outputs),
             remappable=remappable,
             max_age=freshness.max_ages(plan, scan_period),
+            edge_delay=edge.delay(plan.edge_after_target, foreign_sync),
         )
         self._bootups = node.nmt.bootups
         self._samples: dict[str, Sample] = {}
@@ -64,7 +81,11 @@ class CanPort:
             scan_period,
         )
         self._requests = Requests(self._slots)
-        self._images = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]
+        sent = [pdo for pdo in plan.active if pdo.receive]
+        self._images = [RpdoImage(pdo) for pdo in sent]
+        self._pace = RpdoPace(sent, self._images, scan_period, rpdo_repeat)
+        self._now = -math.inf  # of the newest ``read``
+        self._operational = False  # as it has told
         self._poller = Poller(node.worker, freshness.polls(plan), self.index)
         self._sdo_outputs = SdoOutputs(node.worker, plan.outputs, self.index)
         self._emcy = node.emcy.feed()
@@ -101,6 +122,9 @@ class CanPort:
             )
         samples, bus = self._samples, self._bus_off()
         operational = bus is None and not self._doubtful and nmt.operational(now)
+        if operational and not self._operational:
+            self._pace.forget()  # what was sent before, it has not taken
+        self._now, self._operational = now, operational
         for slot in self._slots:
             slot.read_into(samples)
         if events := self._deadlines.step(now, [slot.stamp for slot in self._slots], operational):
@@ -138,7 +162,7 @@ class CanPort:
             self._submit(request)
         given = _given(outputs)
         controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
-        frames = arrange(self._images, given, controlword, self._controlword)
+        frames = self._pace.frames(given, controlword, self._controlword, self._now)
         self._frames = [] if self._doubtful else frames  # its RPDOs may be mapped otherwise now
         if controlword is not None:
             self._controlword = controlword
@@ -162,6 +186,7 @@ class CanPort:
     def drop_frames(self) -> None:
         """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""
         self._frames = []
+        self._pace.forget()
         self._nmt_stopped = False  # it was not sent, and must be if it is still wanted then
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:

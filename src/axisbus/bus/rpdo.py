@@ -9,6 +9,8 @@ comes before the frame with its target would start a move to the old target. So:
 - where several such frames hold the controlword, all but the last still carry the *previous* controlword, so that its edge comes
   with or after every new value.
 
+In which order a drive takes what came with one SYNC is its own affair: see ``edge``.
+
 An image holds every entry of its mapping. Entries that are not motion's own (a profile velocity beside the target position, say)
 keep what the drive had, or what was last written to them by SDO: an RPDO must never zero them.
 """
@@ -17,12 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from axisbus.bus.edge import CONTROLWORD
 from axisbus.bus.plan import PlannedPdo
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.errors import StateError
 
 Frame = tuple[int, bytes]
-CONTROLWORD = "controlword"
 
 
 class RpdoImage:

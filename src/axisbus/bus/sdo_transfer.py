@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
 
 from axisbus.bus.channel import Channel
+from axisbus.bus.inbox import Inbox
 from axisbus.cia301 import cob
 from axisbus.cia301.sdo import Frames
 from axisbus.cia301.sdo_session import Session
@@ -47,7 +47,7 @@ class Line:
         self.channel = channel
         self.request_id = cob.SDO_RX + node_id if request_id is None else request_id
         self.answer_id = cob.SDO_TX + node_id if answer_id is None else answer_id
-        self.inbox: SimpleQueue[bytes] = SimpleQueue()
+        self.inbox: Inbox[bytes] = Inbox()
         channel.subscribe(self.answer_id, self._on_answer)
         channel.on_failure.append(self._on_failure)
 
@@ -57,10 +57,7 @@ class Line:
 
     def receive(self, patience: float) -> bytes | None:
         """Return the next frame, ``WAKE``, or None after ``patience`` seconds."""
-        try:
-            return self.inbox.get(timeout=patience) if patience > 0 else self.inbox.get_nowait()
-        except Empty:
-            return None
+        return self.inbox.take(time.monotonic() + patience)
 
     def empty(self) -> None:
         """Drop what came while no transfer ran."""

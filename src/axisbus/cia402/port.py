@@ -111,12 +111,17 @@ OUTPUT_OBJECTS = {
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown."""
+    """How each value of a drive travels, and how old an input may be (seconds) before it counts as unknown.
+
+    ``edge_delay``: by how many cycles the edge of a set-point must come after its target; 0 where the drive never sees the
+    controlword of a cycle before the target of the same cycle.
+    """
 
     inputs: dict[str, Source]
     outputs: dict[str, Source]
     remappable: bool
     max_age: dict[str, float]
+    edge_delay: int = 0
 
 
 class Port(Protocol):

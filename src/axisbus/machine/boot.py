@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.bootplan import Address, ErrorControl, Letter, Outcome, Phase
 from axisbus.cia301.bootup import boot_up
@@ -65,11 +66,14 @@ class Comms(Nmt, Protocol):
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
 
+    def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
+        """Return the event timers of the axis's TPDOs that were to be changed, and what has become of them."""
+
     def follow_emcy(self) -> None:
         """Listen to emergency messages where the node's 1014h has them."""
 
     def cyclic_rpdos(self) -> list[int]:
-        """Return the numbers (from 1) of the RPDOs that the scan will send in every cycle."""
+        """Return the numbers (from 1) of the RPDOs that the scan will go on sending, at least as often as its heartbeat."""
 
     def watch(self, timeout: float | None) -> None:
         """Expect the node's heartbeat from now on; ``timeout`` in seconds."""
@@ -287,6 +291,7 @@ class NodeBoot:
                 self._power[axis.name] in ENERGISED,
                 tuple(modes.short(mode) for mode in sorted(parameters.modes)),
                 _travels(how),
+                self._comms.event_timers(axis),
                 how.outputs.get("controlword") is Source.SYNC_PDO,
                 ladder,
                 scale,
@@ -335,4 +340,10 @@ def _travels(how: Capabilities) -> str:
     for name, source in (*how.outputs.items(), *how.inputs.items()):
         if name.replace("_", " ") not in groups.setdefault(source, []):
             groups[source].append(name.replace("_", " "))
-    return "; ".join(f"{source.value}: {', '.join(names)}" for source, names in groups.items())
+    parts = [f"{source.value}: {', '.join(names)}" for source, names in groups.items()]
+    if how.edge_delay:
+        cycles = "one cycle" if how.edge_delay == 1 else f"{how.edge_delay} cycles"
+        parts.append(
+            f"the edge of a set-point goes {cycles} after its target, because of the order of mapping"
+        )
+    return "; ".join(parts)

@@ -7,13 +7,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from axisbus.bus.edge import CONTROLWORD
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.bus.nmt import guarding_answer
 from axisbus.bus.node import Node
 from axisbus.bus.pdo import configure, set_pdo
 from axisbus.bus.pdo_read import read_number
 from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
 from axisbus.bus.port import CanPort
-from axisbus.bus.rpdo import CONTROLWORD
+from axisbus.bus.rpdo_pace import REPEAT
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import DEADLINE
@@ -21,7 +23,7 @@ from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
 from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos
+from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos, timed_pdos
 from axisbus.machine.configure import HEARTBEATS
 
 _FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
@@ -108,17 +110,29 @@ class CanComms:
             communication=disturb,
             taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
             spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
+            timers=disturb,
             fixed=fixed_pdos(self._config.pdos),
+            timed=timed_pdos(self._config.pdos),
             requests=requested_pdos(self._config.pdos),
         )
         also = [(table.receive, table.number) for table in self._config.pdos]
         plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
         port = CanPort(
-            self._node, plan, scan_period=self._cell.bus.scan_period, remappable=self._config.remappable
+            self._node,
+            plan,
+            scan_period=self._cell.bus.scan_period,
+            remappable=self._config.remappable,
+            foreign_sync=self._cell.bus.hears_sync,
+            # As often as a heartbeat, whose triple boot-up may make the RPDO's deadline (``Watch.arm_deadlines``).
+            rpdo_repeat=min(REPEAT, self._cell.bus.heartbeat or REPEAT),
         )
         port.prime()
         self.ports[axis.name] = port
         return port.capabilities
+
+    def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
+        """Return the event timers that ``connect`` was to change, and what has become of them."""
+        return self.ports[axis.name].plan.event_timers
 
     def _set_tables(self) -> None:
         """Set the PDOs of ``[nodes.N.pdo]``; once for all axes of the node."""
@@ -159,7 +173,7 @@ class CanComms:
         return self._node.nmt.state.text
 
     def cyclic_rpdos(self) -> list[int]:
-        """The RPDOs that hold a controlword: from the first command on the scan sends them in every cycle."""
+        """The RPDO that holds the controlword, where it is one: from the first command on the scan goes on sending it."""
         first = [_controlword_pdo(port) for port in self.ports.values()]
         return [number for number in first if number is not None]
 

@@ -85,7 +85,8 @@ class Watch:
     def arm_deadlines(self, numbers: Iterable[int], reaction: str | None) -> WatchdogReport:
         """Let the node notice that the RPDOs with these ``numbers`` (from 1) stay away: 14xxh:05, as the third choice.
 
-        To be used for RPDOs that are sent in every cycle. The node begins to watch with the first one that it gets.
+        To be used for RPDOs that are sent at least as often as our heartbeat. The node begins to watch with the first one that
+        it gets.
         """
         if self._bus.heartbeat is None:
             return NO_WATCHDOG

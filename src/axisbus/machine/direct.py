@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.eds.model import Eds
@@ -87,6 +88,10 @@ class DirectComms:
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
         """Return how the values of an axis travel."""
         return self._ports[axis.name].capabilities
+
+    def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:  # noqa: ARG002
+        """None: without a bus there are no PDOs."""
+        return ()
 
     def follow_emcy(self) -> None:
         """Nothing to do: the port has them."""

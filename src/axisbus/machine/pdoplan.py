@@ -49,5 +49,6 @@ def _policy(cell: CellConfig, node: NodeConfig) -> Policy:
         taken=frozenset(base + other for other in others for base in (*cob.RPDO, *cob.TPDO)),
         spare=spare_cob_ids(frozenset(cell.nodes), node.node_id),
         fixed=pdomodel.fixed_pdos(node.pdos),
+        timed=pdomodel.timed_pdos(node.pdos),
         requests=pdomodel.requested_pdos(node.pdos),
     )

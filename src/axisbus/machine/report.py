@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from axisbus.bus.eventtimer import EventTimer
 from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
 from axisbus.machine import boottext, programtext
@@ -29,6 +30,7 @@ class AxisReport:
     found_enabled: bool
     modes: tuple[str, ...]
     travels: str
+    event_timers: tuple[EventTimer, ...]
     in_one_sync: bool
     ladder: StopLadderReport
     scale: ScaleReport
@@ -119,6 +121,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
         *_torque_lines(axis.rated_torque),
         f"    {'travels by':<14}{axis.travels}",
+        *(f"    {'event timer':<14}{timer}" for timer in axis.event_timers),
         f"    {'one SYNC':<14}"
         + (
             "starts and stops together with others in one SYNC"
@@ -143,6 +146,10 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         "found_enabled": axis.found_enabled,
         "modes": list(axis.modes),
         "travels": axis.travels,
+        "event_timers": [
+            {"pdo": timer.pdo, "was_ms": timer.was, "wanted_ms": timer.wanted, "now_ms": timer.now}
+            for timer in axis.event_timers
+        ],
         "in_one_sync": axis.in_one_sync,
         "stop_ladder": [
             {"rung": rung, "object": what, "does": text} for rung, what, text in axis.ladder.rows

@@ -33,6 +33,7 @@ class Image:
         "demand",
         "demand_repeats",
         "demand_stamp",
+        "edge_delay",
         "emcy",
         "fastest",
         "gap",
@@ -71,6 +72,7 @@ class Image:
         self.still_demand = Still(tolerance, window)
         # Then silence means that it has not changed.
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
+        self.edge_delay = capabilities.edge_delay
         self._raw_position: int | None = None
         self._seen_position = 0  # the last known one, unwrapped
         self.fastest = _HALF  # increments per s: more than 606Ch can say

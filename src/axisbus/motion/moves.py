@@ -67,7 +67,9 @@ class PositionMove(Activity):
         """
         phase = self.set_point.phase
         patience = 0.5 * self._parameters.timing.acknowledge
-        return phase is Phase.CLEAR or (phase is Phase.OFFER and image.now < self.set_point.since + patience)
+        return phase in (Phase.CLEAR, Phase.TARGET) or (
+            phase is Phase.OFFER and image.now < self.set_point.since + patience
+        )
 
     @property
     def in_flight(self) -> SetPoint | None:

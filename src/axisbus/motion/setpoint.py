@@ -2,12 +2,14 @@
 
 Theory of operation
 -------------------
-A set-point is taken on the *rising edge* of bit 4; the drive answers with bit 12, and takes it back when bit 4 falls. Four phases:
+A set-point is taken on the *rising edge* of bit 4; the drive answers with bit 12, and takes it back when bit 4 falls. Five phases:
 
 1. CLEAR: bit 4 is low, wait until bit 12 is low too.
-2. OFFER: target and bit 4 go out together (the port puts the target first where they travel apart). Wait for bit 12.
-3. RELEASE: bit 4 is low again. Wait for bit 12 to fall, in a word received after bit 4 went low.
-4. TAKEN: bit 10 (target reached) now speaks of *this* set-point. The word in which bit 12 fell counts already, because an
+2. TARGET, only where the drive may see a controlword before the target of the same cycle: for ``Capabilities.edge_delay`` cycles
+   the target goes out with bit 4 low.
+3. OFFER: target and bit 4 go out together. Wait for bit 12.
+4. RELEASE: bit 4 is low again. Wait for bit 12 to fall, in a word received after bit 4 went low.
+5. TAKEN: bit 10 (target reached) now speaks of *this* set-point. The word in which bit 12 fell counts already, because an
    event-driven drive sends no other one after a move of zero length.
 
 A handshake that has begun is always finished: a replacing move lets the old one run to TAKEN (a few cycles) and then offers its own
@@ -31,18 +33,20 @@ class Phase(Enum):
     """Where the handshake is."""
 
     CLEAR = "clear"
+    TARGET = "target"
     OFFER = "offer"
     RELEASE = "release"
     TAKEN = "taken"
 
 
-_CLEAR, _OFFER, _RELEASE, _TAKEN = Phase.CLEAR, Phase.OFFER, Phase.RELEASE, Phase.TAKEN
+_CLEAR, _TARGET, _OFFER = Phase.CLEAR, Phase.TARGET, Phase.OFFER
+_RELEASE, _TAKEN = Phase.RELEASE, Phase.TAKEN
 
 
 class SetPoint:
     """One set-point on its way into the drive; holds the phase and the deadline of the wait for bit 12."""
 
-    __slots__ = ("_deadline", "_name", "_released", "_timeout", "phase", "since", "target")
+    __slots__ = ("_deadline", "_name", "_released", "_shown", "_timeout", "phase", "since", "target")
 
     def __init__(self, target: int, name: str, timeout: float) -> None:
         """``target`` in unwrapped increments; ``timeout`` in seconds for each wait for bit 12."""
@@ -52,6 +56,7 @@ class SetPoint:
         self._name = name
         self._timeout = timeout
         self._released = 0.0
+        self._shown = 0  # cycles in which the target went out without the edge
         self._deadline: float | None = None
 
     @property
@@ -68,8 +73,9 @@ class SetPoint:
         if self.phase is _TAKEN:
             return True
         self._advance(image)
-        if self.phase is _OFFER:
+        if self.phase is _TARGET or self.phase is _OFFER:
             order.target_position = self.target
+        if self.phase is _OFFER:
             order.bits = cw.NEW_SET_POINT | cw.CHANGE_SET_IMMEDIATELY
         return self.phase is _TAKEN
 
@@ -78,8 +84,8 @@ class SetPoint:
             self._deadline = image.now + self._timeout
         word = image.statusword
         acknowledged = None if word is None else bool(word & sw.SET_POINT_ACKNOWLEDGE)
-        if self.phase is _CLEAR and acknowledged is False:
-            self._enter(_OFFER, image)
+        if (self.phase is _CLEAR or self.phase is _TARGET) and acknowledged is False:
+            self._present(image)
         elif self.phase is _OFFER and acknowledged:
             self._released = image.now
             self._enter(_RELEASE, image)
@@ -87,6 +93,14 @@ class SetPoint:
             self._enter(_TAKEN, image)
         elif image.now > self._deadline:
             raise self._stuck(image)
+
+    def _present(self, image: Image) -> None:
+        if self._shown >= image.edge_delay:
+            self._enter(Phase.OFFER, image)
+            return
+        self._shown += 1
+        if self.phase is Phase.CLEAR:
+            self._enter(Phase.TARGET, image)
 
     def _enter(self, phase: Phase, image: Image) -> None:
         self.phase = phase

@@ -145,6 +145,8 @@ class NodeDials:
     sdo_write_aborts: the same, for writing only
     heartbeat_stops: no more heartbeats; the node goes on otherwise
     emcy_short: emergency messages have 2 bytes instead of 8
+    rpdos_in_order: what came in RPDOs is taken entry by entry, RPDO by RPDO as they are numbered, so that a controlword acts with
+        what is there at that moment; without it, every controlword finds the values that came with it
     fixed_mapping: abort code with which a write to a PDO mapping is refused (0: it may be changed)
     event_timer_ignored: 18xxh:05 is accepted and not obeyed
     rtr: TPDOs may be asked for by remote frames, and take the transmission types 252 and 253
@@ -167,6 +169,7 @@ class NodeDials:
     sdo_write_aborts: dict[tuple[int, int], int] = field(default_factory=dict)
     heartbeat_stops: bool = False
     emcy_short: bool = False
+    rpdos_in_order: bool = False
     fixed_mapping: int = 0
     event_timer_ignored: bool = False
     rtr: bool = False

@@ -42,6 +42,7 @@ class DirectPort:
         sdo_poll: float = 0.1,
         node_heartbeat: float = 0.1,
         remappable: bool = True,
+        controlword_first: bool = False,
         dials: CycleDials | None = None,
     ) -> None:
         """Offer axis ``axis`` (from 0) of ``device``.
@@ -50,6 +51,7 @@ class DirectPort:
         synchronous PDOs. ``event_timer`` (s) repeats event-driven inputs; None sends them on change only. ``sdo_time`` is how long
         a transfer takes, ``sdo_timeout`` how long is waited for an answer, ``sdo_poll`` how often inputs by SDO are read,
         ``node_heartbeat`` how often the node says its NMT state (three missing ones and it counts as lost); all in s.
+        ``controlword_first``: the drive takes the controlword of a cycle before its targets, as its mappings may have it.
         """
         self.device = device
         self.drive = device.drives[axis]
@@ -69,8 +71,13 @@ class DirectPort:
         self._last_beat = -1e9
         self._reported, self._nmt = NmtState.UNKNOWN, int(NmtState.UNKNOWN)
         self.capabilities = Capabilities(
-            self._sources(INPUT_OBJECTS, inputs), self._sources(OUTPUT_OBJECTS, outputs), remappable, {}
+            self._sources(INPUT_OBJECTS, inputs),
+            self._sources(OUTPUT_OBJECTS, outputs),
+            remappable,
+            {},
+            int(controlword_first),
         )
+        self._order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
         self.capabilities.max_age.update(self._ages(max_age or {}))
         self._synchronous = self._numbers(Source.SYNC_PDO)
         self._events = self._numbers(Source.EVENT_PDO)
@@ -177,7 +184,7 @@ class DirectPort:
             self._sdo.add(pending.sdo, now)
         if pending.controlword is not None:
             self._last_controlword = pending.controlword
-        for name in _ORDER:
+        for name in self._order:
             value = getattr(pending, name)
             if value is None:
                 continue
@@ -205,7 +212,7 @@ class DirectPort:
         if not self._latched:
             return
         latched, self._latched = self._latched, {}
-        for name in _ORDER:
+        for name in self._order:
             if name in latched:
                 self._apply(name, latched[name])
 

@@ -97,14 +97,14 @@ class Pdo:
                 raw |= (encoded(key) & mask) << shift
         return raw.to_bytes(self.size, "little")
 
-    def unpack(self, data: bytes, *, commands: bool) -> None:
-        """Write the mapped controlwords (``commands``) or everything else; a value that the drive does not take is dropped.
+    def unpack(self, data: bytes, *, commands: bool | None) -> None:
+        """Write the mapped controlwords (``commands``), everything else, or all in the order of the mapping (None).
 
-        ``data`` holds at least ``size`` bytes.
+        A value that the drive does not take is dropped; ``data`` holds at least ``size`` bytes.
         """
         raw = int.from_bytes(data[: self.size], "little")
         for key, shift, mask, half in self.fields:
-            if key is not None and _is_controlword(key) is commands:
+            if key is not None and (commands is None or _is_controlword(key) is commands):
                 value = raw >> shift & mask
                 self._dictionary.write_mapped(key, value - (half << 1) if value & half else value)
 
@@ -242,8 +242,15 @@ class PdoTable:
         self.version += 1
 
 
-def apply(received: list[tuple[Pdo, bytes]]) -> None:
-    """Write what came in RPDOs at one instant: all values first, so that a controlword finds its target there."""
+def apply(received: list[tuple[Pdo, bytes]], in_order: bool) -> None:
+    """Write what came in RPDOs at one instant: all values first, so that a controlword finds its target there.
+
+    ``in_order``: instead one entry after the other, as they are mapped, and the RPDOs as they are numbered.
+    """
+    if in_order:
+        for pdo, data in sorted(received, key=lambda item: item[0].number):
+            pdo.unpack(data, commands=None)
+        return
     for pdo, data in received:
         pdo.unpack(data, commands=False)
     for pdo, data in received:

@@ -280,7 +280,7 @@ class Slave:
         if pdo.synchronous:
             self._pending[pdo.number] = (pdo, data)
         else:
-            apply([(pdo, data)])
+            apply([(pdo, data)], device.dials.rpdos_in_order)
 
     def _produce_sync(self, now: float) -> None:
         data = self.sync.due(now)
@@ -303,7 +303,7 @@ class Slave:
             self._sent.setdefault(pdo.number, TransmitState()).sampled = pdo.pack()
         if self._pending:
             pending, self._pending = self._pending, {}
-            apply(list(pending.values()))
+            apply(list(pending.values()), self.device.dials.rpdos_in_order)
         self.device.sync()
 
     def _sample(self, pdo: Pdo, now: float, counter: int) -> None:

@@ -113,7 +113,10 @@ def _traffic(case: Case) -> Iterator[Traffic]:
 
 
 def per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
-    """Return how often a PDO travels in one cycle at worst: an event-driven one as often as its inhibit time lets it, or once."""
+    """Return how often a PDO travels in one cycle at worst: an event-driven one as often as its inhibit time lets it, or once.
+
+    The master sends an event-driven RPDO when its values change, which may be in every cycle.
+    """
     if pdo.synchronous and pdo.transmission_type > 0 and not receive:
         return 1 / pdo.transmission_type
     if not receive and pdo.inhibit_time:

@@ -66,6 +66,13 @@ def fixed_pdos(configs: Iterable[PdoConfig]) -> frozenset[tuple[bool, int]]:
     return frozenset((config.receive, config.number) for config in configs if config.transmission is not None)
 
 
+def timed_pdos(configs: Iterable[PdoConfig]) -> frozenset[int]:
+    """Return the TPDOs, by number, whose event timer the cell file gives: the plan leaves it alone."""
+    return frozenset(
+        config.number for config in configs if config.event_timer is not None and not config.receive
+    )
+
+
 def requested_pdos(configs: Iterable[PdoConfig]) -> dict[int, float]:
     """Return the TPDOs, by number, that the cell file has asked for by remote frames, with the period in seconds."""
     return {config.number: config.rtr for config in configs if config.rtr is not None and not config.receive}

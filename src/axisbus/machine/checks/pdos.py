@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.bus.mapping import axis_index
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
+from axisbus.cia402.objects import CONTROLWORD
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
@@ -190,6 +192,22 @@ def size(case: Case) -> Found:
                 yield case.warning(line, f"{where} maps {text} more than once", remedy="name it once")
 
 
+def controlword_last(case: Case) -> Found:
+    """Note a map with something behind the controlword: a drive that takes entry by entry acts before it has the rest."""
+    for node, _, dictionary, config in _tables(case):
+        words = {axis_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
+        mapped = [entry for entry, _ in _known(config, dictionary) if not entry.is_dummy]
+        behind = [entry for entry in mapped[:-1] if entry.index in words]
+        if config.receive and behind:
+            yield case.note(
+                config.at.of("map"),
+                f"node {node.node_id}: {config.name} does not map the controlword last",
+                f"{dictionary.entry(behind[0].index, 0)} stands before {dictionary.entry(mapped[-1].index, mapped[-1].subindex)}; "
+                "many drives take the entries one by one, so the edge of a set-point is sent a cycle after its target",
+                "write the controlword last, unless the drive wants it so",
+            )
+
+
 def _known(config: PdoConfig, dictionary: Dictionary) -> Iterator[tuple[MappedObject, int | None]]:
     for key in config.map or ():
         try:
@@ -314,6 +332,7 @@ CHECKS: tuple[Check, ...] = (
     entries,
     mapping,
     size,
+    controlword_last,
     transmission,
     timers,
     starts_and_requests,

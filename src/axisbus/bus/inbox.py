@@ -1,0 +1,43 @@
+"""What the receive thread hands to the thread that waits for it, in order, with a wait that always ends at its deadline.
+
+``queue.SimpleQueue.get`` is not used: in CPython 3.11 and 3.12 a time-out that has passed by the time when it looks at its lock
+again becomes negative, which the lock takes for "without end". A wait of a few microseconds for an empty queue then never returns.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Inbox(Generic[T]):
+    """First in, first out, without a bound; holds state: what nobody has taken yet. May be used from any thread."""
+
+    __slots__ = ("_arrived", "_items")
+
+    def __init__(self) -> None:
+        self._items: deque[T] = deque()
+        self._arrived = threading.Condition()
+
+    def put(self, item: T) -> None:
+        """Add an item, and wake one who waits; does not block."""
+        with self._arrived:
+            self._items.append(item)
+            self._arrived.notify()
+
+    def take(self, until: float) -> T | None:
+        """Return the oldest item; blocks until there is one, at the latest until ``until`` (monotonic clock, s), then None.
+
+        An item that is there is returned even when ``until`` has passed.
+        """
+        with self._arrived:
+            while not self._items:
+                left = until - time.monotonic()
+                if left <= 0.0:
+                    return None
+                self._arrived.wait(left)
+            return self._items.popleft()
