@@ -22,6 +22,7 @@ from axisbus.bus.channel import Channel, require_other_thread
 from axisbus.bus.nmt import NodeMonitor
 from axisbus.bus.operation import signs_of_operation
 from axisbus.cia301 import cob, lss_master
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.lss import (
     UNCONFIGURED,
     LssAddress,
@@ -75,6 +76,7 @@ class LssMaster:
         self._on_progress = on_progress
         self._quiet = beside_operation
         self._queue: queue.SimpleQueue[tuple[bytes, float]] = queue.SimpleQueue()
+        self._next: tuple[bytes, float] | None = None  # taken from the queue, and not looked at yet
         self._asked = (0, 0.0)  # the last service that has an answer, and when it was sent
 
     # -- what it does -------------------------------------------------------------------------------------------------------------
@@ -225,7 +227,8 @@ class LssMaster:
 
     def _exchange(self, ask: Ask) -> Heard:
         late: list[float] = []
-        while (item := self._take(0.0)) is not None:
+        before = time.monotonic()
+        while (item := self._take(before)) is not None:
             self._note_late(item, late)
         sent = time.monotonic()
         self._channel.send(cob.LSS_RX, ask.frame, _SEND_PATIENCE)
@@ -238,29 +241,45 @@ class LssMaster:
             elif data[:1] == bytes((ask.expects,)):
                 until = until if answers else stamp + ask.settle
                 answers.append(Answer(data, stamp - sent))
+            else:
+                self._drop(item)
         if ask.expects is not None:
             self._asked = ask.expects, sent
         return Heard(tuple(answers), tuple(late))
 
     def _note_late(self, item: tuple[bytes, float], late: list[float]) -> None:
         """Take the delay of an answer to the last request that has one; what else comes says nothing."""
+        self._drop(item)
         data, stamp = item
         expected, sent = self._asked
         if data[:1] == bytes((expected,)):
             late.append(stamp - sent)
 
+    def _drop(self, item: tuple[bytes, float]) -> None:
+        data, stamp = item
+        self._channel.drops.note(Fault.LSS, None, stamp, cob.LSS_TX, data)
+
     def _take(self, until: float) -> tuple[bytes, float] | None:
-        """Return the next frame, None when there is none by the time ``until``; a frame that is there is taken even then."""
+        """Return the next frame that came by the time ``until``, None when there is none; one that waits is taken even then.
+
+        What came later stays where it is, so that a slave that talks without a pause ends no wait late.
+        """
         while True:
             self._channel.check()
             left = until - time.monotonic()
-            try:
-                if left <= 0.0:
-                    return self._queue.get_nowait()
-                return self._queue.get(timeout=min(left, _SLICE))
-            except queue.Empty:
-                if left <= 0.0:
-                    return None
+            with suppress(queue.Empty):
+                if self._next is None:
+                    self._next = (
+                        self._queue.get_nowait()
+                        if left <= 0.0
+                        else self._queue.get(timeout=min(left, _SLICE))
+                    )
+            item = self._next
+            if item is not None and item[1] <= until:
+                self._next = None
+                return item
+            if item is not None or left <= 0.0:
+                return None
 
     def _receive(self, data: bytes, stamp: float) -> None:
         self._queue.put((data, stamp))
