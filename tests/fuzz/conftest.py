@@ -1,4 +1,4 @@
-"""The fake bus of the bus tests, for the fuzzers that need a channel."""
+"""What the fuzzers share with other tests (fake bus, stand-ins, command line); and that no thread dies or stays."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "bus"))
+for _folder in ("bus", "stories", "cli"):
+    sys.path.append(str(Path(__file__).parents[1] / _folder))
 
 
 @pytest.fixture(autouse=True)

@@ -10,6 +10,7 @@ from enum import Enum
 from axisbus.cia301 import cob
 
 _FUNCTION, _NODE = 0x780, 0x7F
+EVERY = 1.0  # seconds between two lines about the same
 _MOST = 256  # different ones that are counted apart
 
 
@@ -95,6 +96,27 @@ class Drops:
             found = list(self._found.values())
         order = list(Fault)
         return tuple(sorted(found, key=lambda drop: (order.index(drop.fault), drop.node or 0)))
+
+
+class DropNews:
+    """What has been dropped since it was told last; holds state: what was told, and when.
+
+    The same reason and node are told once in ``EVERY`` seconds at most, however many frames there are.
+    """
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[Fault, int | None], tuple[int, float]] = {}
+
+    def take(self, found: Iterable[Drop], now: float) -> list[Drop]:
+        """Return those of ``found`` that have grown, with their counts so far; ``now`` in seconds of any steady clock."""
+        new = [drop for drop in found if self._is_due(drop, now)]
+        for drop in new:
+            self._told[drop.fault, drop.node] = drop.count, now
+        return new
+
+    def _is_due(self, drop: Drop, now: float) -> bool:
+        count, told = self._told.get((drop.fault, drop.node), (0, -EVERY))
+        return drop.count > count and now - told >= EVERY
 
 
 def words(drops: Iterable[Drop]) -> str:

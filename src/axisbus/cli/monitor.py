@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import click
 
 from axisbus.bus.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.cia301.drops import Drop, DropNews, words
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
@@ -43,23 +45,34 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
 
         return monitor_listen.run(cell, every, count, as_json)
     with Machine.open(cell, beside=beside) as machine:
-        looks, told = 0, set[str]()
         for line in [] if as_json else histories(machine):
             say(line)
-        while True:
-            _look(machine, as_json, told)
-            looks += 1
-            if count is not None and looks >= count:
-                break
-            machine.sleep(every)
+        try:
+            _look_on(machine, every, count, as_json)
+        finally:
+            if not as_json and machine.dropped:
+                say(words(machine.dropped))
     if not as_json:
         say_next(f"axisbus home {cell}, or axisbus move {cell} {next(iter(machine)).name}=...")
     return OK
 
 
-def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
+def _look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
+    looks, told, drops = 0, set[str](), DropNews()
+    while True:
+        _look(machine, as_json, told, drops)
+        looks += 1
+        if count is not None and looks >= count:
+            return
+        machine.sleep(every)
+
+
+def _look(machine: Machine, as_json: bool, told: set[str], drops: DropNews) -> None:
     if as_json:
-        bus = {"bus_events": [str(event) for event in machine.bus_events]}
+        bus = {
+            "bus_events": [str(event) for event in machine.bus_events],
+            "dropped": [plain_drop(drop) for drop in machine.dropped],
+        }
         say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
         return
     for axis in machine:
@@ -70,8 +83,25 @@ def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
         )
         if seen["error"]:
             say("         " + str(seen["error"]).replace("\n", "\n         "))
-    for line in news(machine, told):
+    for line in [*news(machine, told), *_dropped(machine, drops)]:
         say(f"         {line}")
+
+
+def _dropped(machine: Machine, drops: DropNews) -> list[str]:
+    line = words(drops.take(machine.dropped, time.monotonic()))
+    return [line] if line else []
+
+
+def plain_drop(drop: Drop) -> dict[str, object]:
+    """Return dropped frames as plain values; the identifier and the data are of the newest."""
+    return {
+        "what": str(drop),
+        "fault": drop.fault.name.lower(),
+        "node": drop.node,
+        "count": drop.count,
+        "cob_id": drop.can_id,
+        "data": drop.data.hex(),
+    }
 
 
 def histories(machine: Machine) -> list[str]:
