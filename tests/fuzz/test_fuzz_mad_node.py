@@ -22,6 +22,10 @@ from axisbus.machine.machine import Machine
 
 MAD = 2  # the node of y
 APART = '[groups.one]\naxes = ["x"]\n[groups.two]\naxes = ["y"]\n'
+PATIENT = {
+    "period": "50ms",
+    "heartbeat": "400ms",
+}  # a busy computer's own delays are no silence of the drives
 PAUSE = 0.001  # s between two frames
 
 # Its own identifiers, some of nobody's, and 29 bits; none by which a master or x would speak.
@@ -85,7 +89,7 @@ class MadNode:
 
 @contextmanager
 def line(folder: Path) -> Iterator[Line]:
-    with Line(folder, "xy", more=APART, bus='on_lost_node = "group"') as made:
+    with Line(folder, "xy", more=APART, bus='on_lost_node = "group"', **PATIENT) as made:
         yield made
 
 

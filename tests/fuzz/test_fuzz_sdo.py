@@ -43,7 +43,7 @@ def follow(frame: bytes, asked: bytes) -> bytes:
 
 
 @given(requests, late, st.lists(st.tuples(fuzz.sdo_answers, delays, st.booleans()), max_size=40))
-@settings(max_examples=400)
+@settings(max_examples=250)
 def test_any_dialogue_is_taken_and_ends_in_silence(request_, late, frames):
     session = Session(request_, late=late)
     sent = session.start()

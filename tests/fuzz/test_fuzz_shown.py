@@ -7,10 +7,11 @@ import json
 import can
 import cli_bus_kit as kit
 import pytest
-from story_bus import Line
-from test_fuzz_mad_node import MadNode
+from story_bus import Line, until
+from test_fuzz_mad_node import MadNode, close
 
 from axisbus.cia301.drops import DropNews, Drops, Fault, words
+from axisbus.cli import monitor
 
 
 def test_the_same_reason_and_node_are_told_once_in_a_second():
@@ -63,3 +64,24 @@ def test_monitor_as_json_has_what_was_dropped(tmp_path, axisbus):
     (drop,) = [each for each in axis["dropped"] if each["fault"] == "emcy"]
     assert (drop["node"], drop["cob_id"], drop["data"]) == (2, 0x082, "11")
     assert drop["count"] >= 1
+
+
+def storm(count: int) -> list[can.Message]:
+    data = bytes.fromhex("2043080000000000")
+    return [can.Message(arbitration_id=0x082, data=data, is_extended_id=False)] * count
+
+
+def test_a_storm_of_emergencies_does_not_fill_the_screen(tmp_path):
+    with Line(tmp_path, "xy") as line:
+        machine = line.open()
+        try:
+            with MadNode(line.channel, storm(1), 0.005):
+                until(lambda: len(machine.node(2).incidents) > 8, 20)
+            told: set[str] = set()
+            lines = monitor.news(machine, told)
+            assert sum("node 2, incident" in each for each in lines) == 3
+            assert any(" more incidents of node 2, before these:" in each for each in lines)
+            assert len(told) < 100
+            assert not [each for each in monitor.news(machine, told) if "incident" in each]
+        finally:
+            close(machine)
