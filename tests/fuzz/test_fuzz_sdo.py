@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from axisbus.cia301.sdo import LONGEST, Way
 from axisbus.cia301.sdo_session import Request, Session
+from axisbus.cia301.sdo_upload import Upload
 
 TIMEOUT, TRIES = 0.5, 3
 MOST = 500  # bytes that are asked for at most
@@ -170,3 +171,13 @@ def test_an_abort_without_its_code_is_none(answer):
     session.start()
     assert session.receive(bytes.fromhex(answer)) == ()
     assert not session.done
+
+
+def test_of_a_flood_of_frames_that_fit_nothing_the_newest_are_kept_and_all_are_counted():
+    dialogue = Upload(0x1000, 0, TIMEOUT)
+    dialogue.start()
+    for number in range(1000):
+        assert dialogue.receive(bytes([0x60]) + number.to_bytes(2, "little") + bytes(5)) == ()
+    assert dialogue.astray == 1000
+    assert len(dialogue.strays) == 64
+    assert dialogue.strays[-1][1:3] == (999).to_bytes(2, "little")

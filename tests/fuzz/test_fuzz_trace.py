@@ -228,9 +228,14 @@ def test_a_time_or_an_identifier_that_cannot_be_makes_no_frame_of_nonsense(line)
     assert frame is None or (abs(frame.time) < 1e12 and frame.can_id <= 0x7FF)
 
 
-@pytest.mark.parametrize(
-    "line", ["(" + "1" * 50_000, "can0 " + " " * 50_000 + "[", " " * 50_000, "11 " * 20_000]
-)
+LONG = {
+    "digits": "(" + "1" * 50_000,
+    "spaces": "can0 " + " " * 50_000 + "[",
+    "bytes": "can0  123  [8]  " + "11 " * 60_000 + "\nx",
+}
+
+
+@pytest.mark.parametrize("line", LONG.values(), ids=LONG)
 def test_a_long_line_costs_no_more_than_its_length(line):
     with fuzz.within(2.0):
         assert candump.parse(line) is None
@@ -257,3 +262,16 @@ def test_a_recording_whose_times_are_no_numbers_is_read(tmp_path):
         meter.add(frame, "TPDO", 1)
         json.dumps(plain.plain(Decoder().feed(frame)), allow_nan=False)
     assert meter.total.frames == 3
+
+
+@pytest.mark.parametrize("error", [ValueError, OverflowError, OSError])
+def test_a_date_that_this_computer_cannot_count_is_no_time(monkeypatch, error):
+    class Calendar:
+        @staticmethod
+        def fromisoformat(_: str) -> None:
+            raise error
+
+    monkeypatch.setattr(candump, "datetime", Calendar)
+    frame = candump.parse("  (0001-01-01 00:00:00.000000)  can0  123   [1]  11")
+    assert frame is not None
+    assert (frame.time, frame.data) == (0.0, b"\x11")
