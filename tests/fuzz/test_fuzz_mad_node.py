@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 import threading
 import time
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ import fuzz_frames as fuzz
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from story_bus import Line, turning, until
+from story_bus import Line, enable, turning, until
 
 from axisbus.cia301.drops import Fault
 from axisbus.errors import AxisbusError
@@ -159,6 +160,68 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
             assert about_y(close(machine))
         assert not any(thread.name.startswith("axisbus") for thread in threading.enumerate())
         assert not cell.was_energised("x")
+
+
+class Spoiled:
+    """Has a stand-in send some of its frames spoiled: cut, with other bits, twice, or not at all."""
+
+    def __init__(self, cell: Line, seed: int, share: float) -> None:
+        self.spoiled = 0
+        self._dice = random.Random(seed)
+        self._share = share
+        (slave,) = [node.slave for node in cell.stand_ins.nodes if node.slave.device.node_id == MAD]
+        self._take = slave.take_frames
+        slave.take_frames = self.take  # type: ignore[method-assign]
+
+    def take(self) -> list[tuple[int, bytes]]:
+        return [each for frame in self._take() for each in self._spoil(*frame)]
+
+    def _spoil(self, can_id: int, data: bytes) -> list[tuple[int, bytes]]:
+        dice = self._dice
+        if dice.random() > self._share:
+            return [(can_id, data)]
+        self.spoiled += 1
+        if not data:
+            return []
+        at, value = dice.randrange(len(data)), dice.randrange(256)
+        ways = {
+            "lost": [],
+            "twice": [(can_id, data)] * 2,
+            "cut": [(can_id, data[:at])],
+            "byte": [(can_id, data[:at] + bytes([value]) + data[at + 1 :])],
+            "bit": [(can_id, data[:at] + bytes([data[at] ^ 1 << value % 8]) + data[at + 1 :])],
+            "command": [(can_id, bytes([value]) + data[1:])],
+        }
+        return ways[dice.choice(sorted(ways))]
+
+
+@given(st.integers(0, 1 << 30), st.sampled_from([0.02, 0.1, 0.5]))
+@SOME
+@pytest.mark.timeout(120)
+def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobody(tmp_path, seed, share):
+    with line(tmp_path) as cell, fuzz.within(80):
+        spoiled = Spoiled(cell, seed, share)
+        machine, errors = None, []
+        try:
+            machine = cell.open()
+        except* AxisbusError as group:
+            errors += group.exceptions
+        assert spoiled.spoiled
+        if machine is None:
+            assert errors
+            assert about_y(errors), errors
+            return
+        try:
+            enable(machine["x"])
+            machine["x"].move_velocity(90.0).wait(10)
+            before = spoiled.spoiled
+            until(lambda: spoiled.spoiled > before + 5, 20)
+            assert machine.scan.failure is None
+            assert machine["x"].error is None, machine["x"].error
+            cell.must_move("x")
+        finally:
+            assert about_y(close(machine))
+        cell.must_stand("x", stages=(0, 1, 2, 3))
 
 
 def test_what_a_mad_node_sends_is_counted_and_told_once_in_a_second(tmp_path):
