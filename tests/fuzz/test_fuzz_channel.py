@@ -25,13 +25,14 @@ from axisbus.bus.sdo import SdoClient
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer
 from axisbus.bus.tpdo import TpdoSlot
+from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.drops import Drops, Fault, words
 from axisbus.cia301.emcy import explain
 from axisbus.cia301.lss_dialogue import Timing
 from axisbus.cia301.mastersigns import Cast
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import MappedObject, Pdo
-from axisbus.errors import AxisbusError, EdsError
+from axisbus.errors import AxisbusError, EdsError, SdoError
 
 ID = fuzz.NODE
 MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))
@@ -205,6 +206,15 @@ def test_a_client_ends_whatever_the_server_says_and_the_next_call_is_a_new_one(s
                 assert str(fuzz.outcome(act)) is not None
         fake.peers[:] = [Slave(ID)]
         assert sdo.upload(0x1001, tries=3, timeout=1.0) == b"\0"
+
+
+def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_counts():
+    with opened() as (fake, channel), Node(channel, ID) as node:
+        fake.peers.append(Slave(ID, {(0x1018, 1): b"x" * 300}))
+        with pytest.raises(SdoError, match="300 bytes were announced, 256 are taken at most"):
+            node.sdo.read(0x1018, 1)
+        assert node.sdo.read(0x1018, 1, data_type=DataType.VISIBLE_STRING) == "x" * 300
+        assert node.sdo.upload(0x1018, 1, most=300) == b"x" * 300
 
 
 def test_answers_that_come_while_nothing_is_asked_are_counted_and_not_kept():

@@ -85,14 +85,14 @@ class SdoClient:
         call: Call | None = None,
         way: Way = Way.AUTO,
         progress: Progress | None = None,
+        most: int | None = None,
     ) -> bytes:
         """Read an object's bytes (CiA 301 7.2.4.3.5, in blocks 7.2.4.3.12); blocks.
 
         ``timeout`` (seconds) and ``tries`` replace the client's own. ``call`` is a handle made before, by which to ``cancel`` it.
         ``way`` AUTO goes over to blocks where the server announces 256 bytes or more. ``progress(done, all)`` is called in this
         thread with the bytes that have come and the bytes announced (None: they were not); it starts again with each attempt.
-        Of a server that goes on sending, no more is taken than an object can have: 256 bytes of a number, 64 KiB of a text, else
-        16 MiB.
+        Of a server that goes on sending, ``most`` bytes are taken; None: 256 of a number, 64 KiB of a text, else 16 MiB.
 
         Raises:
             SdoAbort: the server refused.
@@ -102,7 +102,8 @@ class SdoClient:
             AdapterError: the channel failed.
             StateError: called in the receive thread.
         """
-        most = _most(self.dictionary.entry(index, subindex).data_type)
+        if most is None:
+            most = _most(self.dictionary.entry(index, subindex).data_type)
         request = Request(index, subindex, None, timeout or self.timeout, tries or self.tries, way, most)
         return self._run(request, call, progress)
 
@@ -193,8 +194,8 @@ class SdoClient:
             others as ``upload``.
         """
         entry = self.dictionary.resolve(key, subindex)
-        data = self.upload(entry.index, entry.subindex, call=call)
         known = data_type or entry.data_type
+        data = self.upload(entry.index, entry.subindex, call=call, most=_most(known))
         if known is not None:
             return decode(data, known)
         return int.from_bytes(data, "little") if len(data) in (1, 2, 3, 4, 8) else data
