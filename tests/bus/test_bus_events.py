@@ -97,3 +97,20 @@ def test_a_node_is_asked_once_by_guarding(node: Node, slave: Slave, channel: Cha
     slave.answers_guarding, slave.nmt_state = True, 4
     assert guarding_answer(channel, node.nmt, 2.0) is NmtState.STOPPED
     assert not node.nmt.has_heartbeat
+
+
+def test_a_node_that_goes_mad_is_told_once_a_second_with_how_often(node: Node, fake: FakeBus) -> None:
+    heard = hear(fake, node, "05")
+    events = NodeEvents(node.nmt)
+    every = []
+    events.on_event = every.append
+    for look in range(250):  # a scan of 10 ms, and a state that changes in each
+        hear(fake, node, "7f" if look % 2 == 0 else "05")
+        events.look(heard + 0.01 * look)
+    assert len(every) == 250
+    told = [event.kind.name for event in events.history]
+    assert told.count("STATE") == told.count("OPERATIONAL") == 3
+    assert sum(event.times for event in events.events) == 250
+    assert "100 times" not in str(events.history[0])
+    assert " times; " in str(events.history[-1])
+    assert [event.stamp for event in events.events] == sorted(event.stamp for event in events.events)

@@ -181,3 +181,20 @@ def test_a_recording_without_times_has_no_load(axisbus):
     code, _, err = axisbus("load", "-", "-b", "500000", stdin="  can0  705   [1]  05\n")
     assert code == 1
     assert "too short" in err
+
+
+def test_what_was_against_the_protocol_is_summed_up_at_the_end(axisbus, tmp_path):
+    path = tmp_path / "odd.log"
+    path.write_text("(1.0) can0 182#37\n(1.1) can0 182#37\n(1.2) can0 182#\n(1.3) can0 085#204308\n")
+    code, _, err = axisbus("trace", path, "--cell", kit.CELL, "--filter", "kind=sync")
+    assert code == 0
+    assert "against the protocol: 1 EMCY (node 5), 3 TPDO (node 2)" in err
+
+
+def test_the_load_of_a_recording_says_which_lines_are_no_frames(axisbus, tmp_path):
+    path = tmp_path / "odd.log"
+    path.write_text("(1.0) can0 182#37\nnoise\n(1.1) can0 182#37\n")
+    code, out, _ = axisbus("load", path, "-b", "1000000")
+    assert code == 0
+    assert "1 lines are no frames, the first is 2: noise" in out
+    assert json.loads(axisbus("load", path, "-b", "1000000", "--json").out)["measured"]["lines_skipped"] == 1

@@ -79,6 +79,20 @@ def test_the_newest_of_a_pdo_replaces_the_one_before() -> None:
 def test_news_that_are_too_many_are_counted() -> None:
     overview = heard(*(Frame(0.01 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(70)))
     told = monitor_listen.lines(overview, 70.0, 1001.0)
-    assert sum("EMCY" in line for line in told) == 50
-    assert "20 earlier ones are not shown" in told[-1]
+    assert sum("EMCY" in line for line in told) == 5
+    assert "65 more are not shown" in told[-1]
     assert not any("not shown" in line for line in monitor_listen.lines(overview, 0.0, 1002.0))
+
+
+def test_a_node_that_goes_mad_does_not_hide_what_another_says() -> None:
+    storm = [Frame(0.001 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(500)]
+    overview = heard(Frame(0.0, 0x702, b"\0"), *storm)
+    told = monitor_listen.lines(overview, 500.0, 1001.0)
+    assert any("!! 2 boot-up" in line for line in told) or any("2 y boot-up" in line for line in told)
+
+
+def test_what_was_against_the_protocol_is_counted_by_service_and_node() -> None:
+    short, emcy = Frame(0.0, 0x181, b"\x37"), Frame(0.1, 0x085, b"\x20\x43\x08")
+    overview = heard(short, short, short, emcy)
+    assert overview.tally.words() == "against the protocol: 1 EMCY (node 5), 3 TPDO (node 1)"
+    assert overview.tally.plain()[1] == {"kind": "TPDO", "node": 1, "count": 3}

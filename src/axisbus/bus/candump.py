@@ -9,14 +9,15 @@ from axisbus.cia301.frame import Frame
 
 _ERROR_FLAG = 0x2000_0000  # CAN_ERR_FLAG of linux/can.h, in the identifier of an error frame
 _MASK = 0x1FFF_FFFF
+_STANDARD = 0x7FF
 
 # (1436509052.249713) vcan0 044#2A366C2BBA    also with a flag R or T, or more, behind it
 _LOG = re.compile(
-    r"\((?P<time>\d+\.\d+)\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<data>R\d?|[0-9A-Fa-f.]*)(?:\s.*)?"
+    r"\((?P<time>\d{1,20}\.\d{1,20})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?P<data>R\d?|[0-9A-Fa-f.]*)(?:\s.*)?"
 )
 #  (1436509052.249713)  vcan0  RX - -  123   [3]  11 22 33    time, direction and flags may be missing
 _SCREEN = re.compile(
-    r"\s*(?:\((?P<time>[\d.]+|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?\S+\s+(?:(?:RX|TX)\s+[-B]\s+[-E]\s+)?"
+    r"\s*(?:\((?P<time>[\d.]{1,40}|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?\S+\s+(?:(?:RX|TX)\s+[-B]\s+[-E]\s+)?"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<count>\d)\]\s*"
     r"(?P<data>remote request|ERRORFRAME|(?:[0-9A-Fa-f]{2}(?:\s|$)\s*)*)"
     r"(?P<rest>.*)"
@@ -30,7 +31,7 @@ def parse(line: str) -> Frame | None:
     """
     found = _LOG.fullmatch(line.strip())
     if found is not None:
-        return _frame(found["id"], found["data"].replace(".", ""), float(found["time"]))
+        return _frame(found["id"], found["data"].replace(".", ""), _time(found["time"]))
     found = _SCREEN.fullmatch(line.rstrip())
     return None if found is None else _of_screen(found)
 
@@ -52,7 +53,7 @@ def _time(text: str | None) -> float:
         return 0.0
     try:
         return float(text) if "-" not in text else datetime.fromisoformat(text).timestamp()
-    except ValueError:
+    except (ValueError, OverflowError, OSError):  # the last on Windows, before 1970
         return 0.0
 
 
@@ -60,6 +61,8 @@ def _frame(identifier: str, digits: str, time: float, error: bool = False) -> Fr
     number = int(identifier, 16)
     remote = digits[:1] == "R"
     if not remote and (len(digits) % 2 or len(digits) > 16):
+        return None
+    if len(identifier) == 3 and number > _STANDARD:
         return None
     data = b"" if remote else bytes.fromhex(digits)
     error = error or bool(number & _ERROR_FLAG and len(identifier) == 8)

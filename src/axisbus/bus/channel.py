@@ -39,6 +39,8 @@ from axisbus.bus.errorframe import Condition
 from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.network import Network
 from axisbus.bus.recording import of_message
+from axisbus.cia301 import cob
+from axisbus.cia301.drops import Drops, Fault
 from axisbus.cia301.frame import Frame
 from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
@@ -58,6 +60,7 @@ STUCK = (
 STUCK_SLICE = 0.02  # seconds; one that takes much longer shows that this program does not run
 STARVED = 10.0  # seconds that the other thread is given where neither runs
 
+_DATA = 8  # bytes of a classic frame
 _LINK_GONE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EBADF})
 
 
@@ -83,6 +86,7 @@ class Channel:
         self.bus = bus
         self.name = name
         self.counters = Counters()
+        self.drops = Drops()
         self.on_failure: list[Callable[[BusError], None]] = []
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
@@ -354,10 +358,13 @@ class Channel:
             return
         if self._ears:
             self._overhear(message, stamp)
-        if message.is_remote_frame:
+        can_id = message.arbitration_id
+        unfit = _unfit(message)
+        if unfit is not None:
+            if can_id in self._receivers:
+                self.drops.frame(unfit, can_id, stamp, bytes(message.data))
             return
         self.counters.received += 1
-        can_id = message.arbitration_id
         receivers = self._receivers.get(can_id)
         if receivers is not None:
             data = bytes(message.data)
@@ -370,6 +377,8 @@ class Channel:
                 bytes(message.data),
                 stamp,
             )
+        elif receivers is None:
+            self.drops.unheard(can_id, stamp, bytes(message.data))
 
     def _overhear(self, message: can.Message, stamp: float) -> None:
         frame = of_message(message)._replace(time=stamp)
@@ -432,6 +441,17 @@ def require_other_thread(channel: Channel, what: str) -> None:
             f"{what} was called in the receive thread of {channel.name}, which would have to bring the answer",
             remedy="have the receiver store what came, and call this from another thread",
         )
+
+
+def _unfit(message: can.Message) -> Fault | None:
+    """Why a frame is none of CANopen's data frames, whatever its identifier; None where it is one."""
+    if message.is_remote_frame:
+        return Fault.REMOTE
+    if message.is_fd or len(message.data) > _DATA:
+        return Fault.FD
+    if message.is_extended_id and message.arbitration_id <= cob.ID_MASK_11:
+        return Fault.EXTENDED
+    return None
 
 
 def _frame(can_id: int, data: bytes) -> can.Message:

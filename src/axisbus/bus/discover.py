@@ -31,7 +31,7 @@ _DETAIL_TRIES = 2
 _DETAIL_TOTAL = 1.2
 _THREADS = 8
 _SEND_PATIENCE = 0.05
-_EXPEDITED_4 = b"\x43"
+_DEVICE_TYPE = b"\x43" + o.DEVICE_TYPE.to_bytes(2, "little") + b"\0"  # an answer with its four bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,8 @@ class _Ears:
 
     def device_type(self, node_id: int) -> int | None:
         answer = self.answers.get(node_id, b"")
-        return int.from_bytes(answer[4:8], "little") if answer[:1] == _EXPEDITED_4 else None
+        whole = len(answer) == 8 and answer[:4] == _DEVICE_TYPE
+        return int.from_bytes(answer[4:], "little") if whole else None
 
     def ask(self, ids: Iterable[int]) -> None:
         request = bytes((0x40, o.DEVICE_TYPE & 0xFF, o.DEVICE_TYPE >> 8, 0, 0, 0, 0, 0))
@@ -115,7 +116,8 @@ class _Ears:
 
     def _answer_of(self, node_id: int) -> Receiver:
         def receive(data: bytes, _: float) -> None:
-            self.answers[node_id] = data
+            if data[:4] == _DEVICE_TYPE or node_id not in self.answers:
+                self.answers[node_id] = data
 
         return receive
 

@@ -6,12 +6,13 @@ from collections import deque
 
 from axisbus.bus.channel import Channel
 from axisbus.cia301 import cob
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.emcy import Emcy, parse
 from axisbus.cia301.incident import EmcyLog
+from axisbus.cia301.nmt import is_boot_up
 
 FEED = 64
 _SHORTEST = 2  # bytes: the error code
-_BOOT_UP = b"\0"
 
 
 class EmcyFeed:
@@ -71,12 +72,13 @@ class EmcyMonitor(EmcyLog):
         self._channel.unsubscribe(cob.HEARTBEAT + self._node_id, self._on_heartbeat)
 
     def _on_heartbeat(self, data: bytes, stamp: float) -> None:
-        if data == _BOOT_UP:
+        if is_boot_up(data):
             self.incidents.booted(stamp)
 
     def _on_frame(self, data: bytes, stamp: float) -> None:
         if len(data) < _SHORTEST:
             self.malformed += 1
+            self._channel.drops.note(Fault.EMCY, self._node_id, stamp, self._cob_id, data)
             return
         emcy = parse(data, stamp)
         self.note(emcy)

@@ -20,6 +20,7 @@ from axisbus.errors import EdsError, SdoAbort
 
 STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
 _PLAIN, _ZIPPED = 0, 1
+_LONGEST = 1 << 25  # bytes of an unpacked EDS; real ones have some hundred thousand
 _GONE = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
 _PDO_RANGES = ((0x1400, 16), (0x1600, 16), (0x1800, 16), (0x1A00, 16))
 _KINDS = {"VAR": ObjectType.VAR, "ARRAY": ObjectType.ARRAY, "RECORD": ObjectType.RECORD}
@@ -37,7 +38,7 @@ def stored_eds(sdo: SdoClient, progress: Progress | None = None) -> bytes | None
     ``progress(done, all)`` counts its bytes.
 
     Raises:
-        EdsError: it is stored in a format that is not known (1022h).
+        EdsError: it is stored in a format that is not known (1022h), or is damaged.
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
     try:
@@ -48,10 +49,30 @@ def stored_eds(sdo: SdoClient, progress: Progress | None = None) -> bytes | None
     if kind == _PLAIN:
         return data
     if kind == _ZIPPED:
-        return zlib.decompress(data)
+        return _unpacked(sdo.node_id, data)
     raise EdsError(
         f"node {sdo.node_id} stores its EDS in a format of its own",
         observed=f"1022h (store format) is {kind}; 0 is plain text",
+        remedy="take the EDS from the maker, or make a skeleton with --skeleton",
+    )
+
+
+def _unpacked(node_id: int, data: bytes) -> bytes:
+    reader = zlib.decompressobj()
+    try:
+        text = reader.decompress(data, _LONGEST)
+    except zlib.error as error:
+        raise _damaged(node_id, len(data), str(error)) from error
+    if reader.eof:
+        return text
+    seen = f"more than {_LONGEST} bytes of text" if reader.unconsumed_tail else "its end is missing"
+    raise _damaged(node_id, len(data), seen)
+
+
+def _damaged(node_id: int, size: int, observed: str) -> EdsError:
+    return EdsError(
+        f"node {node_id} stores an EDS that cannot be unpacked",
+        observed=f"{size} bytes in 1021h, compressed by its 1022h: {observed}",
         remedy="take the EDS from the maker, or make a skeleton with --skeleton",
     )
 

@@ -23,6 +23,10 @@ class Inbox(Generic[T]):
         self._items: deque[T] = deque()
         self._arrived = threading.Condition()
 
+    def __len__(self) -> int:
+        """How many items nobody has taken yet."""
+        return len(self._items)
+
     def put(self, item: T) -> None:
         """Add an item, and wake one who waits; does not block."""
         with self._arrived:

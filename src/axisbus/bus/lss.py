@@ -22,6 +22,7 @@ from axisbus.bus.inbox import Inbox
 from axisbus.bus.nmt import NodeMonitor
 from axisbus.bus.operation import signs_of_operation
 from axisbus.cia301 import cob, lss_master
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.lss import (
     UNCONFIGURED,
     LssAddress,
@@ -75,6 +76,7 @@ class LssMaster:
         self._on_progress = on_progress
         self._quiet = beside_operation
         self._inbox: Inbox[tuple[bytes, float]] = Inbox()
+        self._next: tuple[bytes, float] | None = None  # taken from the inbox, and not looked at yet
         self._asked = (0, 0.0)  # the last service that has an answer, and when it was sent
 
     # -- what it does -------------------------------------------------------------------------------------------------------------
@@ -225,7 +227,8 @@ class LssMaster:
 
     def _exchange(self, ask: Ask) -> Heard:
         late: list[float] = []
-        while (item := self._take(0.0)) is not None:
+        before = time.monotonic()
+        while (item := self._take(before)) is not None:
             self._note_late(item, late)
         sent = time.monotonic()
         self._channel.send(cob.LSS_RX, ask.frame, _SEND_PATIENCE)
@@ -238,25 +241,38 @@ class LssMaster:
             elif data[:1] == bytes((ask.expects,)):
                 until = until if answers else stamp + ask.settle
                 answers.append(Answer(data, stamp - sent))
+            else:
+                self._drop(item)
         if ask.expects is not None:
             self._asked = ask.expects, sent
         return Heard(tuple(answers), tuple(late))
 
     def _note_late(self, item: tuple[bytes, float], late: list[float]) -> None:
         """Take the delay of an answer to the last request that has one; what else comes says nothing."""
+        self._drop(item)
         data, stamp = item
         expected, sent = self._asked
         if data[:1] == bytes((expected,)):
             late.append(stamp - sent)
 
+    def _drop(self, item: tuple[bytes, float]) -> None:
+        data, stamp = item
+        self._channel.drops.note(Fault.LSS, None, stamp, cob.LSS_TX, data)
+
     def _take(self, until: float) -> tuple[bytes, float] | None:
-        """Return the next frame, None when there is none by the time ``until``; a frame that is there is taken even then."""
+        """Return the next frame that came by the time ``until``, None when there is none; one that waits is taken even then.
+
+        What came later stays where it is, so that a slave that talks without a pause ends no wait late.
+        """
         while True:
             self._channel.check()
             now = time.monotonic()
-            item = self._inbox.take(min(until, now + _SLICE))
-            if item is not None or now >= until:
+            item = self._next = self._next or self._inbox.take(min(until, now + _SLICE))
+            if item is not None and item[1] <= until:
+                self._next = None
                 return item
+            if item is not None or now >= until:
+                return None
 
     def _receive(self, data: bytes, stamp: float) -> None:
         self._inbox.put((data, stamp))

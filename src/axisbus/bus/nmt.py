@@ -16,14 +16,14 @@ from enum import Enum
 
 from axisbus.bus.channel import Channel, require_other_thread
 from axisbus.cia301 import cob
-from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.cia301.drops import Fault
+from axisbus.cia301.nmt import RESULT, TOGGLE_BIT, NmtCommand, NmtState, is_boot_up
 from axisbus.errors import BusOff, NodeTimeout
 
 CONFIRM_TIMEOUT = 2.0  # longer than the usual heartbeat of 1 s
 _GUARD_WAIT = 0.1
 _CHANCES = 3  # times that a command is sent
 _GUARD_TRIES = 2
-_TOGGLE_BIT = 0x80
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 
@@ -170,12 +170,14 @@ class NodeMonitor:
 
     def _on_report(self, data: bytes, stamp: float) -> None:
         if not data:
+            self._drop(Fault.HEARTBEAT, data, stamp)
             return
-        value = data[0] & ~_TOGGLE_BIT
+        value = data[0] & ~TOGGLE_BIT
         with self._changed:
             if self._is_stale(data[0]):
+                self._drop(Fault.TOGGLE, data, stamp)
                 return
-            if value == NmtState.INITIALISING:  # boot-up; the node then enters pre-operational by itself
+            if is_boot_up(data):  # boot-up; the node then enters pre-operational by itself
                 self.bootups += 1
                 self.bootup_stamp = stamp
                 self._heartbeats = 0
@@ -186,12 +188,15 @@ class NodeMonitor:
             self.reports += 1
             self._changed.notify_all()
 
+    def _drop(self, fault: Fault, data: bytes, stamp: float) -> None:
+        self._channel.drops.note(fault, self.node_id, stamp, cob.HEARTBEAT + self.node_id, data)
+
     def _is_stale(self, value: int) -> bool:
         """An answer to guarding whose toggle bit has not changed counts as not received (CiA 301 7.2.8.3.2.1)."""
         if value == NmtState.INITIALISING or not self.asking:
             self._toggle = None
             return False
-        toggle = value & _TOGGLE_BIT
+        toggle = value & TOGGLE_BIT
         if toggle == self._toggle:
             self.toggle_errors += 1
             return True

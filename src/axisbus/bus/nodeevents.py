@@ -6,15 +6,17 @@ stop already, so that ``reaction`` is the time from when the event could be know
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol
 
 from axisbus.cia301.nmt import NmtState
 
 _KEPT = 256
+EVERY = 1.0  # seconds between two events of the same kind in the history
 _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
 
 
@@ -37,7 +39,8 @@ class NodeEvent:
     """One event: ``stamp`` in seconds of the monotonic clock; ``silent`` and ``reaction`` in seconds.
 
     ``silent`` is how long nothing had been heard of the node, ``reaction`` the time from when the event could be known (the
-    deadline of a heartbeat, the reception of a message) until the scan acted.
+    deadline of a heartbeat, the reception of a message) until the scan acted. ``times`` is how often it has happened since the last
+    event of its kind: a node that goes mad is told once in ``EVERY`` seconds for each kind, with the newest of them.
     """
 
     node: int
@@ -46,10 +49,12 @@ class NodeEvent:
     state: NmtState
     silent: float
     reaction: float
+    times: int = 1
 
     def __str__(self) -> str:
+        often = f"{self.times} times; " if self.times > 1 else ""
         return (
-            f"node {self.node} {self.kind.value} ({self.state.text}, heard {self.silent * 1000:.0f} ms ago; "
+            f"node {self.node} {self.kind.value} ({often}{self.state.text}, heard {self.silent * 1000:.0f} ms ago; "
             f"noticed within {self.reaction * 1000:.1f} ms)"
         )
 
@@ -91,13 +96,19 @@ class NodeEvents:
     def __init__(self, monitor: Monitored) -> None:
         """Begin with the node as it is now."""
         self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
-        self.on_event: Callable[[NodeEvent], None] | None = (
-            None  # called in the scan's thread; must not block
-        )
+        # Called in the scan's thread, with every single event; must not block.
+        self.on_event: Callable[[NodeEvent], None] | None = None
         self._monitor = monitor
         self._bootups = monitor.bootups
         self._operational = monitor.state is NmtState.OPERATIONAL
         self._lost = False
+        self._told: dict[NodeEventKind, float] = {}  # when each kind was told last
+        self._held: dict[NodeEventKind, NodeEvent] = {}  # what waits until it may be told again
+
+    @property
+    def events(self) -> list[NodeEvent]:
+        """The history and what waits to get into it, in the order of time; may be read in any thread."""
+        return sorted([*self.history, *list(self._held.values())], key=lambda event: event.stamp)
 
     def look(self, now: float) -> None:
         """Note what has changed since the last look; does not block. Belongs to the scan's thread."""
@@ -114,6 +125,8 @@ class NodeEvents:
         if monitor.overdue(now) is not self._lost:
             self._lost = not self._lost
             self._note_loss(now)
+        if self._held:
+            self._tell_held(now)
 
     def _note_loss(self, now: float) -> None:
         if self._lost:
@@ -125,6 +138,19 @@ class NodeEvents:
         monitor = self._monitor
         silent = max(0.0, now - monitor.stamp) if monitor.stamp is not None else 0.0
         event = NodeEvent(monitor.node_id, kind, now, monitor.state, silent, max(0.0, now - since))
-        self.history.append(event)
+        self._tell(event)
         if self.on_event is not None:
             self.on_event(event)
+
+    def _tell(self, event: NodeEvent) -> None:
+        held = self._held.get(event.kind)
+        if held is None and event.stamp - self._told.get(event.kind, -math.inf) >= EVERY:
+            self._told[event.kind] = event.stamp
+            self.history.append(event)
+        else:
+            self._held[event.kind] = replace(event, times=1 if held is None else held.times + 1)
+
+    def _tell_held(self, now: float) -> None:
+        for kind in [kind for kind in self._held if now - self._told[kind] >= EVERY]:
+            self._told[kind] = now
+            self.history.append(self._held.pop(kind))

@@ -6,6 +6,7 @@ import math
 from collections import deque
 
 from axisbus.bus import edge, freshness
+from axisbus.bus.channel import Receiver
 from axisbus.bus.deadline import Deadline, Deadlines
 from axisbus.bus.edge import CONTROLWORD
 from axisbus.bus.mapping import axis_index
@@ -19,6 +20,7 @@ from axisbus.bus.sdo_output import SdoOutputs, is_motion
 from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.bus.worker import Job
 from axisbus.cia301 import abort, cob
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import (
@@ -72,7 +74,7 @@ class CanPort:
         self._bootups = node.nmt.bootups
         self._samples: dict[str, Sample] = {}
         received = [pdo for pdo in plan.active if not pdo.receive]
-        self._slots = [TpdoSlot(pdo) for pdo in received]
+        self._slots = [TpdoSlot(pdo, self._dropping(pdo.target.cob_id)) for pdo in received]
         self._deadlines = Deadlines(
             [
                 Deadline(node.node_id, pdo.name, pdo.target.cob_id, freshness.pdo_age(pdo, scan_period))
@@ -225,6 +227,10 @@ class CanPort:
     def short_frames(self) -> int:
         """How many TPDO frames came with less data than their mapping."""
         return sum(slot.short for slot in self._slots)
+
+    def _dropping(self, cob_id: int) -> Receiver:
+        drops, node_id = self.node.channel.drops, self.node.node_id
+        return lambda data, stamp: drops.note(Fault.SHORT_PDO, node_id, stamp, cob_id, data)
 
     # -- details ------------------------------------------------------------------------------------------------------------------
 

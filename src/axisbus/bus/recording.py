@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -61,7 +62,7 @@ def lines(source: Iterable[str], skipped: Skipped) -> Iterator[Frame]:
 def of_message(message: can.Message) -> Frame:
     """Return python-can's message as a frame."""
     return Frame(
-        message.timestamp,
+        message.timestamp if math.isfinite(message.timestamp) else 0.0,
         message.arbitration_id,
         b"" if message.is_remote_frame else bytes(message.data),
         message.is_extended_id and not message.is_error_frame,

@@ -19,7 +19,7 @@ from axisbus.bus.channel import Channel, require_other_thread
 from axisbus.bus.sdo_transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo_value import checked_bytes
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
-from axisbus.cia301.sdo import Way
+from axisbus.cia301.sdo import LONGEST, Way
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
@@ -29,6 +29,15 @@ TIMEOUT = 0.5
 TRIES = 3
 URGENT_LOCK = 0.2  # seconds that an urgent write waits for the running transfer to give way
 _URGENT_TURN = 0.01
+_NUMBER, _TEXT = 256, 1 << 16  # bytes that are taken of an object of such a type
+_TEXTS = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
+
+
+def _most(data_type: DataType | None) -> int:
+    """How many bytes of an object are worth taking: a device may send more than its type has, but not without end."""
+    if data_type is not None and data_type.bits is not None:
+        return _NUMBER
+    return _TEXT if data_type in _TEXTS else LONGEST
 
 
 class SdoClient:
@@ -76,12 +85,14 @@ class SdoClient:
         call: Call | None = None,
         way: Way = Way.AUTO,
         progress: Progress | None = None,
+        most: int | None = None,
     ) -> bytes:
         """Read an object's bytes (CiA 301 7.2.4.3.5, in blocks 7.2.4.3.12); blocks.
 
         ``timeout`` (seconds) and ``tries`` replace the client's own. ``call`` is a handle made before, by which to ``cancel`` it.
         ``way`` AUTO goes over to blocks where the server announces 256 bytes or more. ``progress(done, all)`` is called in this
         thread with the bytes that have come and the bytes announced (None: they were not); it starts again with each attempt.
+        Of a server that goes on sending, ``most`` bytes are taken; None: 256 of a number, 64 KiB of a text, else 16 MiB.
 
         Raises:
             SdoAbort: the server refused.
@@ -91,7 +102,9 @@ class SdoClient:
             AdapterError: the channel failed.
             StateError: called in the receive thread.
         """
-        request = Request(index, subindex, None, timeout or self.timeout, tries or self.tries, way)
+        if most is None:
+            most = _most(self.dictionary.entry(index, subindex).data_type)
+        request = Request(index, subindex, None, timeout or self.timeout, tries or self.tries, way, most)
         return self._run(request, call, progress)
 
     def download(
@@ -181,8 +194,8 @@ class SdoClient:
             others as ``upload``.
         """
         entry = self.dictionary.resolve(key, subindex)
-        data = self.upload(entry.index, entry.subindex, call=call)
         known = data_type or entry.data_type
+        data = self.upload(entry.index, entry.subindex, call=call, most=_most(known))
         if known is not None:
             return decode(data, known)
         return int.from_bytes(data, "little") if len(data) in (1, 2, 3, 4, 8) else data

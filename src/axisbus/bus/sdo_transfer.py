@@ -17,6 +17,7 @@ from collections.abc import Callable
 from axisbus.bus.channel import Channel
 from axisbus.bus.inbox import Inbox
 from axisbus.cia301 import cob
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.sdo import Frames
 from axisbus.cia301.sdo_session import Session
 
@@ -48,6 +49,8 @@ class Line:
         self.request_id = cob.SDO_RX + node_id if request_id is None else request_id
         self.answer_id = cob.SDO_TX + node_id if answer_id is None else answer_id
         self.inbox: Inbox[bytes] = Inbox()
+        self._node_id = node_id
+        self._talking = 0  # sessions that take answers
         channel.subscribe(self.answer_id, self._on_answer)
         channel.on_failure.append(self._on_failure)
 
@@ -59,10 +62,21 @@ class Line:
         """Return the next frame, ``WAKE``, or None after ``patience`` seconds."""
         return self.inbox.take(time.monotonic() + patience)
 
-    def empty(self) -> None:
-        """Drop what came while no transfer ran."""
-        while self.receive(0.0) is not None:
-            pass
+    def open(self) -> None:
+        """Take answers from now on; what the transfer before has left is dropped."""
+        self._talking += 1
+        for _ in range(len(self.inbox)):
+            if frame := self.receive(0.0):
+                self.drop(frame)
+
+    def rest(self) -> None:
+        """Take no answers any more."""
+        self._talking -= 1
+
+    def drop(self, data: bytes, count: int = 1) -> None:
+        """Count answers that nothing was waiting for; ``data`` is that of the newest."""
+        drops, now = self.channel.drops, time.monotonic()
+        drops.note(Fault.SDO, self._node_id, now, self.answer_id, data, count)
 
     def wake(self) -> None:
         """Have a waiting transfer look whether it is still wanted."""
@@ -75,8 +89,10 @@ class Line:
             self.channel.on_failure.remove(self._on_failure)
 
     def _on_answer(self, data: bytes, _: float) -> None:
-        if data:
+        if data and self._talking:
             self.inbox.put(data)
+        else:
+            self.drop(data)
 
     def _on_failure(self, _: object) -> None:
         self.wake()
@@ -98,7 +114,7 @@ def carry_out(line: Line, call: Call, session: Session, progress: Progress | Non
     Raises:
         Cancelled, AdapterError.
     """
-    line.empty()
+    line.open()
     try:
         _converse(line, call, session, progress)
     except Cancelled:
@@ -108,6 +124,10 @@ def carry_out(line: Line, call: Call, session: Session, progress: Progress | Non
     except BaseException:
         session.give_up()  # so that it is known what may still be answered; nothing can be sent
         raise
+    finally:
+        line.rest()
+        if session.astray:
+            line.drop(session.strays[-1], session.astray)
 
 
 def _converse(line: Line, call: Call, session: Session, progress: Progress | None) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from axisbus.bus.channel import Channel
 from axisbus.cia301 import sync
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.sync import SyncWatch
 from axisbus.cia402.starvation import REMEDY, Starvation
 from axisbus.errors import BusError, SyncError
@@ -121,7 +122,10 @@ class SyncConsumer:
         if late > _SLICE / 2:
             self._starvation.note(self._clock(), late)
 
-    def _on_frame(self, _data: bytes, stamp: float) -> None:
+    def _on_frame(self, data: bytes, stamp: float) -> None:
+        if len(data) > sync.LONGEST:  # the counter, and no more (CiA 301 7.2.5)
+            self._channel.drops.note(Fault.SYNC, None, stamp, self.cob_id, data)
+            return
         with self._changed:
             self._stamps.append(stamp)
             del self._stamps[: -4 * sync.WINDOW]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from axisbus.bus.channel import Receiver
 from axisbus.bus.plan import PlannedPdo
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.port import Sample
@@ -17,15 +18,17 @@ class TpdoSlot:
     surplus of a longer one is ignored (CiA 301 7.2.2.5).
     """
 
-    __slots__ = ("_codec", "_latest", "_names", "_seen", "cob_id", "name", "request", "short")
+    __slots__ = ("_codec", "_drop", "_latest", "_names", "_seen", "cob_id", "name", "request", "short")
 
-    def __init__(self, pdo: PlannedPdo) -> None:
+    def __init__(self, pdo: PlannedPdo, drop: Receiver | None = None) -> None:
+        """``drop(data, stamp)`` is called with a frame that is too short."""
         self.name = pdo.name
         self.cob_id = pdo.target.cob_id
         self.request = pdo.request
         self.short = 0
         self._codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self._names = tuple((position, name) for position, name in enumerate(pdo.values) if name is not None)
+        self._drop = drop
         self._latest: tuple[bytes, float] | None = None
         self._seen: tuple[bytes, float] | None = None
 
@@ -44,6 +47,8 @@ class TpdoSlot:
         """Store a frame; called in the receive thread."""
         if len(data) < self._codec.size:
             self.short += 1
+            if self._drop is not None:
+                self._drop(data, stamp)
             return
         self._latest = (data, stamp)
 

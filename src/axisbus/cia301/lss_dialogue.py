@@ -17,12 +17,23 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
-from axisbus.cia301.lss import ANSWERS, LssAddress, Service, State, refusal, switch_global, switch_selective
+from axisbus.cia301.lss import (
+    ANSWERS,
+    INQUIRIES,
+    LssAddress,
+    Service,
+    State,
+    refusal,
+    switch_global,
+    switch_selective,
+)
 from axisbus.errors import ArgumentError, LssError, LssRefused, LssTimeout
 
 T = TypeVar("T")
 
 _MARGIN = 1.5  # on the slowest answer seen
+_RESULT = 3  # bytes of an answer with an error code and the maker's own; what is cut short tells none
+_NUMBERS = {**dict.fromkeys(INQUIRIES, 5), Service.INQUIRE_NODE_ID: 2}  # bytes of the others
 CONFIRM_WAIT = 0.5  # s for a confirmed service at its first try; costs only where nobody answers
 STORE_WAIT = 5.0  # s; some memories are erased first
 
@@ -111,9 +122,9 @@ class Pace:
 
     @property
     def settle(self) -> float:
-        """Seconds to go on listening after an answer."""
+        """Seconds to go on listening after an answer; no more than the ceiling, however long somebody goes on talking."""
         settled = max(self.timing.gap, _MARGIN * self._spread)
-        return settled if self._factor == 1.0 else max(settled, self.timeout)
+        return min(self.timing.ceiling, settled if self._factor == 1.0 else max(settled, self.timeout))
 
     def learn(self, heard: Heard) -> None:
         """Take note of how quick the slaves are."""
@@ -224,7 +235,10 @@ def confirmed(
     service = Service(frame[0])
     for attempt in range(pace.timing.tries):
         heard = yield from ask(pace, frame, max(wait, pace.timeout))
-        answers = [answer.data.ljust(8, b"\0") for answer in heard.answers]
+        whole = [
+            answer.data for answer in heard.answers if len(answer.data) >= _NUMBERS.get(service, _RESULT)
+        ]
+        answers = [data.ljust(8, b"\0") for data in whole]
         # At a later try the same answer again may be the late one to the try before.
         if len(set(answers)) > 1 or (len(answers) > 1 and not attempt and not many):
             raise _several(service, slave, answers)

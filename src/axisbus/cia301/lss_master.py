@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from axisbus.cia301 import lss
+from axisbus.cia301 import cob, lss
 from axisbus.cia301.lss import LssAddress, Service
 from axisbus.cia301.lss_dialogue import (
     CONFIRM_WAIT,
@@ -34,7 +34,7 @@ SHORTEST_DELAY = 0.01  # s; less leaves a slave no time to change over
 
 @dataclass(frozen=True, slots=True)
 class Inquired:
-    """What a slave says of itself; ``node_id`` is 255 where it has none, None where it does not tell."""
+    """What a slave says of itself; ``node_id`` is 255 where it has none, None where it does not tell, or tells what is none."""
 
     address: LssAddress
     node_id: int | None
@@ -84,7 +84,9 @@ def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
         answer = yield from confirmed(pace, lss.inquire(Service.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2)
     except LssTimeout:  # older slaves do not have this service
         return Inquired(found, None)
-    return Inquired(found, answer[1])
+    told = answer[1]
+    known = told in cob.NODE_IDS or told == lss.UNCONFIGURED
+    return Inquired(found, told if known else None)  # 0 would be everybody in the commands that follow
 
 
 def _own_address(pace: Pace) -> Dialogue[LssAddress]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+TOGGLE_BIT = 0x80  # of node guarding, in the byte that holds the state
+
 
 class NmtCommand(IntEnum):
     """Command specifier of the NMT message on COB-ID 0."""
@@ -37,6 +39,11 @@ class NmtState(IntEnum):
     def text(self) -> str:
         """The standard's word, such as ``pre-operational``."""
         return self.name.lower().replace("_", "-")
+
+
+def is_boot_up(data: bytes) -> bool:
+    """Whether an error control message is a boot-up: its first byte is 0 but for the toggle bit; the rest does not count."""
+    return bool(data) and not data[0] & ~TOGGLE_BIT
 
 
 RESULT = {

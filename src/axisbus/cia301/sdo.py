@@ -9,6 +9,7 @@ be told by ``abort``, which names the object.
 
 What the server may say next is a method, ``_on``: it returns the frames that follow, or None for a frame that does not fit. That
 one is a *stray*, the late answer to an earlier request or somebody else's; it is noted and does not prolong the waiting.
+A frame of less than 8 bytes fits where it has all the bytes that it speaks of; it is never filled up with what nobody has sent.
 """
 
 from __future__ import annotations
@@ -27,10 +28,12 @@ LARGEST_BLOCK = 127  # segments in a sub-block
 SEGMENT = 7  # bytes in a segment
 BLOCK_FROM = 256  # bytes from which a block transfer is worth its own frames
 FUTILE_BLOCKS = 8  # sub-blocks in a row of which not one segment arrived, after which we give up
+LONGEST = 1 << 24  # bytes that are taken in one transfer; a server that sends more has no end
 
 NO_BLOCK = frozenset(
     {codes.UNKNOWN_COMMAND, codes.TIMED_OUT}
 )  # answers to a block's initiation that hold for every object
+STRAYS = 64  # that are kept
 _NO_MULTIPLEXER = b"\0\0\0"
 _ROUNDING = 1e-9  # seconds; sums of floats do not meet the time-out exactly
 
@@ -69,6 +72,7 @@ class Dialogue:
     def __init__(self, index: int, subindex: int, timeout: float) -> None:
         """``timeout`` is for one answer, in seconds."""
         self.strays: list[bytes] = []
+        self.astray = 0  # how many there were
         self.done = False
         self.begun = False
         self.block_refused: int | None = (
@@ -79,6 +83,7 @@ class Dialogue:
         self._waited = 0.0
         self._on: _Handler = _nothing
         self._futile = 0
+        self._came = 8  # bytes of the frame at hand
 
     @property
     def remaining(self) -> float:
@@ -101,13 +106,16 @@ class Dialogue:
         Raises:
             NoAnswer, Refused, Garbled.
         """
+        self._came = len(frame)
         frame = frame.ljust(8, b"\0")
-        if frame[0] == ABORT and frame[1:4] in (self._multiplexer, _NO_MULTIPLEXER):
+        if frame[0] == ABORT and self._came >= 8 and frame[1:4] in (self._multiplexer, _NO_MULTIPLEXER):
             self._waited = 0.0
             return self._aborted(int.from_bytes(frame[4:8], "little"))
-        answer = self._on(frame) if frame[0] != ABORT else None
+        answer = self._on(frame) if frame[0] != ABORT and self._came else None
         if answer is None:
-            self.strays.append(frame)
+            self.astray += 1
+            self.strays.append(frame[: self._came])
+            del self.strays[:-STRAYS]
             return self.elapse(dt)
         self._waited = 0.0
         return answer
@@ -143,17 +151,19 @@ class Dialogue:
         return bytes([command]) + self._multiplexer + data.ljust(4, b"\0")
 
     def _is_ours(self, frame: bytes) -> bool:
-        return frame[1:4] == self._multiplexer
+        return self._came >= 4 and frame[1:4] == self._multiplexer
 
     def _end(self) -> None:
         self.done = True
         self._on = _nothing
 
-    def _count_futile(self, segments: int) -> None:
-        """Give up where sub-block after sub-block is sent in vain."""
-        self._futile = 0 if segments else self._futile + 1
+    def _count_futile(
+        self, progress: int, what: str = "blocks", why: str = "of which no segment arrived"
+    ) -> None:
+        """Give up where sub-block after sub-block, or segment after segment, is sent in vain."""
+        self._futile = 0 if progress else self._futile + 1
         if self._futile >= FUTILE_BLOCKS:
-            raise Garbled(f"{self._futile} blocks in a row of which no segment arrived", codes.WRONG_SEQUENCE)
+            raise Garbled(f"{self._futile} {what} in a row {why}", codes.WRONG_SEQUENCE)
 
 
 def checksum(data: bytes) -> int:

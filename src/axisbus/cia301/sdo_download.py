@@ -89,7 +89,7 @@ class Download(Dialogue):
         return (self._request(0xC6, len(self._data).to_bytes(4, "little")),)
 
     def _block_granted(self, frame: bytes) -> Frames | None:
-        if frame[0] & 0xE3 != 0xA0 or not self._is_ours(frame):
+        if frame[0] & 0xE3 != 0xA0 or not self._is_ours(frame) or self._came < 5:
             return None
         self._has_checksum = bool(frame[0] & 0x04)
         self._on = self._block_confirmed
@@ -108,7 +108,7 @@ class Download(Dialogue):
         )
 
     def _block_confirmed(self, frame: bytes) -> Frames | None:
-        if frame[0] & 0xE3 != 0xA2:
+        if frame[0] & 0xE3 != 0xA2 or self._came < 3:
             return None
         good = frame[1]
         if good > self._sent:

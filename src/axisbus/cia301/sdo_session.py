@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from axisbus.cia301 import abort as codes
 from axisbus.cia301.objects import DEVICE_TYPE, ERROR_REGISTER
-from axisbus.cia301.sdo import BLOCK_FROM, NO_BLOCK, Frames, Garbled, NoAnswer, Refused, Way
+from axisbus.cia301.sdo import BLOCK_FROM, LONGEST, NO_BLOCK, STRAYS, Frames, Garbled, NoAnswer, Refused, Way
 from axisbus.cia301.sdo_download import Download
 from axisbus.cia301.sdo_upload import Upload
 
@@ -33,11 +33,14 @@ BROKEN_DIALOGUE = frozenset(
         codes.WRONG_CHECKSUM,
     }
 )
-STRAYS = 64  # that are kept
+_BARRIER = 64  # bytes; 1000h has 4, 1001h has 1
 
 
 class Request(NamedTuple):
-    """What is asked for: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` counts whole transfers."""
+    """What is asked for: ``data`` None reads; ``timeout`` in seconds is for one answer, ``tries`` counts whole transfers.
+
+    ``most`` is how many bytes are taken from a server that is read.
+    """
 
     index: int  # type: ignore[assignment]  # hides tuple.index, which nobody wants here
     subindex: int
@@ -45,6 +48,7 @@ class Request(NamedTuple):
     timeout: float
     tries: int
     way: Way = Way.AUTO
+    most: int = LONGEST
 
 
 class Session:
@@ -68,6 +72,7 @@ class Session:
         self.data = b""
         self.failure: NoAnswer | Garbled | Refused | None = None
         self.strays: list[bytes] = []
+        self.astray = 0  # frames that fitted nothing; the newest are in ``strays``
         self._request = request
         self._urgent = urgent
         self._attempt = 0
@@ -99,6 +104,7 @@ class Session:
     def give_up(self) -> Frames:
         """End it because nobody wants it any more; return the abort, where there is anything to abort."""
         self.done = True
+        self._keep_strays()
         return self._abandoned(codes.GENERAL) if self._current.begun else ()
 
     @property
@@ -143,7 +149,7 @@ class Session:
         if self.late is None or (self._urgent and self._attempt == 0):
             return self._dialogue.start()
         index = ERROR_REGISTER if self.late == (DEVICE_TYPE, 0) else DEVICE_TYPE
-        self._barrier = Upload(index, 0, self._request.timeout)
+        self._barrier = Upload(index, 0, self._request.timeout, most=_BARRIER)
         return self._barrier.start()
 
     def _passed_barrier(self) -> Frames:
@@ -167,11 +173,13 @@ class Session:
     def _keep_strays(self) -> None:
         self.strays = (self.strays + self._current.strays)[-STRAYS:]
         self._current.strays.clear()
+        self.astray += self._current.astray
+        self._current.astray = 0
 
     def _made(self) -> Upload | Download:
         index, subindex, data, timeout = self._request[:4]
         if data is None:
-            return Upload(index, subindex, timeout, self._way())
+            return Upload(index, subindex, timeout, self._way(), most=self._request.most)
         return Download(index, subindex, data, timeout, self._way())
 
     def _way(self) -> Way:

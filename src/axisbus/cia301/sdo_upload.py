@@ -17,6 +17,7 @@ from axisbus.cia301 import abort as codes
 from axisbus.cia301.sdo import (
     BLOCK_FROM,
     LARGEST_BLOCK,
+    LONGEST,
     SEGMENT,
     Dialogue,
     Frames,
@@ -37,8 +38,9 @@ class Upload(Dialogue):
         timeout: float,
         way: Way = Way.NORMAL,
         block_size: int = LARGEST_BLOCK,
+        most: int = LONGEST,
     ) -> None:
-        """``block_size`` is how many segments we take without confirming, 1 to 127."""
+        """``block_size`` is how many segments we take without confirming, 1 to 127; ``most`` how many bytes in all."""
         super().__init__(index, subindex, timeout)
         self.size: int | None = None  # as announced
         self._way = way
@@ -46,7 +48,9 @@ class Upload(Dialogue):
         self._toggle = 0
         self._block_size = block_size
         self._has_checksum = False
+        self._most = most
         self._good = 0  # last segment of this sub-block that came in order
+        self._seen = 0  # last one that came at all
         self._confirmed = 0
         self._complete = False
         self._insisted = False
@@ -75,12 +79,15 @@ class Upload(Dialogue):
         if frame[0] & 0xE0 != 0x40 or not self._is_ours(frame):
             return None
         expedited, sized = frame[0] & 0x02, frame[0] & 0x01
+        end = 8 - (frame[0] >> 2 & 0x03 if sized and expedited else 0)
+        if self._came < (end if expedited or sized else 4):
+            return None
         if expedited:
-            self._buffer += frame[4 : 8 - (frame[0] >> 2 & 0x03 if sized else 0)]
+            self._buffer += frame[4:end]
             self.size = len(self._buffer)
             self._end()
             return ()
-        self.size = int.from_bytes(frame[4:8], "little") if sized else None
+        self._announced(frame, bool(sized))
         if self._way is Way.AUTO and (self.size or 0) >= BLOCK_FROM:
             return (self.abort(codes.GENERAL), *self._ask_block())
         self._on = self._segment
@@ -90,13 +97,15 @@ class Upload(Dialogue):
         return bytes([0x60 | self._toggle]) + bytes(7)
 
     def _segment(self, frame: bytes) -> Frames | None:
-        if frame[0] & 0xE0 != 0x00:
+        end = 8 - (frame[0] >> 1 & 0x07)
+        if frame[0] & 0xE0 != 0x00 or self._came < end:
             return None
         check_toggle(frame, self._toggle)
         self._toggle ^= 0x10
-        self._buffer += frame[1 : 8 - (frame[0] >> 1 & 0x07)]
+        self._buffer += frame[1:end]
         self._check_not_more(0)
         if not frame[0] & 0x01:
+            self._count_futile(end - 1, "segments", "with no data")
             return (self._request_segment(),)
         self._check_size()
         self._end()
@@ -117,17 +126,21 @@ class Upload(Dialogue):
         if frame[0] & 0xE0 == 0x40:  # the server prefers the normal transfer
             self._way = Way.NORMAL
             return self._initiated(frame)
-        if frame[0] & 0xE1 != 0xC0:
+        if frame[0] & 0xE1 != 0xC0 or (frame[0] & 0x02 and self._came < 8):
             return None
         self._has_checksum = bool(frame[0] & 0x04)
-        self.size = int.from_bytes(frame[4:8], "little") if frame[0] & 0x02 else None
+        self._announced(frame, bool(frame[0] & 0x02))
         self._on = self._block_segment
         return (b"\xa3" + bytes(7),)
 
     def _block_segment(self, frame: bytes) -> Frames | None:
         number, last = frame[0] & 0x7F, frame[0] & 0x80
-        if not 1 <= number <= self._block_size:
+        if not 1 <= number <= self._block_size or self._came < 8:
             return None
+        again = number <= self._seen and number != self._good + 1
+        if again and not last and number != self._block_size:
+            return None  # no step forward, so that the wait goes on
+        self._seen = max(self._seen, number)
         if number == self._good + 1:
             self._good, self._complete, self._insisted = number, bool(last), False
             self._buffer += frame[1:8]
@@ -136,7 +149,7 @@ class Upload(Dialogue):
 
     def _confirm(self) -> Frames:
         self._count_futile(self._good)
-        self._confirmed, self._good = self._good, 0
+        self._confirmed, self._good, self._seen = self._good, 0, 0
         if self._complete:
             self._on = self._block_ended
         return (self._confirmation(),)
@@ -145,7 +158,7 @@ class Upload(Dialogue):
         return bytes([0xA2, self._confirmed, self._block_size]) + bytes(5)
 
     def _block_ended(self, frame: bytes) -> Frames | None:
-        if frame[0] & 0xE3 != 0xC1:
+        if frame[0] & 0xE3 != 0xC1 or (self._has_checksum and self._came < 3):
             return None
         self._trim(frame[0] >> 2 & 0x07, int.from_bytes(frame[1:3], "little"))
         self._check_size()
@@ -187,7 +200,18 @@ class Upload(Dialogue):
         self._way = Way.NORMAL
         return self._ask()
 
+    def _announced(self, frame: bytes, sized: bool) -> None:
+        self.size = int.from_bytes(frame[4:8], "little") if sized else None
+        if self.size is not None and self.size > self._most:
+            raise Garbled(
+                f"{self.size} bytes were announced, {self._most} are taken at most", codes.OUT_OF_MEMORY
+            )
+
     def _check_not_more(self, padding: int) -> None:
+        if len(self._buffer) > self._most + padding:
+            raise Garbled(
+                f"more than the {self._most} bytes came that are taken at most", codes.OUT_OF_MEMORY
+            )
         if self.size is not None and len(self._buffer) > self.size + padding:
             raise Garbled(f"more than the {self.size} bytes came that were announced", codes.TOO_LONG)
 

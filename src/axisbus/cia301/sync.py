@@ -18,6 +18,7 @@ PATIENCE = 1.5  # periods
 FASTEST = 0.9  # of the period, over WINDOW cycles
 WINDOW = 64
 NEAR = 0.1  # how far the measured period may be from ours, as a part of it
+LONGEST = 1  # bytes of a SYNC: the counter
 MEASURED = 8  # intervals that the first measurement takes
 
 

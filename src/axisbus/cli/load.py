@@ -121,7 +121,12 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
             observed=f"{meter.total.frames} frames, all at one time",
             remedy="record with time stamps, for some seconds",
         )
-    return _plain(found, meter.first or 0.0)
+    skipped = opened.skipped
+    return {
+        **_plain(found, meter.first or 0.0),
+        "lines_skipped": skipped.count,
+        "first_skipped": skipped.first,
+    }
 
 
 def _fill(meter: Any, decoder: Any, opened: Opened) -> float:
@@ -203,6 +208,10 @@ def _show(report: dict[str, Any], asked: Asked) -> None:
         if measured["errors"]:
             say(f"    check {WHAT_TO_CHECK}")
         _table(measured, ("load", "load_worst"), "load    worst")
+        if measured["lines_skipped"]:
+            say(
+                f"  {measured['lines_skipped']} lines are no frames, the first is {measured['first_skipped']}"
+            )
     _next(report, asked)
 
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import click
 
 from axisbus.bus.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.cia301.drops import Drop, DropNews, words
+from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
 from axisbus.cli.options import beside_option
 from axisbus.machine.machine import Machine
+from axisbus.machine.node import NodeAccess
 from axisbus.motion.axis import Axis
+
+_SHOWN = 3  # of each node and sort, in one look
 
 
 @click.command("monitor")
@@ -43,23 +49,34 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
 
         return monitor_listen.run(cell, every, count, as_json)
     with Machine.open(cell, beside=beside) as machine:
-        looks, told = 0, set[str]()
         for line in [] if as_json else histories(machine):
             say(line)
-        while True:
-            _look(machine, as_json, told)
-            looks += 1
-            if count is not None and looks >= count:
-                break
-            machine.sleep(every)
+        try:
+            _look_on(machine, every, count, as_json)
+        finally:
+            if not as_json and machine.dropped:
+                say(words(machine.dropped))
     if not as_json:
         say_next(f"axisbus home {cell}, or axisbus move {cell} {next(iter(machine)).name}=...")
     return OK
 
 
-def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
+def _look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
+    looks, told, drops = 0, set[str](), DropNews()
+    while True:
+        _look(machine, as_json, told, drops)
+        looks += 1
+        if count is not None and looks >= count:
+            return
+        machine.sleep(every)
+
+
+def _look(machine: Machine, as_json: bool, told: set[str], drops: DropNews) -> None:
     if as_json:
-        bus = {"bus_events": [str(event) for event in machine.bus_events]}
+        bus = {
+            "bus_events": [str(event) for event in machine.bus_events],
+            "dropped": [plain_drop(drop) for drop in machine.dropped],
+        }
         say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
         return
     for axis in machine:
@@ -70,8 +87,25 @@ def _look(machine: Machine, as_json: bool, told: set[str]) -> None:
         )
         if seen["error"]:
             say("         " + str(seen["error"]).replace("\n", "\n         "))
-    for line in news(machine, told):
+    for line in [*news(machine, told), *_dropped(machine, drops)]:
         say(f"         {line}")
+
+
+def _dropped(machine: Machine, drops: DropNews) -> list[str]:
+    line = words(drops.take(machine.dropped, time.monotonic()))
+    return [line] if line else []
+
+
+def plain_drop(drop: Drop) -> dict[str, object]:
+    """Return dropped frames as plain values; the identifier and the data are of the newest."""
+    return {
+        "what": str(drop),
+        "fault": drop.fault.name.lower(),
+        "node": drop.node,
+        "count": drop.count,
+        "cob_id": drop.can_id,
+        "data": drop.data.hex(),
+    }
 
 
 def histories(machine: Machine) -> list[str]:
@@ -86,31 +120,44 @@ def histories(machine: Machine) -> list[str]:
 
 
 def news(machine: Machine, told: set[str]) -> list[str]:
-    """Return what has happened and is not in ``told`` yet: of the CAN controller, incidents as they now stand, missing TPDOs."""
-    lines = _of_the_bus(machine, told)
+    """Return what has happened since the last look: of the CAN controller, incidents as they now stand, missing TPDOs.
+
+    ``told`` is what the last look has seen. Of each node and sort only the newest are shown, and how many more there are.
+    """
+    seen: set[str] = set()
+
+    def is_new(key: str) -> bool:
+        seen.add(key)
+        return key not in told
+
+    bus = [event for event in machine.bus_events if is_new(f"{event.stamp} {event}")]
+    lines = _newest([[str(event)] for event in bus], "events of the CAN controller")
+    lines += [f"check {WHAT_TO_CHECK}"] if bus and bus[-1].condition is not Condition.ACTIVE else []
     for node_id in sorted(machine.cell.nodes):
         node = machine.node(node_id)
-        for incident in node.incidents:
-            key = (
-                f"{node_id}/{incident.number}/{len(incident.emcys)}/{len(incident.resets)}/{incident.outcome}"
-            )
-            if key not in told:
-                told.add(key)
-                first, *rest = node.incident_words(incident)
-                lines += [f"node {node_id}, {first}", *rest]
-        for event in node.pdo_events:
-            key = f"{event.stamp} {event}"
-            if key not in told:
-                told.add(key)
-                lines.append(str(event))
+        incidents = [incident for incident in node.incidents if is_new(_key(node_id, incident))]
+        lines += _newest([_told(node, incident) for incident in incidents], f"incidents of node {node_id}")
+        pdos = [event for event in node.pdo_events if is_new(f"{event.stamp} {event}")]
+        lines += _newest([[str(event)] for event in pdos], f"events of the PDOs of node {node_id}")
+    told.clear()
+    told.update(seen)
     return lines
 
 
-def _of_the_bus(machine: Machine, told: set[str]) -> list[str]:
-    new = [event for event in machine.bus_events if f"{event.stamp} {event}" not in told]
-    told.update(f"{event.stamp} {event}" for event in new)
-    bad = new and new[-1].condition is not Condition.ACTIVE
-    return [*map(str, new), *([f"check {WHAT_TO_CHECK}"] if bad else [])]
+def _key(node_id: int, incident: Incident) -> str:
+    return f"{node_id}/{incident.number}/{len(incident.emcys)}/{len(incident.resets)}/{incident.outcome}"
+
+
+def _told(node: NodeAccess, incident: Incident) -> list[str]:
+    first, *rest = node.incident_words(incident)
+    return [f"node {node.node_id}, {first}", *rest]
+
+
+def _newest(found: list[list[str]], what: str) -> list[str]:
+    """Return the lines of the newest: a node that goes mad must not drive what the others say off the screen."""
+    more = len(found) - _SHOWN
+    head = [f"{more} more {what}, before these:"] if more > 0 else []
+    return [*head, *(line for lines in found[-_SHOWN:] for line in lines)]
 
 
 def of_node(machine: Machine, axis: Axis) -> dict[str, object]:

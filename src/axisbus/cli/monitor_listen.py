@@ -30,6 +30,8 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
             say(f"listening on {cell.bus.interface}:{cell.bus.channel or ''}; {manner(cell.bus.interface)}")
         _look_on(listener, overview, every, count, as_json)
     if not as_json:
+        if against := overview.tally.words():
+            say(against)
         say_next(f"every frame in words: axisbus trace {path}; who answers (this sends): axisbus scan {path}")
     return OK
 
@@ -57,7 +59,7 @@ def lines(overview: Overview, rate: float, now: float) -> list[str]:
     for one in overview.take_news():
         found.append(f"           !! {text.who(one)} {one.kind.value}: {text.what(one)}")
     if overview.missed:
-        found.append(f"           !! {overview.missed} earlier ones are not shown (axisbus trace shows all)")
+        found.append(f"           !! {overview.missed} more are not shown (axisbus trace shows all)")
     overview.missed = 0
     return found
 
@@ -117,6 +119,7 @@ def _plain(overview: Overview, rate: float, now: float) -> dict[str, Any]:
         "nodes": [_plain_node(node, now) for _, node in sorted(overview.nodes.items())],
         "news": [plain.plain(one) for one in overview.take_news()],
         "news_missed": missed,
+        "against_the_protocol": overview.tally.plain(),
     }
 
 

@@ -36,11 +36,12 @@ class Look(NamedTuple):
 
 
 class Count(NamedTuple):
-    """What was seen: frames, those shown, those with trouble among the shown."""
+    """What was seen: frames, those shown, those with trouble among the shown; and of all, what was against the protocol."""
 
     frames: int = 0
     shown: int = 0
     trouble: int = 0
+    against: str = ""
 
 
 @click.command("trace")
@@ -96,19 +97,21 @@ def command(
 
 def _show(opened: Opened, look: Look, most: int | None) -> Count:
     from axisbus.machine.trace.decoder import Decoder
+    from axisbus.machine.trace.tally import Tally
 
-    decoder, seen, start = Decoder(opened.known), Count(), None
+    decoder, seen, tally, start = Decoder(opened.known), Count(), Tally(), None
     with suppress(KeyboardInterrupt):  # the usual end of listening
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start
             one = decoder.feed(frame)
+            tally.note(one)
             shown = look.shows(one)
             seen = Count(seen.frames + 1, seen.shown + shown, seen.trouble + (shown and one.trouble))
             if shown:
                 _print(one, look, start or 0.0)
             if most is not None and seen.shown >= most:
                 break
-    return seen
+    return seen._replace(against=tally.words())
 
 
 def _print(one: Decoded, look: Look, start: float) -> None:
@@ -123,6 +126,8 @@ def _print(one: Decoded, look: Look, start: float) -> None:
 def _tell(opened: Opened, seen: Count) -> None:
     """Say on standard error what was seen, so that the output holds frames only."""
     text = f"{seen.frames} frames, {seen.shown} shown, {seen.trouble} of them with trouble"
+    if seen.against:
+        text += f"; {seen.against}"
     if opened.skipped.count:
         text += f"; {opened.skipped.count} lines are no frames, the first is {opened.skipped.first}"
     click.echo(text, file=sys.stderr)

@@ -159,7 +159,7 @@ class Meter:
     def _slide(self, time: float, bits: int) -> None:
         self._window.append((time, bits))
         self._in_window += bits
-        while self._window[0][0] <= time - WINDOW:
+        while len(self._window) > 1 and self._window[0][0] <= time - WINDOW:
             self._in_window -= self._window.popleft()[1]
         load = self._in_window / (self.bitrate * WINDOW)
         if load > self.peak.load:

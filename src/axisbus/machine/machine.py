@@ -17,6 +17,7 @@ from types import TracebackType
 from axisbus.bus.controller import ControllerEvent
 from axisbus.bus.inherited import disown_in_children
 from axisbus.bus.nodeevents import BAD, NodeEvent
+from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Port, Waiter
 from axisbus.errors import AxisbusError, StateError
 from axisbus.machine import config
@@ -207,6 +208,17 @@ class Machine:
         Empty without a bus, and with adapters that tell nothing.
         """
         return list(self._runtime.bus_events())
+
+    @property
+    def dropped(self) -> tuple[Drop, ...]:
+        """Frames of this cell's nodes, and of none, that were dropped since it was opened, counted by reason and node.
+
+        Such are PDOs too short for their mapping, answers that nothing was waiting for, malformed messages. What a node sends that
+        the cell does not take, such as PDOs that are not configured, is among them. Empty without a bus.
+        """
+        return tuple(
+            drop for drop in self._runtime.drops() if drop.node is None or drop.node in self.cell.nodes
+        )
 
     @property
     def bus_time(self) -> datetime | None:

@@ -124,9 +124,10 @@ class NodeAccess:
     def events(self) -> list[NodeEvent]:
         """What error control has told of the node since the scan began, oldest first, each with its reaction time.
 
-        At most the last 256; empty for a node that did not come up.
+        At most the last 256, and of each kind one in a second: that one says how often it happened. Empty for a node that did not
+        come up.
         """
-        return [] if self._events is None else list(self._events.history)
+        return [] if self._events is None else self._events.events
 
     def on_event(self, call: Callable[[NodeEvent], None]) -> None:
         """Have ``call`` called with every further event, in the scan's thread: it must not block."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -18,9 +18,11 @@ from axisbus.machine.cell import CellConfig
 from axisbus.machine.trace import known
 from axisbus.machine.trace.decoded import Decoded, Kind
 from axisbus.machine.trace.decoder import Decoder
+from axisbus.machine.trace.tally import Tally
 
 _INTERVALS = 64  # from how many of the last frames a period is worked out
 _NEWS = 50  # kept between two looks; more are counted
+_OF_A_KIND = 5  # of them of one service and node
 _LASTING = frozenset({Kind.TPDO, Kind.RPDO, Kind.SDO})  # the newest is shown
 _HAPPENING = frozenset({Kind.NMT, Kind.EMCY, Kind.BOOT_UP, Kind.LSS, Kind.ERROR_FRAME})
 _PDO = re.compile(r"[ ,:]")  # what may follow the name of a PDO in what is said of it
@@ -79,12 +81,15 @@ class Overview:
         self.frames = 0
         self.unknown = 0
         self.missed = 0  # news that were too many to keep
+        self.tally = Tally()
+        self._of_a_kind: Counter[tuple[Kind, int | None]] = Counter()  # news since they were taken
         self._news: deque[Decoded] = deque(maxlen=_NEWS)
         self._decoder = Decoder(found)
 
     def feed(self, frame: Frame, now: float) -> None:
         """Take a frame; ``now`` is when it came by the listener's clock."""
         one = self._decoder.feed(frame)
+        self.tally.note(one)
         self.frames += 1
         self.signs.note(frame)
         if one.kind is Kind.SYNC:
@@ -94,14 +99,24 @@ class Overview:
         if one.node is not None:
             self._of_node(one, now)
         if one.kind in _HAPPENING or one.trouble:
-            self.missed += len(self._news) == _NEWS
-            self._news.append(one)
+            self._note(one)
 
     def take_news(self) -> list[Decoded]:
         """Return what has happened since the last call: NMT commands, boot-ups, EMCYs, LSS, error frames, whatever is trouble."""
         news = list(self._news)
         self._news.clear()
+        self._of_a_kind.clear()
         return news
+
+    def _note(self, one: Decoded) -> None:
+        """Keep the news, of a service and node no more than a few: a node that goes mad must not hide what the others say."""
+        key = one.kind, one.node
+        self._of_a_kind[key] += 1
+        if self._of_a_kind[key] > _OF_A_KIND:
+            self.missed += 1
+            return
+        self.missed += len(self._news) == _NEWS
+        self._news.append(one)
 
     def _of_node(self, one: Decoded, now: float) -> None:
         assert one.node is not None

@@ -9,6 +9,7 @@ from datetime import datetime
 from functools import partial
 
 from axisbus.bus.controller import ControllerEvent
+from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Cycle, Port
 from axisbus.eds import load
 from axisbus.eds.builtin import resolve
@@ -38,9 +39,9 @@ class Runtime:
     """A cell on its bus, booted but not yet scanned.
 
     ``ready`` waits for what the scan needs before its first cycle (SYNC of another producer). ``bus_time`` returns what TIME of
-    another producer says at a monotonic time, None where none was heard; ``bus_events`` what the CAN controller has told. At the
-    end, each called once: ``rescue`` stops the axes with these names where the scan has failed, ``let_go`` leaves the nodes,
-    ``release`` closes the rest. ``late`` are optional nodes that may still come.
+    another producer says at a monotonic time, None where none was heard; ``bus_events`` what the CAN controller has told, ``drops``
+    which frames were dropped. At the end, each called once: ``rescue`` stops the axes with these names where the scan has failed,
+    ``let_go`` leaves the nodes, ``release`` closes the rest. ``late`` are optional nodes that may still come.
     """
 
     cycle: Cycle
@@ -55,6 +56,7 @@ class Runtime:
     ready: Callable[[], object] = _nothing
     bus_time: Callable[[float], datetime | None] = _no_time
     bus_events: Callable[[], Sequence[ControllerEvent]] = tuple
+    drops: Callable[[], Sequence[Drop]] = tuple
 
     @property
     def parameters(self) -> dict[str, AxisParameters]:

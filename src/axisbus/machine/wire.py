@@ -104,6 +104,7 @@ def build_on_bus(
             ready=_nothing if consumer is None else consumer.await_steady,
             bus_time=TimeConsumer(channel, cell.bus.time_cob_id).at,
             bus_events=lambda: tuple(channel.controller.events),
+            drops=lambda: channel.drops.found,
         )
     raise AssertionError("unreachable")  # ExitStack suppresses nothing
 

@@ -11,6 +11,7 @@ dialogue whose beginning was not recorded is said to be that.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from axisbus.machine.trace.decoded import Sdo
 from axisbus.machine.trace.transfer import (
@@ -28,6 +29,7 @@ from axisbus.machine.trace.transfer import (
 _ABORT = 0x80
 _LAST = 0x80  # bit 7 of a block's segment
 _SEGMENT = 7
+_MOST = 1 << 24  # bytes of one transfer that are kept
 _UNKNOWN = "of a transfer whose beginning was not seen"
 
 
@@ -45,6 +47,9 @@ class Dialogue:
         self._waiting = time if request else None
         said = self._short(data, request) or self._handler(data, request)(data, time)
         self._seen = True
+        if self._transfer is not None and len(self._transfer.data) > _MOST:
+            self._transfer = None
+            said = replace(said, problem=f"more than {_MOST} bytes: it is not followed any further")
         if waited is None:
             return said
         sdo = said.sdo

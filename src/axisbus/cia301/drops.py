@@ -1,0 +1,125 @@
+"""Frames that were dropped: counted by what was wrong with them and whose they were, so that nothing is lost in silence."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.cia301 import cob
+
+_FUNCTION, _NODE = 0x780, 0x7F
+EVERY = 1.0  # seconds between two lines about the same
+_MOST = 256  # different ones that are counted apart
+
+
+class Fault(Enum):
+    """Why a frame was dropped, as one of them and as several are called."""
+
+    SHORT_PDO = "PDO too short for its mapping", "PDOs too short for their mapping"
+    EMCY = "EMCY without an error code", "EMCYs without an error code"
+    HEARTBEAT = "heartbeat without a state", "heartbeats without a state"
+    TOGGLE = (
+        "guarding answer with the toggle bit of the one before",
+        "guarding answers with the toggle bit of the one before",
+    )
+    SDO = "SDO answer that nothing was waiting for", "SDO answers that nothing was waiting for"
+    LSS = "LSS answer that nothing was waiting for", "LSS answers that nothing was waiting for"
+    SYNC = "SYNC of more than one byte", "SYNCs of more than one byte"
+    TIME = "TIME message that is no time", "TIME messages that are no time"
+    UNKNOWN_PDO = "PDO that is not configured", "PDOs that are not configured"
+    REMOTE = "remote frame", "remote frames"
+    FD = "CAN FD frame, which CANopen has not", "CAN FD frames, which CANopen has not"
+    EXTENDED = (
+        "frame with an identifier of 29 bits where 11 are meant",
+        "frames with an identifier of 29 bits where 11 are meant",
+    )
+    MANY = "other frame", "other frames"
+
+    def words(self, count: int) -> str:
+        """Return ``3 PDOs too short for their mapping``."""
+        one, several = self.value
+        return f"{count} {one if count == 1 else several}"
+
+
+@dataclass(frozen=True, slots=True)
+class Drop:
+    """Frames dropped for one reason; ``node`` is whose they were (None: the bus's), ``last`` when the newest came (s, monotonic).
+
+    ``data`` and ``can_id`` are those of the newest.
+    """
+
+    fault: Fault
+    node: int | None
+    count: int
+    last: float
+    can_id: int
+    data: bytes
+
+    def __str__(self) -> str:
+        return self.fault.words(self.count) + (f" (node {self.node})" if self.node is not None else "")
+
+
+class Drops:
+    """Counts dropped frames; holds state: a count and the newest frame for each reason and node. May be used from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._found: dict[tuple[Fault, int | None], Drop] = {}
+
+    def frame(self, fault: Fault, can_id: int, stamp: float, data: bytes) -> None:
+        """Count a frame whose node only its identifier tells (CiA 301 7.3.5)."""
+        self.note(fault, can_id & _NODE or None, stamp, can_id, data)
+
+    def note(
+        self, fault: Fault, node: int | None, stamp: float, can_id: int, data: bytes = b"", count: int = 1
+    ) -> None:
+        """Count frames that were dropped; ``data`` and ``can_id`` are of the newest of them."""
+        with self._lock:
+            before = self._found.get((fault, node))
+            if before is None and len(self._found) >= _MOST:
+                fault, node = Fault.MANY, None
+                before = self._found.get((fault, node))
+            so_far = 0 if before is None else before.count
+            self._found[fault, node] = Drop(fault, node, so_far + count, stamp, can_id, data[:8])
+
+    def unheard(self, can_id: int, stamp: float, data: bytes) -> None:
+        """Count a frame that nobody listens to, where it has the identifier of a TPDO (CiA 301 7.3.5)."""
+        if can_id <= cob.ID_MASK_11 and can_id & _FUNCTION in cob.TPDO and can_id & _NODE:
+            self.frame(Fault.UNKNOWN_PDO, can_id, stamp, data)
+
+    @property
+    def found(self) -> tuple[Drop, ...]:
+        """What was counted so far, in the order of ``Fault`` and of nodes."""
+        with self._lock:
+            found = list(self._found.values())
+        order = list(Fault)
+        return tuple(sorted(found, key=lambda drop: (order.index(drop.fault), drop.node or 0)))
+
+
+class DropNews:
+    """What has been dropped since it was told last; holds state: what was told, and when.
+
+    The same reason and node are told once in ``EVERY`` seconds at most, however many frames there are.
+    """
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[Fault, int | None], tuple[int, float]] = {}
+
+    def take(self, found: Iterable[Drop], now: float) -> list[Drop]:
+        """Return those of ``found`` that have grown, with their counts so far; ``now`` in seconds of any steady clock."""
+        new = [drop for drop in found if self._is_due(drop, now)]
+        for drop in new:
+            self._told[drop.fault, drop.node] = drop.count, now
+        return new
+
+    def _is_due(self, drop: Drop, now: float) -> bool:
+        count, told = self._told.get((drop.fault, drop.node), (0, -EVERY))
+        return drop.count > count and now - told >= EVERY
+
+
+def words(drops: Iterable[Drop]) -> str:
+    """Return them in one line, empty where there are none: ``dropped: 3 PDOs too short for their mapping (node 2)``."""
+    texts = [str(drop) for drop in drops]
+    return f"dropped: {', '.join(texts)}" if texts else ""

@@ -1,0 +1,264 @@
+"""A node that goes mad, at boot and in operation: the machine lives, the other axis goes on moving, all can be closed."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+import fuzz_frames as fuzz
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from story_bus import Line, enable, turning, until
+
+from axisbus.cia301.drops import Fault
+from axisbus.errors import AxisbusError
+from axisbus.machine.machine import Machine
+
+MAD = 2  # the node of y
+APART = '[groups.one]\naxes = ["x"]\n[groups.two]\naxes = ["y"]\n'
+PATIENT = {
+    "period": "50ms",
+    "heartbeat": "400ms",
+}  # a busy computer's own delays are no silence of the drives
+PAUSE = 0.001  # s between two frames
+
+# Its own identifiers, some of nobody's, and 29 bits; none by which a master or x would speak.
+identifiers = st.one_of(
+    st.sampled_from([0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700]).map(lambda base: base + MAD),
+    st.sampled_from([0x7E4, 0x6F0, 0x7FF, 0x100]),
+)
+heartbeats = st.sampled_from([b"\0", b"\x05", b"\x7f", b"\x04", b"\x85", b"\x33", b"", b"\x05\0\0"])
+emergencies = fuzz.mutated(
+    st.sampled_from([bytes.fromhex("1086210102000000"), bytes(8), bytes.fromhex("2043080000000000")])
+)
+statuswords = fuzz.mutated(
+    st.sampled_from([bytes.fromhex("3706000000000003"), bytes.fromhex("0800"), bytes(8), b"\xff" * 8])
+)
+
+
+@st.composite
+def mad_frames(draw: st.DrawFn) -> can.Message:
+    identifier = draw(identifiers)
+    data = {
+        0x700: heartbeats | fuzz.any_bytes,
+        0x580: fuzz.sdo_answers.map(lambda each: each[:8]),
+        0x080: emergencies.map(lambda each: each[:8]),
+    }.get(identifier & 0x780, statuswords.map(lambda each: each[:8]) | fuzz.any_bytes)
+    kind = draw(st.sampled_from(["data"] * 6 + ["extended", "remote"]))
+    return can.Message(
+        arbitration_id=identifier,
+        data=None if kind == "remote" else draw(data),
+        is_remote_frame=kind == "remote",
+        is_extended_id=kind == "extended",
+    )
+
+
+class MadNode:
+    """Says its frames over and over on a channel while its block lasts."""
+
+    def __init__(self, channel: str, frames: list[can.Message], pause: float = PAUSE) -> None:
+        self.rounds = 0
+        self._frames = frames
+        self._pause = pause
+        self._bus = can.Bus(interface="virtual", channel=channel)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="mad node", daemon=True)
+
+    def __enter__(self) -> MadNode:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join(5.0)
+        self._bus.shutdown()
+
+    def _run(self) -> None:
+        for frame in itertools.cycle(self._frames):
+            if self._over.wait(self._pause):
+                return
+            self._bus.send(frame)
+            self.rounds += 1
+
+
+@contextmanager
+def line(folder: Path) -> Iterator[Line]:
+    with Line(folder, "xy", more=APART, bus='on_lost_node = "group"', **PATIENT) as made:
+        yield made
+
+
+def close(machine: Machine) -> list[BaseException]:
+    """Close a machine; return what there was to say of it."""
+    found: list[BaseException] = []
+    with fuzz.within(30):
+        try:
+            machine.close()
+        except* AxisbusError as errors:
+            found += errors.exceptions
+    return found
+
+
+@contextmanager
+def judged(cell: Line, machine: Machine) -> Iterator[None]:
+    """Leave a failure aside where the computer was too busy to move the stand-ins, or to run the scan, in time."""
+    try:
+        yield
+    except (AssertionError, AxisbusError):
+        if cell.stand_ins._lost > 0.0 or machine.scan.starvation.text(time.monotonic()):
+            pytest.skip("the computer was too busy to tell")
+        raise
+
+
+def about_y(errors: list[BaseException]) -> bool:
+    return all(
+        str(error).startswith(("y:", "axis y", "node 2")) or "y" in str(error).split(":")[0]
+        for error in errors
+    )
+
+
+SOME = settings(
+    max_examples=3,
+    phases=(Phase.explicit, Phase.generate),
+    suppress_health_check=[
+        HealthCheck.function_scoped_fixture,
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+    ],
+)
+
+
+@given(st.lists(mad_frames(), min_size=20, max_size=60))
+@SOME
+@pytest.mark.timeout(120)
+def test_in_operation_the_other_axis_goes_on_and_all_is_closed(tmp_path, frames):
+    with line(tmp_path) as cell:
+        machine = cell.open()
+        try:
+            with judged(cell, machine):
+                turning(machine, cell)
+                with MadNode(cell.channel, frames) as mad:
+                    until(lambda: mad.rounds > 3 * len(frames), 20)
+                    assert machine.scan.failure is None
+                    assert machine["x"].error is None, machine["x"].error
+                    cell.must_move("x")
+                    assert len(machine.events) < 60
+                    errors = close(machine)
+                assert about_y(errors), errors
+                cell.must_stand("x", stages=(0, 1, 2, 3))
+        finally:
+            close(machine)
+
+
+@given(st.lists(mad_frames(), min_size=20, max_size=60))
+@SOME
+@pytest.mark.timeout(120)
+def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behind(tmp_path, frames):
+    with line(tmp_path) as cell, MadNode(cell.channel, frames), fuzz.within(60):
+        machine, errors = None, []
+        try:
+            machine = cell.open()
+        except* AxisbusError as group:
+            errors += group.exceptions
+        assert errors or machine is not None
+        if machine is not None:
+            assert machine.scan.failure is None
+            assert about_y(close(machine))
+        assert not any(thread.name.startswith("axisbus") for thread in threading.enumerate())
+        assert not cell.was_energised("x")
+
+
+class Spoiled:
+    """Has a stand-in send some of its frames spoiled: cut, with other bits, twice, or not at all."""
+
+    def __init__(self, cell: Line, seed: int, share: float) -> None:
+        self.spoiled = 0
+        self._dice = random.Random(seed)
+        self._share = share
+        (slave,) = [node.slave for node in cell.stand_ins.nodes if node.slave.device.node_id == MAD]
+        self._take = slave.take_frames
+        slave.take_frames = self.take  # type: ignore[method-assign]
+
+    def take(self) -> list[tuple[int, bytes]]:
+        return [each for frame in self._take() for each in self._spoil(*frame)]
+
+    def _spoil(self, can_id: int, data: bytes) -> list[tuple[int, bytes]]:
+        dice = self._dice
+        if dice.random() > self._share:
+            return [(can_id, data)]
+        self.spoiled += 1
+        if not data:
+            return []
+        at, value = dice.randrange(len(data)), dice.randrange(256)
+        ways = {
+            "lost": [],
+            "twice": [(can_id, data)] * 2,
+            "cut": [(can_id, data[:at])],
+            "byte": [(can_id, data[:at] + bytes([value]) + data[at + 1 :])],
+            "bit": [(can_id, data[:at] + bytes([data[at] ^ 1 << value % 8]) + data[at + 1 :])],
+            "command": [(can_id, bytes([value]) + data[1:])],
+        }
+        return ways[dice.choice(sorted(ways))]
+
+
+@given(st.integers(0, 1 << 30), st.sampled_from([0.02, 0.1, 0.5]))
+@SOME
+@pytest.mark.timeout(120)
+def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobody(tmp_path, seed, share):
+    with line(tmp_path) as cell, fuzz.within(80):
+        spoiled = Spoiled(cell, seed, share)
+        machine, errors = None, []
+        try:
+            machine = cell.open()
+        except* AxisbusError as group:
+            errors += group.exceptions
+        assert spoiled.spoiled
+        if machine is None:
+            assert errors
+            assert about_y(errors), errors
+            return
+        try:
+            with judged(cell, machine):
+                enable(machine["x"])
+                machine["x"].move_velocity(90.0).wait(10)
+                before = spoiled.spoiled
+                until(lambda: spoiled.spoiled > before + 5, 20)
+                assert machine.scan.failure is None
+                assert machine["x"].error is None, machine["x"].error
+                cell.must_move("x")
+                errors += close(machine)
+                assert about_y(errors), errors
+                cell.must_stand("x", stages=(0, 1, 2, 3))
+        finally:
+            close(machine)
+
+
+def test_what_a_mad_node_sends_is_counted_and_told_once_in_a_second(tmp_path):
+    frames = [
+        can.Message(arbitration_id=0x182, data=b"\x37", is_extended_id=False),
+        can.Message(arbitration_id=0x082, data=b"\x11", is_extended_id=False),
+        can.Message(arbitration_id=0x582, data=bytes(8), is_extended_id=False),
+        can.Message(arbitration_id=0x702, data=b"\x7f", is_extended_id=False),
+        can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=False),
+    ]
+    with line(tmp_path) as cell:
+        machine = cell.open()
+        try:
+            began = time.monotonic()
+            with MadNode(cell.channel, frames, 0.01) as mad:
+                until(lambda: mad.rounds > 100, 20)
+            lasted = time.monotonic() - began
+            counted = {drop.fault: drop.count for drop in machine.dropped if drop.node == MAD}
+            assert {Fault.EMCY, Fault.SDO} <= set(counted)
+            assert counted[Fault.EMCY] >= 15
+            told = [event for event in machine.node(MAD).events if event.kind.name == "STATE"]
+            assert 1 <= len(told) <= lasted + 2
+            assert machine["x"].error is None
+        finally:
+            close(machine)

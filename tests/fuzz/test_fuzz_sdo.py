@@ -1,0 +1,183 @@
+"""The SDO client against servers that answer anything: no exception, an end, and no value of bytes that did not come."""
+
+from __future__ import annotations
+
+import fuzz_frames as fuzz
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.cia301.sdo import LONGEST, Way
+from axisbus.cia301.sdo_session import Request, Session
+from axisbus.cia301.sdo_upload import Upload
+
+TIMEOUT, TRIES = 0.5, 3
+MOST = 500  # bytes that are asked for at most
+# Frames after which a session must have ended, whatever they are: each attempt takes the bytes one by one, if it must.
+BOUND = 4 * TRIES * (MOST + 2000)
+
+ways = st.sampled_from(list(Way))
+uploads = st.builds(
+    lambda where, way: Request(*where, None, TIMEOUT, TRIES, way, MOST), st.sampled_from(fuzz.OBJECTS), ways
+)
+downloads = st.builds(
+    lambda where, size, way: Request(*where, bytes(size), TIMEOUT, TRIES, way),
+    st.sampled_from(fuzz.OBJECTS),
+    st.sampled_from([0, 1, 4, 5, 7, 8, 100, 300, 900]),
+    st.sampled_from([Way.NORMAL, Way.BLOCK, Way.AUTO]),
+)
+requests = uploads | downloads
+delays = st.sampled_from([0.0, 0.001, 0.3, 0.6])
+late = st.none() | st.sampled_from([(0x1000, 0), (0x6041, 0)])
+
+
+def feed(session: Session, frame: bytes, dt: float) -> tuple[bytes, ...]:
+    sent = session.receive(frame, dt)
+    assert all(len(each) == 8 for each in sent)
+    assert len(session.strays) <= 64
+    return sent
+
+
+def follow(frame: bytes, asked: bytes) -> bytes:
+    """A frame that names the object asked for, where it names one, so that the deep states are reached."""
+    return frame[:1] + asked[1:4] + frame[4:] if len(frame) >= 4 and frame[0] >= 0x40 else frame
+
+
+@given(requests, late, st.lists(st.tuples(fuzz.sdo_answers, delays, st.booleans()), max_size=40))
+@settings(max_examples=250)
+def test_any_dialogue_is_taken_and_ends_in_silence(request_, late, frames):
+    session = Session(request_, late=late)
+    sent = session.start()
+    for frame, dt, fitting in frames:
+        if session.done:
+            break
+        asked = sent[-1] if sent else bytes(8)
+        sent = feed(session, follow(frame, asked) if fitting else frame, dt)
+    silences = 0
+    while not session.done:
+        session.elapse(session.remaining)
+        silences += 1
+        assert silences < 60, "it goes on asking"
+    assert (session.failure is None) or request_.data is not None or session.failure
+    assert len(session.data) <= MOST
+
+
+@given(requests, late, st.lists(st.tuples(fuzz.sdo_answers, delays, st.booleans()), min_size=1, max_size=4))
+@settings(max_examples=250)
+def test_a_server_that_says_the_same_for_ever_is_given_up(request_, late, frames):
+    session, count = Session(request_, late=late), 0
+    sent = session.start()
+    while not session.done:
+        frame, dt, fitting = frames[count % len(frames)]
+        asked = sent[-1] if sent else bytes(8)
+        sent = feed(session, follow(frame, asked) if fitting else frame, max(dt, 0.0005))
+        count += 1
+        assert count < BOUND, "there is no end to it"
+
+
+def endless(
+    session: Session, first: list[bytes], frame: bytes, dt: float = 0.0005, toggles: bool = False
+) -> int:
+    """Have the server say ``first`` and then ``frame`` again and again; return how often until the session gave up."""
+    session.start()
+    toggle, count = 0, 0
+    for each in first:
+        session.receive(each, dt)
+    while not session.done:
+        session.receive(bytes([frame[0] | toggle]) + frame[1:], dt)
+        toggle ^= 0x10 if toggles else 0
+        count += 1
+        assert count < 100_000, "there is no end to it"
+    return count
+
+
+def upload(way: Way = Way.NORMAL, most: int = LONGEST) -> Session:
+    return Session(Request(0x1008, 0, None, TIMEOUT, 1, way, most))
+
+
+def test_segments_without_a_byte_do_not_go_on_for_ever():
+    session = upload()
+    assert endless(session, [bytes.fromhex("4008100000000000")], b"\x0e" + bytes(7), toggles=True) < 20
+    assert "no data" in str(session.failure)
+
+
+def test_segments_without_an_announced_size_end_at_the_most_that_is_taken():
+    session = upload(most=700)
+    assert endless(session, [bytes.fromhex("4008100000000000")], bytes(8), toggles=True) == 101
+    assert "more than the 700 bytes" in str(session.failure)
+    assert len(session.data) == 0
+
+
+def test_a_size_beyond_what_is_taken_is_refused_at_once_and_the_server_is_told():
+    session = upload(most=64)
+    session.start()
+    (abort,) = session.receive(bytes.fromhex("41081000ffffff7f"))
+    assert session.done
+    assert abort == bytes.fromhex("8008100005000405")
+    assert "2147483647 bytes" in str(session.failure)
+
+
+def test_a_segment_of_a_block_that_comes_again_and_again_is_no_sign_of_progress():
+    session = upload(Way.BLOCK)
+    count = endless(session, [bytes.fromhex("c208100000040000")], b"\x05" + bytes(7), dt=0.01)
+    assert count < 60  # 0.5 s: the one segment is a step, that it comes again is none
+    assert session.failure is not None
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        "",
+        "43 00 10 00",  # says four bytes, and has none
+        "43 00 10 00 01 02",
+        "42 00 10 00 01",
+        "41 00 10 00 05",  # a size cut short
+    ],
+)
+def test_a_frame_that_lacks_the_bytes_it_speaks_of_is_no_answer(answer):
+    session = Session(Request(0x1000, 0, None, TIMEOUT, 1))
+    session.start()
+    assert session.receive(bytes.fromhex(answer)) == ()
+    assert not session.done
+    session.receive(bytes.fromhex("43 00 10 00 92 01 02 00"))
+    assert (session.done, session.data) == (True, bytes.fromhex("92 01 02 00"))
+
+
+def test_a_short_frame_that_has_all_its_bytes_is_taken():
+    """Seen on real drives: an answer without the bytes that mean nothing."""
+    session = Session(Request(0x1001, 0, None, TIMEOUT, 1))
+    session.start()
+    session.receive(bytes.fromhex("4f 01 10 00 07"))
+    assert session.data == b"\x07"
+    writing = Session(Request(0x1017, 0, b"\x64\0", TIMEOUT, 1))
+    writing.start()
+    writing.receive(bytes.fromhex("60 17 10 00"))
+    assert writing.done
+    assert writing.failure is None
+
+
+def test_a_segment_that_lacks_the_bytes_it_speaks_of_is_not_filled_with_zeros():
+    session = upload()
+    session.start()
+    session.receive(bytes.fromhex("4008100000000000"))
+    session.receive(bytes.fromhex("00 41 42"))
+    session.receive(bytes.fromhex("0b 41 42"))  # two bytes, the last
+    assert (session.done, session.data) == (True, b"AB")
+
+
+@pytest.mark.parametrize("answer", ["80", "80 00 10 00", "80 00 10 00 00 00 02"])
+def test_an_abort_without_its_code_is_none(answer):
+    session = Session(Request(0x1000, 0, None, TIMEOUT, 1))
+    session.start()
+    assert session.receive(bytes.fromhex(answer)) == ()
+    assert not session.done
+
+
+def test_of_a_flood_of_frames_that_fit_nothing_the_newest_are_kept_and_all_are_counted():
+    dialogue = Upload(0x1000, 0, TIMEOUT)
+    dialogue.start()
+    for number in range(1000):
+        assert dialogue.receive(bytes([0x60]) + number.to_bytes(2, "little") + bytes(5)) == ()
+    assert dialogue.astray == 1000
+    assert len(dialogue.strays) == 64
+    assert dialogue.strays[-1][1:3] == (999).to_bytes(2, "little")
