@@ -88,6 +88,7 @@ class LssDials:
     refused_rates: bit rates (bit/s) that the node does not support
     node_id_error, bit_rate_error, store_error: error code of the answer (0: none; 1 to *store* is "not supported")
     specific_error: the maker's own code beside an error code of 255
+    answers_on: fast scan is answered in *configuration*, too, against CiA 305
     """
 
     absent: bool = False
@@ -102,6 +103,7 @@ class LssDials:
     bit_rate_error: int = 0
     store_error: int = 0
     specific_error: int = 0
+    answers_on: bool = False
 
 
 @dataclass(slots=True)
