@@ -80,5 +80,6 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
     if failed:
         say_next("mend what FAILED says, and boot again; who is there: axisbus scan " + str(cell))
         return FAILURE
-    say_next(f"axisbus monitor {cell}, or axisbus home {cell}")
+    homing = f", or axisbus home {cell}" if any(report.axes for report in reports) else ""
+    say_next(f"axisbus monitor {cell}{homing}")
     return OK

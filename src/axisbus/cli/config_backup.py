@@ -97,7 +97,11 @@ def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[P
 def _show(
     made: Backup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
-    say(f"node {node_id}: {who.device_name or 'no device name'}, {_identity(who)}")
+    from axisbus.cia402.device_type import device_kind
+
+    kind = device_kind(who.device_type)
+    name = who.device_name or (f"no device name, {kind}" if kind else "no device name")
+    say(f"node {node_id}: {name}, {_identity(who)}")
     say(f"  described by {origin}")
     for each in made.left_out:
         say(f"  left out: {each.index:04X}h:{each.subindex:02X} {each.name}: {each.reason}")

@@ -10,8 +10,14 @@ from axisbus.machine import identity, programtext
 from axisbus.machine.cell import NodeConfig
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
+# Where the node's own errors say nothing of why it did not come up: nobody is there, or another device.
+SILENT_OR_STRANGE = {Letter.A, Letter.B, *_OTHER_DEVICE}
 
 _OTHER_VALUE = "give a value that the drive takes (its manual lists them), or leave the line out"
+NAMES_NO_ERROR = (
+    "it names no error: its manual says what keeps it from starting (a PDO mapping that it does not take, a missing signal); "
+    "see whether another NMT master is on the bus"
+)
 # Letter -> message after "node N", what was seen, and what to do first.
 _ERROR_CONTROL = {
     Letter.E: (

@@ -42,6 +42,7 @@ class Image:
         "now",
         "operational",
         "origin",
+        "overdue",
         "position",
         "position_stamp",
         "replies",
@@ -77,6 +78,7 @@ class Image:
         self.gap = 0.0  # seconds since the cycle before
         self.origin = 0
         self.operational = False
+        self.overdue = False
         self.nmt = -1
         self.bus: BusError | None = None
         self.statusword: int | None = None
@@ -105,6 +107,7 @@ class Image:
         if self.gap >= 2 * self._period:
             self.starvation.note(now, self.gap - self._period)
         self.operational = inputs.operational
+        self.overdue = inputs.overdue
         self.nmt = inputs.nmt
         self.bus = inputs.bus
         self.emcy = inputs.emcy

@@ -151,6 +151,7 @@ class NodeDials:
     tpdos_stop: numbers (from 1) of TPDOs that are no longer sent
     reboot_time: seconds of silence on a reset before boot-up
     reboot_on_store: storing parameters (1010h) restarts the node
+    start_error: error code with which the node leaves *operational* as soon as it is started (0: it stays there)
     lss: those of its LSS slave
     program: those of its boot loader, where it has one
     """
@@ -173,6 +174,7 @@ class NodeDials:
     tpdos_stop: frozenset[int] = frozenset()
     reboot_time: float = 0.05
     reboot_on_store: bool = False
+    start_error: int = 0
     lss: LssDials = field(default_factory=LssDials)
     program: ProgramDials = field(default_factory=ProgramDials)
 

@@ -117,6 +117,7 @@ class DirectPort:
             emcy,
             self._sdo.take_replies(),
             int(self._reported),
+            overdue=not alive,
         )
 
     def write(self, outputs: Outputs) -> None:
