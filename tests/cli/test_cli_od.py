@@ -176,7 +176,7 @@ def test_an_object_of_another_size_than_its_type_is_not_written(axisbus, bus):
     before = _object(stand_ins, 0x6081)
     code, _, err = axisbus("od", "write", *options, "5:6081", "7", "--type", "u8")
     assert code == 2
-    assert "UNSIGNED8 has 1 bytes, the device sends 4" in err
+    assert "UNSIGNED8 has 1 byte, the device sends 4" in err
     assert _object(stand_ins, 0x6081) == before
 
 

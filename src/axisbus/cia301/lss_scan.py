@@ -29,6 +29,7 @@ from axisbus.cia301.lss_dialogue import Dialogue, Pace, all_waiting, ask, say, s
 from axisbus.cia301.lss_exclude import RESTARTS, ExcludingScan
 from axisbus.cia301.lss_found import Known, Scanned, Unconfigured
 from axisbus.errors import LssError, LssTimeout
+from axisbus.wording import counted
 
 _MOST = 127  # there are no more node-IDs
 _PARTS = 4
@@ -127,7 +128,7 @@ class FastScan:
         return LssTimeout(
             f"LSS slave {len(self.found) + 1} went silent while the fast scan was asking for its address",
             service="fastscan",
-            observed=f"no answer any more, {self._pace.timing.tries} requests, {self._pace.patience * 1000:.0f} ms each",
+            observed=f"no answer any more, {counted(self._pace.timing.tries, 'request')}, {self._pace.patience * 1000:.0f} ms each",
             remedy="check its supply and cable, and scan again",
         )
 

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from axisbus.cia301 import abort as codes
+from axisbus.wording import counted
 
 Frames = tuple[bytes, ...]
 _Handler = Callable[[bytes], Frames | None]
@@ -153,7 +154,9 @@ class Dialogue:
         """Give up where sub-block after sub-block is sent in vain."""
         self._futile = 0 if segments else self._futile + 1
         if self._futile >= FUTILE_BLOCKS:
-            raise Garbled(f"{self._futile} blocks in a row of which no segment arrived", codes.WRONG_SEQUENCE)
+            raise Garbled(
+                f"{counted(self._futile, 'block')} in a row of which no segment arrived", codes.WRONG_SEQUENCE
+            )
 
 
 def checksum(data: bytes) -> int:

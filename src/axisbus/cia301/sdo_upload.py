@@ -25,6 +25,7 @@ from axisbus.cia301.sdo import (
     check_toggle,
     checksum,
 )
+from axisbus.wording import counted
 
 
 class Upload(Dialogue):
@@ -189,8 +190,12 @@ class Upload(Dialogue):
 
     def _check_not_more(self, padding: int) -> None:
         if self.size is not None and len(self._buffer) > self.size + padding:
-            raise Garbled(f"more than the {self.size} bytes came that were announced", codes.TOO_LONG)
+            raise Garbled(
+                f"more than the {counted(self.size, 'byte')} came that were announced", codes.TOO_LONG
+            )
 
     def _check_size(self) -> None:
         if self.size is not None and len(self._buffer) != self.size:
-            raise Garbled(f"{len(self._buffer)} bytes came, {self.size} were announced", codes.TOO_SHORT)
+            raise Garbled(
+                f"{counted(len(self._buffer), 'byte')} came, {self.size} were announced", codes.TOO_SHORT
+            )

@@ -11,6 +11,7 @@ import click
 from axisbus.cli import config_files, od_objects
 from axisbus.cli.common import OK, progress_bar, require_free, say, say_json, say_next, write_whole
 from axisbus.cli.nodes import Asked, Files, Session, node_options_beside_output, require_bus
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node, NodeIdentity
@@ -106,8 +107,8 @@ def _show(
     for each in made.left_out:
         say(f"  left out: {each.index:04X}h:{each.subindex:02X} {each.name}: {each.reason}")
     for path, size in written:
-        say(f"{path}: {size} octets")
-    say(f"{made.values} objects read, {len(made.left_out)} left out")
+        say(f"{path}: {counted(size, 'octet')}")
+    say(f"{counted(made.values, 'object')} read, {len(made.left_out)} left out")
     say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
 
 

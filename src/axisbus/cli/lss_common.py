@@ -15,6 +15,7 @@ import click
 from axisbus.cli.buses import open_bus
 from axisbus.cli.options import bus_options
 from axisbus.errors import UserError
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.lss import LssMaster
@@ -207,7 +208,7 @@ def _found(master: LssMaster) -> LssAddress:
         )
     if len(slaves) > 1:
         raise UserError(
-            f"{len(slaves)} LSS slaves have no node-ID",
+            f"{counted(len(slaves), 'LSS slave')} have no node-ID",
             observed=", ".join(str(slave.address) for slave in slaves),
             remedy="name one by its identity (-s)",
         )

@@ -45,6 +45,7 @@ from axisbus.machine.report import AxisReport, NodeReport
 from axisbus.machine.stopping import Watchdog, stop_ladder
 from axisbus.machine.writes import own_index
 from axisbus.motion.parameters import AxisParameters
+from axisbus.wording import counted
 
 _NO_WINDOW = 0xFFFF_FFFF
 _T = TypeVar("_T")
@@ -165,7 +166,7 @@ class NodeBoot:
         elif any(text.startswith("configuration") for text in outcome.skipped):
             report.configured = "not configured again: 1020h has the date and time that the cell file expects"
         else:
-            report.configured = f"{outcome.written} objects written and read back"
+            report.configured = f"{counted(outcome.written, 'object')} written and read back"
             if self._by_dcf:
                 report.configured += f", {self._by_dcf} are as its DCF says"
 

@@ -8,6 +8,7 @@ from axisbus.cia301.bootplan import IDENTITY, Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort
 from axisbus.machine import identity, programtext
 from axisbus.machine.cell import NodeConfig
+from axisbus.wording import counted
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
 # Where the node's own errors say nothing of why it did not come up: nobody is there, or another device.
@@ -128,6 +129,6 @@ def _error_control(outcome: Outcome) -> BootError:
         node=outcome.node,
         step=outcome.step,
         index=None if outcome.address is None else outcome.address[0],
-        observed=f"{outcome.tries} times awaited, nothing came; {outcome.elapsed:.1f} s since its boot-up began",
+        observed=f"{counted(outcome.tries, 'time')} awaited, nothing came; {outcome.elapsed:.1f} s since its boot-up began",
         remedy=remedy,
     )
