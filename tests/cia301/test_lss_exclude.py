@@ -221,6 +221,22 @@ def test_a_slave_that_answers_whatever_is_asked_ends_the_search_with_a_reason_an
     assert line.now < 60.0
 
 
+def test_a_slave_that_contradicts_itself_is_told_by_the_range_that_it_is_in() -> None:
+    class Liar(HandSlave):
+        """Says that it is in a branch, and in neither half of it."""
+
+        def _fastscan(self, value: int, bit: int, sub: int, following: int) -> bytes | None:
+            answer = super()._fastscan(value, bit, sub, following)
+            return answer if bit > 8 or sub else None
+
+    line = Line(AnswersOn(1, 2, 3, 4), Liar(0x8000_0000, 2, 3, 4))
+    found = scan(line)
+    assert ids(found) == [(1, 2, 3, 4)]
+    assert "somebody there may not have been found" in found.incomplete
+    assert "0x80000000 0x0 0x0 0x0 to 0xFFFFFFFF 0xFFFFFFFF 0xFFFFFFFF 0xFFFFFFFF" in found.incomplete
+    assert line.now < 240.0
+
+
 def test_the_most_that_are_wanted_are_not_exceeded() -> None:
     line = Line(*(AnswersOn(1, 2, 3, serial) for serial in range(4)))
     found: Scanned = line.run(FastScan(Pace(), most=2).run())

@@ -32,12 +32,10 @@ RESTARTS = 6  # searches in one branch, each more patient than the last
 MOST_DOUBTFUL = 3  # addresses that are answered for and cannot be selected
 
 GIVEN_UP = (
-    f"more than {MOST_DOUBTFUL} addresses are answered for that nobody can be selected by: a slave answers fast scan "
-    "whatever it is asked for, and hides the others; disconnect it to find them"
+    f"more than {MOST_DOUBTFUL} addresses are answered for that nobody can be selected by: most likely a slave answers "
+    "fast scan whatever it is asked for, and hides the others; disconnect it to find them"
 )
-CONTRADICTED = (
-    "answers contradicted each other in the range from {low} to {high}: somebody there was not found"
-)
+CONTRADICTED = "answers contradicted each other in the range from {low} to {high}: somebody there may not have been found"
 
 
 class _NobodyError(Exception):
