@@ -15,6 +15,7 @@
     │   ├── SecondMasterError        another master, or a tool that acts as one, was heard before our first frame
     │   ├── NodeError                a node: no answer, lost, rebooted
     │   │   └── NodeTimeout          (also TimeoutError)
+    │   │       └── NodeRefused      it is there, and does not take the NMT state that it was told to take
     │   ├── SdoError                 an SDO transfer that failed
     │   │   ├── SdoAbort             the drive refused it and said why
     │   │   └── SdoTimeout           no answer (also TimeoutError)
@@ -137,6 +138,10 @@ class NodeError(BusError):
 
 class NodeTimeout(NodeError, TimeoutError):
     """A node did not answer in time."""
+
+
+class NodeRefused(NodeTimeout):
+    """A node is there and reports another NMT state than it was told to take; asking it again is of no use."""
 
 
 class SdoError(BusError):

@@ -13,13 +13,14 @@ from bus_peer import FakeBus, Frame, Slave
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "cia301"))
 
-from lss_line import HandSlave
+from lss_line import AnswersOnSelected, HandSlave
 
 from axisbus.bus import lss as bus_lss
 from axisbus.bus.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.cia301.lss import LssAddress
 from axisbus.cia301.lss_dialogue import Timing
+from axisbus.cia301.lss_found import Check, Known
 from axisbus.errors import (
     AdapterError,
     ArgumentError,
@@ -60,10 +61,28 @@ def master(channel: Channel) -> LssMaster:
 def test_everybody_without_a_node_id_is_found_and_left_in_waiting(master: LssMaster, fake: FakeBus) -> None:
     slaves = [slave(serial) for serial in (4711, 4712)]
     fake.peers += [*slaves, slave(9, node_id=3)]
-    known = bus_lss.Known(vendor_id=0xC0B00, product_code=8, revision_number=1)
+    known = Known(vendor_id=0xC0B00, product_code=8, revision_number=1)
     found = master.find(known)
     assert [each.address.serial_number for each in found.slaves] == [4711, 4712]
     assert all(one.state == "waiting" for one in slaves)
+
+
+class AnsweringOn(OnTheBus, AnswersOnSelected):
+    """The same with the stack that answers fast scan in configuration."""
+
+
+def test_slaves_that_go_on_answering_are_found_and_configured(channel: Channel, fake: FakeBus) -> None:
+    master = LssMaster(channel, Timing(floor=0.02), beside_operation=True)
+    stubborn, good = AnsweringOn(0xC0B00, 8, 1, 4711), slave(4713)
+    fake.peers += [stubborn, good]
+    found = master.find(Known(vendor_id=0xC0B00, product_code=8, revision_number=1))
+    assert [(each.address.serial_number, each.answers_on, each.check) for each in found.slaves] == [
+        (4711, True, Check.CONFIRMED),
+        (4713, False, Check.NOT_NEEDED),
+    ]
+    assert (stubborn.state, good.state) == ("waiting", "waiting")
+    assert master.set_node_id(ADDRESS, 5, store=True).booted
+    assert (stubborn.active, good.active) == (5, 255)
 
 
 def test_progress_is_told_in_the_callers_thread(channel: Channel, fake: FakeBus) -> None:

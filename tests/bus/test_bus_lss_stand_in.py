@@ -14,7 +14,7 @@ from axisbus.bus.discover import scan
 from axisbus.bus.lss import LssMaster
 from axisbus.cia301.lss import LssAddress
 from axisbus.cia301.lss_dialogue import Timing
-from axisbus.cia301.lss_scan import Known
+from axisbus.cia301.lss_found import Known
 from axisbus.eds import builtin
 from axisbus.eds import load as load_eds
 from axisbus.eds.model import Eds

@@ -117,6 +117,60 @@ class HandSlave:
         return _answer(command, 0)
 
 
+class AnswersOn(HandSlave):
+    """A stack that answers fast scan in configuration, too, as it does in waiting, and with a node-ID if it has one."""
+
+    def hear(self, frame: bytes) -> bytes | None:
+        if frame[0] == 0x51 and self.state == "configuration" and not self.silent:
+            return self._fastscan(_number(frame), frame[5], frame[6], frame[7])
+        return super().hear(frame)
+
+
+class AnswersOnSelected(AnswersOn):
+    """A stack that answers on, and tells its numbers only when it was selected by its own address, not when fast scan found it."""
+
+    selected = False
+
+    def hear(self, frame: bytes) -> bytes | None:
+        if frame[0] == 0x04:
+            self.selected = False
+        answer = super().hear(frame)
+        if answer is not None and answer[0] == 0x44:
+            self.selected = True
+        return None if 0x5A <= frame[0] <= 0x5D and not self.selected else answer
+
+
+class AnswersAnything(HandSlave):
+    """A stack that answers every fast scan request in configuration, whatever it is asked for."""
+
+    def hear(self, frame: bytes) -> bytes | None:
+        if frame[0] == 0x51 and self.state == "configuration":
+            return _answer(0x4F)
+        return super().hear(frame)
+
+
+class AnswersResets(HandSlave):
+    """A stack that answers the first request of a fast scan in configuration, and none after it."""
+
+    def hear(self, frame: bytes) -> bytes | None:
+        if frame[0] == 0x51 and self.state == "configuration" and frame[5] == 0x80:
+            return _answer(0x4F)
+        return super().hear(frame)
+
+
+class Sticky(HandSlave):
+    """Stays in waiting although fast scan has found it, as some firmware does."""
+
+    def _fastscan(self, value: int, bit: int, sub: int, following: int) -> bytes | None:
+        answer = super()._fastscan(value, bit, sub, following)
+        self.state = "waiting"
+        return answer
+
+
+def _number(frame: bytes) -> int:
+    return frame[1] | frame[2] << 8 | frame[3] << 16 | frame[4] << 24
+
+
 def _answer(*data: int) -> bytes:
     return bytes(data).ljust(8, b"\0")
 

@@ -9,10 +9,11 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lss_line import HandSlave, Line
+from lss_line import HandSlave, Line, Sticky
 
 from axisbus.cia301.lss_dialogue import Pace, Timing
-from axisbus.cia301.lss_scan import FastScan, Known, Scanned
+from axisbus.cia301.lss_found import Check, Known, Scanned
+from axisbus.cia301.lss_scan import FastScan
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 
 ONES = 0xFFFF_FFFF
@@ -218,25 +219,19 @@ def test_a_slave_that_contradicts_itself_ends_in_an_error_not_in_an_endless_scan
     assert line.now < 60.0
 
 
-class Sticky(HandSlave):
-    """Stays in waiting although fast scan has found it, as some firmware does."""
-
-    def _fastscan(self, value: int, bit: int, sub: int, following: int) -> bytes | None:
-        answer = super()._fastscan(value, bit, sub, following)
-        self.state = "waiting"
-        return answer
-
-
 def test_a_slave_that_stays_in_waiting_is_put_aside_by_its_name() -> None:
     assert ids(scan(Line(Sticky(1, 2, 3, 4), HandSlave(1, 2, 3, 5)))) == [(1, 2, 3, 4), (1, 2, 3, 5)]
 
 
-def test_a_slave_that_cannot_be_put_aside_ends_in_an_error() -> None:
+def test_a_slave_that_cannot_be_put_aside_is_reported_so_and_hides_nobody() -> None:
     sticky = Sticky(1, 2, 3, 4)
     sticky.deaf_for = {0x43}
-    with pytest.raises(LssError, match="0x1 0x2 0x3 0x4 goes on answering") as caught:
-        scan(Line(sticky))
-    assert "disconnect it" in caught.value.remedy
+    found = scan(Line(sticky, HandSlave(1, 2, 3, 5)))
+    assert [(each.address.parts, each.check, each.answers_on) for each in found.slaves] == [
+        ((1, 2, 3, 4), Check.UNSELECTABLE, True),
+        ((1, 2, 3, 5), Check.NOT_NEEDED, False),
+    ]
+    assert not found.incomplete
 
 
 def test_a_second_answer_that_was_only_late_makes_no_twin() -> None:

@@ -130,15 +130,15 @@ def test_dcf_and_back(axisbus, eds, tmp_path):
         concise,
     )
     assert code == 0
-    assert f"{made}: node 5, 1 values differ" in out
-    assert f"{concise}: 1 writes, 15 octets for 1F22h:05" in out
+    assert f"{made}: node 5, 1 value differs" in out
+    assert f"{concise}: 1 write, 15 octets for 1F22h:05" in out
     assert f"next: axisbus eds check {made}" in out
     assert concise.read_bytes() == bytes.fromhex("01000000 8160 00 04000000 e8030000")
     code, out, _ = axisbus("eds", "dcf", made, "--values")
     assert code == 0
     assert out.splitlines() == [
         "0x6081=1000  Profile velocity (default 10)",
-        "1 values differ from the defaults for node 5",
+        "1 value differs from the defaults for node 5",
     ]
     code, out, _ = axisbus("eds", "dcf", eds, "--node", 5, "--from-concise", concise, "--values", "--json")
     assert json.loads(out)["values"] == [

@@ -7,11 +7,14 @@ import pytest
 
 from axisbus.bus import changeover
 from axisbus.bus.changeover import Opening
+from axisbus.bus.lss import LssMaster
 from axisbus.cia301.lss import LssAddress
+from axisbus.cia301.lss_found import Check, Scanned, Unconfigured
 from axisbus.cli import lss_set_bitrate
 from axisbus.cli.common import run
 from axisbus.cli.lss import COMMANDS
 from axisbus.cli.main import cli
+from axisbus.sim.dials import LssDials
 
 CELL = """
 [bus]
@@ -72,9 +75,13 @@ def test_find_as_json_with_known_numbers(lss, cell):
                 "revision_number": 0,
                 "serial_number": 2,
                 "twins": False,
+                "answers_on": False,
+                "check": "not_needed",
+                "node_id": None,
             }
         ],
         "others": False,
+        "incomplete": None,
     }
 
 
@@ -104,6 +111,113 @@ def test_set_node_id_of_the_one_that_is_found(lss, cell):
     assert "serial 0x2: node-ID 7, stored" in out
     assert "it booted as node 7" in out
     assert f"next: axisbus scan {cell}" in out
+
+
+@pytest.fixture
+def stubborn(monkeypatch):
+    """The stand-ins go on answering fast scan after they were found."""
+    plain = LssDials.__init__
+
+    def turned(self, *values, **named):
+        plain(self, *values, **named)
+        self.answers_on = True
+
+    monkeypatch.setattr(LssDials, "__init__", turned)
+
+
+KNOWN = ("--vendor", "0xC0B00", "--product", 0, "--revision", 0)
+
+
+def test_find_reports_slaves_that_go_on_answering_and_finds_those_behind_them(lss, tmp_path, stubborn):
+    both = written(tmp_path, [1, 2])
+    code, out, _ = lss("find", both, *KNOWN, "--beside-operation", "--timeout", "0.02")
+    assert code == 0
+    note = (
+        "    goes on answering fast scan after it was found, against CiA 305: it was excluded by its address\n"
+        "    address: the four numbers were read from it and are the same\n"
+    )
+    assert out.startswith(
+        "2 without a node-ID:\n"
+        f"  vendor 0xC0B00, product 0x0, revision 0x0, serial 0x1\n{note}"
+        f"  vendor 0xC0B00, product 0x0, revision 0x0, serial 0x2\n{note}"
+        f"next: give each a node-ID: axisbus lss set-node-id NODE_ID {both} -s 0xC0B00 0x0 0x0 0x1 --store"
+    )
+
+
+def test_find_reports_a_slave_that_goes_on_answering_as_json(lss, cell, monkeypatch):
+    told = Scanned((one_slave(check=Check.CONFIRMED, node_id=5),), incomplete="reason")
+    monkeypatch.setattr(LssMaster, "find", lambda *_: told)
+    code, out, _ = lss("find", cell, "--beside-operation", "--json")
+    assert code == 1
+    assert json.loads(out) == {
+        "slaves": [
+            {
+                "vendor_id": 1,
+                "product_code": 2,
+                "revision_number": 3,
+                "serial_number": 4,
+                "twins": False,
+                "answers_on": True,
+                "check": "confirmed",
+                "node_id": 5,
+            }
+        ],
+        "others": False,
+        "incomplete": "reason",
+    }
+
+
+def test_set_node_id_of_the_one_found_that_goes_on_answering(lss, cell, stubborn):
+    code, out, _ = lss(
+        "set-node-id", 7, cell, "--found", "--store", "--beside-operation", "--timeout", "0.02"
+    )
+    assert (code, "it booted as node 7" in out) == (0, True)
+    assert "serial 0x2: node-ID 7, stored" in out
+
+
+def one_slave(**told):
+    return Unconfigured(LssAddress(1, 2, 3, 4), answers_on=True, **told)
+
+
+@pytest.mark.parametrize(
+    ("scanned", "code", "words"),
+    [
+        (Scanned((), incomplete="reason"), 1, "NOT ALL MAY HAVE BEEN FOUND: reason\n"),
+        (
+            Scanned((one_slave(node_id=5),)),
+            0,
+            "serial 0x4, has node-ID 5 and answers fast scan all the same\n",
+        ),
+        (
+            Scanned((one_slave(check=Check.UNSELECTABLE),)),
+            0,
+            "address: it cannot be selected by its address: only the only slave on a bus can be set so\n"
+            "next: connect it alone, and give it a node-ID: axisbus lss set-node-id NODE_ID {cell} --only --store",
+        ),
+        (Scanned((one_slave(check=Check.SILENT),)), 0, "address: it does not tell its numbers"),
+    ],
+)
+def test_what_find_cannot_be_sure_of_is_said(lss, cell, monkeypatch, scanned, code, words):
+    monkeypatch.setattr(LssMaster, "find", lambda *_: scanned)
+    done, out, _ = lss("find", cell, "--beside-operation")
+    assert (done, words.format(cell=cell) in out) == (code, True), out
+
+
+@pytest.mark.parametrize(
+    ("scanned", "words"),
+    [
+        (Scanned((one_slave(),), incomplete="somebody hides the others"), "somebody hides the others"),
+        (Scanned((one_slave(node_id=5),)), "no LSS slave without a node-ID answers"),
+        (
+            Scanned((one_slave(check=Check.UNSELECTABLE),)),
+            "the LSS slave 0x1 0x2 0x3 0x4 cannot be selected by its address",
+        ),
+    ],
+)
+def test_nobody_is_configured_by_found_where_it_is_not_clear_who(lss, cell, monkeypatch, scanned, words):
+    monkeypatch.setattr(LssMaster, "find", lambda *_: scanned)
+    code, out, err = lss("set-node-id", 7, cell, "--found", "--beside-operation")
+    assert (code, out, words in err) == (1, "", True)
 
 
 def test_set_node_id_that_another_node_has(lss, cell):

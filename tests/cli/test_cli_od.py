@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 
 import cli_bus_kit as kit
@@ -175,7 +176,7 @@ def test_an_object_of_another_size_than_its_type_is_not_written(axisbus, bus):
     before = _object(stand_ins, 0x6081)
     code, _, err = axisbus("od", "write", *options, "5:6081", "7", "--type", "u8")
     assert code == 2
-    assert "UNSIGNED8 has 1 bytes, the device sends 4" in err
+    assert "UNSIGNED8 has 1 byte, the device sends 4" in err
     assert _object(stand_ins, 0x6081) == before
 
 
@@ -284,8 +285,10 @@ def test_the_heartbeat_confirms_where_there_is_one(axisbus, bus, monkeypatch):
         "ok": True,
         "before": "pre-operational",
         "state": "operational",
+        "silent": False,
         "confirmed_by": "heartbeat",
         "seconds": 0,
+        "errors": None,
     }
 
 
@@ -308,7 +311,44 @@ def test_a_node_that_is_not_there_is_not_confirmed(axisbus, bus):
     options, _ = bus
     code, out, _ = axisbus("nmt", "start", "9", *options)
     assert code == 3
-    assert "node 9: NOT confirmed: it shows nothing" in out
+    assert "node 9: SILENT: nothing came from it in 0.2 s before the command, nor any answer to SDO" in out
+    assert "next: check the supply, cable, node ID and bit rate" in out
+
+
+@pytest.mark.parametrize("node", [5, 9], ids=["fell silent", "never heard"])
+def test_a_silent_node_is_said_to_be_silent_every_time_that_it_is_reset(axisbus, bus, monkeypatch, node):
+    options, stand_ins = bus
+    monkeypatch.setattr(nmt_confirm, "BOOT_PATIENCE", 0.5)
+    assert axisbus("nmt", "pre-operational", "5", *options).code == 0
+    stand_ins.devices[0].dials.dead = True
+    for _ in range(3):
+        code, out, _ = axisbus("nmt", "reset-node", node, *options)
+        assert code == 3
+        assert f"node {node}: SILENT: nothing came from it in 0.2 s before the command" in out
+        assert re.search(r"and nothing came in \d\.\d s after it \(looked for its boot-up message\)", out)
+    (told,) = json.loads(axisbus("nmt", "reset-node", node, *options, "--json").out)
+    assert (told["silent"], told["ok"]) == (True, False)
+
+
+def test_a_node_that_falls_silent_with_the_command_is_told_apart(axisbus, bus, monkeypatch):
+    options, stand_ins = bus
+    device = stand_ins.devices[0]
+    monkeypatch.setattr(nmt_confirm, "BOOT_PATIENCE", 0.5)
+    monkeypatch.setattr(device, "nmt_command", lambda _: setattr(device.dials, "dead", True))
+    code, out, _ = axisbus("nmt", "reset-node", "5", *options)
+    assert code == 3
+    assert "node 5: SILENT: before the command it was pre-operational, and nothing came" in out
+
+
+def test_a_node_that_does_not_start_names_its_errors(axisbus, bus, monkeypatch):
+    options, stand_ins = bus
+    monkeypatch.setattr(nmt_confirm, "PATIENCE", 0.5)
+    stand_ins.devices[0].dials.start_error = 0x8130
+    code, out, _ = axisbus("nmt", "start", "5", *options)
+    assert code == 3
+    assert "node 5: NOT confirmed (was pre-operational): it still says pre-operational" in out
+    assert "error register (1001h) 0x11: generic error, communication" in out
+    assert "its list of errors (1003h): 1. 0x8130, Life guard error or heartbeat error" in out
 
 
 def test_an_energised_drive_keeps_its_bus_unless_forced(axisbus, bus):

@@ -50,7 +50,7 @@ def test_standard_input_without_any_file(axisbus):
     code, out, err = axisbus("trace", "-", stdin="noise\n" + LOG)
     assert code == 0
     assert "TPDO1, mapping not known: 37 16 01 00 80 00 00" in out
-    assert "1 lines are no frames, the first is 1: noise" in err
+    assert "1 line is no frame, the first is 1: noise" in err
 
 
 def test_an_eds_for_one_node(axisbus, log):

@@ -54,7 +54,7 @@ def test_the_stream_is_as_the_standard_prints_it() -> None:
         (b"", "0 octets"),
         (HEARTBEAT_AND_SPEED[:-1], r"entry 2 \(6081h:00\) has 3 of 4 octets"),
         (HEARTBEAT_AND_SPEED[:15], "entry 2 at octet 13 is cut off"),
-        (HEARTBEAT_AND_SPEED + b"\0", "says 2 entries, and holds 2 and 1 octets more"),
+        (HEARTBEAT_AND_SPEED + b"\0", "says 2 entries, and holds 2 and 1 octet more"),
         (b"\x03" + HEARTBEAT_AND_SPEED[1:], "says 3 entries, and holds 2"),
         (b"\xff\xff\xff\xff" + HEARTBEAT_AND_SPEED[4:], "says 4294967295 entries"),
     ],

@@ -131,6 +131,12 @@ def test_fast_scan_in_hand_written_frames() -> None:
     assert wire.send("5100000000800000") == []  # and fast scan no longer does
 
 
+def test_by_its_dial_fast_scan_is_answered_in_configuration_too() -> None:
+    wire = Wire(dials=LssDials(answers_on=True))
+    assert wire.send("0401", "5100000000800000", "51001000000c0000", "51002000000c0000") == ["4f", "4f"]
+    assert wire.send("5e") == ["5eff"]
+
+
 def test_fast_scan_passes_over_a_node_that_has_a_node_id() -> None:
     wire = Wire(node_id=5)
     wire.pass_time(0.2)

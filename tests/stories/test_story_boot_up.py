@@ -144,6 +144,60 @@ def test_a_node_that_was_left_stopped_is_woken_and_booted(tmp_path):
             assert machine.reports[0].outcome.done[0].startswith("woken")
 
 
+# -- a node that is there and does not start --------------------------------------------------------------------------------
+
+
+def test_a_drive_that_refuses_to_start_names_its_errors_and_not_its_supply(tmp_path, golden):
+    with Line(tmp_path) as line:
+        line.devices["x"].dials.start_error = 0x8130
+        error = refused(line)
+        assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
+        assert len(line.devices["x"].errors.entries) <= 3  # it is not told until its list holds nothing else
+    assert error.step == "start"
+    golden("boot_refuses_to_start", error, volatile=True)
+
+
+def test_a_drive_that_refuses_to_start_and_says_nothing_of_errors(tmp_path, golden, monkeypatch):
+    with Line(tmp_path) as line:
+        device = line.devices["x"]
+        device.dials.start_error = 0x8130
+        monkeypatch.setattr(device.errors, "report", lambda *_: None)
+        error = refused(line)
+    golden("boot_refuses_to_start_in_silence", error, volatile=True)
+
+
+def test_a_drive_that_refuses_to_start_in_virtual_time(tmp_path, golden):
+    line = Line(tmp_path)
+    made = device_from_eds(eds.load(resolve(GENERIC, tmp_path)), 1)
+    made.dials.start_error = 0x8130
+    with pytest.raises(BootError) as caught:
+        Machine.simulated(line.file, {1: made})
+    golden("boot_refuses_to_start_in_virtual_time", caught.value)
+
+
+def test_a_node_that_does_not_start_again_names_its_errors(tmp_path):
+    line = Line(tmp_path)
+    with Machine.simulated(line.file) as machine:
+        machine.node(1).command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        machine.stand_in(1).device.dials.start_error = 0x8120
+        with pytest.raises(NodeTimeout, match="node 1 does not take the NMT command 'start'") as caught:
+            machine.node(1).command(NmtCommand.START)
+        assert "1. 0x8120, CAN in error passive mode" in caught.value.observed
+        assert "supply" not in str(caught.value)
+
+
+def test_a_drive_in_fault_that_refuses_its_configuration_names_the_fault(tmp_path, golden):
+    with Line(tmp_path, more='[nodes.1.objects]\n"6065" = 3000\n') as line:
+        device = line.devices["x"]
+        until(lambda: device.nmt is NmtState.PRE_OPERATIONAL)
+        with line.stand_ins.lock:
+            device.errors.report(0, 0x3220)
+        device.dials.sdo_write_aborts[0x6065, 0] = 0x0800_0022
+        error = refused(line)
+    assert error.letter == "J"
+    golden("boot_configuration_refused_in_fault", error, volatile=True)
+
+
 # -- what the cell file asks for -----------------------------------------------------------------------------------------
 
 
@@ -556,6 +610,44 @@ def test_a_fault_and_its_reset_are_an_incident_in_virtual_time(tmp_path):
         assert 0.5 <= incident.lasted <= 1.0
         assert [emcy.code for emcy in node.emcy] == [0x2310, 0x4310, 0x0000]
         assert node.incident_words(incident)[0].startswith("incident 1: recovered after ")
+
+
+def opened_again_after(line: Line, machine: Machine) -> None:
+    """Do what the error of a reset says for a lost node: bring it back, close the machine, open it again."""
+    device = line.devices["x"]
+    device.dials.dead = True
+    until(lambda: machine["x"].error is not None)
+    for _ in range(2):
+        with pytest.raises(StateError, match="node 1 is lost, so there is nobody to reset") as caught:
+            machine["x"].reset().wait(5)
+    assert "neither heartbeat nor answer to node guarding" in caught.value.observed
+    assert "until axisbus scan shows it; then close the machine and open it again" in caught.value.remedy
+    device.dials.dead = False
+    machine.close()
+    with line.open() as again:
+        if device.drive.error_code:
+            again["x"].reset().wait(10)
+        enable(again["x"])
+        again["x"].move_relative(2.0).wait(10)
+
+
+def test_the_remedy_of_a_reset_of_a_lost_node_works(tmp_path):
+    with Line(tmp_path) as line:
+        opened_again_after(line, line.open())
+
+
+def test_the_remedy_of_a_reset_of_a_lost_node_works_with_node_guarding(tmp_path):
+    with guarded_line(tmp_path) as line:
+        opened_again_after(line, line.open())
+
+
+def test_a_node_that_is_reset_while_it_is_silent_is_said_to_be_so_every_time(tmp_path):
+    with Line(tmp_path) as line, line.open() as machine:
+        line.devices["x"].dials.dead = True
+        for _ in range(2):
+            with pytest.raises(NodeTimeout, match="node 1 is silent: it sent no boot-up message within"):
+                machine.node(1).command(NmtCommand.RESET_NODE, 0.3)
+        line.devices["x"].dials.dead = False
 
 
 # -- node guarding -------------------------------------------------------------------------------------------------------

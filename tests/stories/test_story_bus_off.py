@@ -180,7 +180,9 @@ def test_a_drive_that_is_pre_operational_when_it_is_heard_again_needs_the_machin
         x = machine["x"]
         until(lambda: "is still being stopped" not in str(ends_of([x.reset()])[0]))
         line.must_stand(stages=OFF)
-        assert isinstance(ends_of([x.reset()])[0], StateError)
+        refused = ends_of([x.reset()])[0]
+        assert isinstance(refused, StateError)
+        assert "node 1 is there again, and cannot be reset into service" in str(refused)
         assert isinstance(ends_of([x.enable()])[0], AxisbusError)
         with suppress(AxisbusError, ExceptionGroup):
             machine.close()

@@ -72,6 +72,31 @@ def test_a_restarted_node_cannot_be_reset_into_service(story, golden):
     assert cell.stage() in OFF
 
 
+@pytest.mark.parametrize("enabled", [False, True], ids=["at rest", "moving"])
+def test_a_reset_of_an_axis_whose_node_is_silent_says_what_to_do(story, golden, enabled):
+    """At rest it is said again every time; in motion it is said while the ladder still tries to reach it, too."""
+    cell = story.simulated("x")
+    if enabled:
+        cell.turning()
+    cell.device().dials.dead = True
+    cell.run(1.0)
+    first, second = cell.failure_of(cell.x.reset()), cell.failure_of(cell.x.reset())
+    assert str(first) == str(second)
+    golden("reset_of_a_lost_node_moving" if enabled else "reset_of_a_lost_node", first)
+    cell.run(8.0)
+    golden("reset_of_a_lost_node", cell.failure_of(cell.x.reset()))
+
+
+def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_says_that_it_is_silent(story):
+    cell = story.simulated("x")
+    cell.cycle.nmt(NmtCommand.ENTER_PRE_OPERATIONAL, 1)
+    cell.run(1.0)
+    assert "node 1 is there, and not operational" in str(cell.failure_of(cell.x.reset()))
+    cell.device().dials.dead = True
+    cell.run(1.0)
+    assert "node 1 is lost, so there is nobody to reset" in str(cell.failure_of(cell.x.reset()))
+
+
 @pytest.mark.nets("the stop ladder")
 def test_a_node_that_somebody_sends_to_pre_operational_is_stopped_by_sdo(story, golden):
     cell = story.simulated("xy")

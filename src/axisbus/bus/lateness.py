@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from axisbus.wording import counted
+
 # Upper edges of the classes in seconds; the last class holds the rest.
 EDGES = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.05)
 
@@ -20,7 +22,7 @@ class LatenessReport:
     def __str__(self) -> str:
         if not self.cycles:
             return "no cycle yet"
-        return f"{self.cycles} cycles, late by {self.mean * 1e6:.0f} µs on average, {self.worst * 1e6:.0f} µs at worst"
+        return f"{counted(self.cycles, 'cycle')}, late by {self.mean * 1e6:.0f} µs on average, {self.worst * 1e6:.0f} µs at worst"
 
 
 class Lateness:

@@ -32,8 +32,9 @@ from axisbus.cia301.lss import (
     switch_global,
 )
 from axisbus.cia301.lss_dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
+from axisbus.cia301.lss_found import Known, Scanned
 from axisbus.cia301.lss_master import Inquired, NodeIdSet
-from axisbus.cia301.lss_scan import FastScan, Known, Scanned
+from axisbus.cia301.lss_scan import FastScan
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import ArgumentError, BusError, NodeTimeout, StateError
 
@@ -85,7 +86,9 @@ class LssMaster:
         """Find all slaves without a node-ID by fast scan; changes nothing about them.
 
         Takes about 1 s for the first and one more for each that differs much; 0.6 s more at the end, when nobody answers any more.
-        Slaves with a node-ID do not take part (``axisbus.bus.discover.scan`` finds those).
+        A slave that goes on answering after it was found (against CiA 305) costs some seconds: its address is read from it, and it
+        is excluded; ``Scanned`` says so, and what could not be found out. Slaves with a node-ID do not take part
+        (``axisbus.bus.discover.scan`` finds those).
 
         Raises:
             LssTimeout, LssError: a slave went silent, or the answers go on contradicting each other.

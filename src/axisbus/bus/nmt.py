@@ -18,12 +18,15 @@ from axisbus.bus.channel import Channel, require_other_thread
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import RESULT, TOGGLE_BIT, NmtCommand, NmtState, is_boot_up
-from axisbus.errors import BusOff, NodeTimeout
+from axisbus.errors import BusOff, NodeRefused, NodeTimeout
+from axisbus.wording import counted
 
 CONFIRM_TIMEOUT = 2.0  # longer than the usual heartbeat of 1 s
 _GUARD_WAIT = 0.1
 _CHANCES = 3  # times that a command is sent
 _GUARD_TRIES = 2
+_CLEARS = "many clear it when they restart: axisbus nmt reset-node"
+_ANOTHER_MASTER = "whether another NMT master is on the bus"
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 
@@ -108,7 +111,7 @@ class NodeMonitor:
         if self.stamp is None:
             return "it has never reported its NMT state"
         kind = "assumed" if self.assumed else f"last reported {now - self.stamp:.2f} s ago"
-        return f"NMT state {self.state.text} ({kind}), {self.bootups} boot-ups seen"
+        return f"NMT state {self.state.text} ({kind}), {counted(self.bootups, 'boot-up')} seen"
 
     def assume(self, state: NmtState) -> None:
         """Take ``state`` for the node's, where it cannot say so itself."""
@@ -138,10 +141,12 @@ class NodeMonitor:
             NodeTimeout: they have not within ``timeout`` seconds.
             others as ``wait_state``.
         """
+        reports = self.reports
         if self._wait(lambda: self.bootups > after, timeout):
             return
+        said = "is silent: it sent" if self.reports == reports else "sent"
         raise NodeTimeout(
-            f"node {self.node_id} sent no boot-up message within {timeout:g} s",
+            f"node {self.node_id} {said} no boot-up message within {timeout:g} s",
             node=self.node_id,
             observed=self.describe(time.monotonic()),
             remedy="check its power, node ID and bitrate; some drives need seconds to restart",
@@ -244,7 +249,7 @@ def command(
     ``answers_sdo`` tries the node's SDO server once; it serves where a node has neither heartbeat nor guarding.
 
     Raises:
-        NodeTimeout: nothing confirms it.
+        NodeRefused: it is there and reports another state; NodeTimeout: nothing confirms it.
         AdapterError: the channel failed.
         StateError: called in the receive thread.
     """
@@ -264,7 +269,10 @@ def command(
         send(channel, wanted, monitor.node_id)
         monitor.assume(state)
         return Confirmation.SDO
-    raise _unconfirmed(monitor, wanted, state, timeout)
+    seen = f"expected {state.text}; {monitor.describe(time.monotonic())}"
+    if monitor.reports > reports + 1:  # the first report may have crossed the command
+        raise not_obeyed(monitor.node_id, wanted, monitor.state, seen)
+    raise _unconfirmed(monitor, wanted, seen, timeout, there=monitor.reports > reports)
 
 
 def _reported(channel: Channel, monitor: NodeMonitor, wanted: NmtCommand, timeout: float, after: int) -> bool:
@@ -316,11 +324,29 @@ def _serves_sdo(state: NmtState) -> bool:
     return state is not NmtState.STOPPED
 
 
-def _unconfirmed(monitor: NodeMonitor, wanted: NmtCommand, state: NmtState, timeout: float) -> NodeTimeout:
-    name = wanted.name.lower().replace("_", " ")
+def not_obeyed(node_id: int, wanted: NmtCommand, state: NmtState, seen: str) -> NodeRefused:
+    """Return the error of a node that reports its state, and another one than it was told to take."""
+    return NodeRefused(
+        f"node {node_id} does not take the NMT command {_name(wanted)!r}: it is there, and {state.text}",
+        node=node_id,
+        observed=seen,
+        remedy=f"mend and clear the error that it names ({_CLEARS} {node_id}), and see {_ANOTHER_MASTER}",
+    )
+
+
+def _name(wanted: NmtCommand) -> str:
+    return wanted.name.lower().replace("_", " ")
+
+
+def _unconfirmed(
+    monitor: NodeMonitor, wanted: NmtCommand, seen: str, timeout: float, *, there: bool
+) -> NodeTimeout:
+    check = (
+        "it is there: check its error register (1001h)" if there else "check its power, node ID and wiring"
+    )
     return NodeTimeout(
-        f"node {monitor.node_id} did not confirm the NMT command {name!r} within {timeout:g} s",
+        f"node {monitor.node_id} did not confirm the NMT command {_name(wanted)!r} within {timeout:g} s",
         node=monitor.node_id,
-        observed=f"expected {state.text}; {monitor.describe(time.monotonic())}",
-        remedy="check its power, node ID and wiring, and whether another NMT master is on the bus",
+        observed=seen,
+        remedy=f"{check}, and {_ANOTHER_MASTER}",
     )

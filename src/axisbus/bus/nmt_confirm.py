@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from axisbus.bus import nmt
@@ -37,11 +37,15 @@ _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """How a node can show its state: by what, its state before (None: not known), and its heartbeat's period in s (0: none)."""
+    """How a node can show its state: by what, its state before (None: not known), and its heartbeat's period in s (0: none).
+
+    ``heard`` says whether anything came from it while that was found out.
+    """
 
     by: Confirmation
     before: NmtState | None
     period: float = 0.0
+    heard: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +59,34 @@ class Outcome:
     seconds: float
 
     @property
+    def silent(self) -> bool:
+        """Whether nothing has come from it since the command."""
+        return not self.ok and self.state is None
+
+    @property
+    def disobeyed(self) -> bool:
+        """Whether it is there and shows another state than it was told to take."""
+        return not self.ok and self.state is not None
+
+    @property
     def text(self) -> str:
         """The outcome in words."""
+        if self.silent:
+            return self._silence()
         before = f" (was {self.way.before.text})" if self.way.before is not None else ""
         if self.ok and self.state is not None:
             return f"{self.state.text}{before}, confirmed by {self.way.by.value} after {self.seconds:.2f} s"
-        seen = f"it still says {self.state.text}" if self.state is not None else "it shows nothing"
+        seen = "it shows nothing" if self.state is None else f"it still says {self.state.text}"
         return f"NOT confirmed{before}: {seen} {self.seconds:.1f} s after the command (looked for {self.way.by.value})"
+
+    def _silence(self) -> str:
+        if not self.way.heard:
+            before = f"nothing came from it in {LISTEN:g} s before the command, nor any answer to SDO"
+        elif self.way.before is None:
+            before = "it answered before the command"
+        else:
+            before = f"before the command it was {self.way.before.text}"
+        return f"SILENT: {before}, and nothing came in {self.seconds:.1f} s after it (looked for {self.way.by.value})"
 
 
 def ways(nodes: Iterable[Node]) -> dict[int, Way]:
@@ -106,7 +131,7 @@ def _way(node: Node) -> Way:
         return Way(Confirmation.HEARTBEAT, None, period)
     if _read(node, o.GUARD_TIME) * _read(node, o.LIFE_TIME_FACTOR) == 0 and _guarded(node) is not None:
         return Way(Confirmation.GUARDING, node.nmt.state)
-    return Way(Confirmation.SDO, None)
+    return Way(Confirmation.SDO, None, heard=node.answers_sdo(_SDO_TIMEOUT))
 
 
 def _read(node: Node, index: int) -> int:
@@ -120,11 +145,11 @@ def _read(node: Node, index: int) -> int:
 def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begin: float) -> Outcome:
     reports, bootups = marks
     if wanted in _RESETS:
-        way = Way(Confirmation.BOOT_UP, way.before, way.period)
+        way = replace(way, by=Confirmation.BOOT_UP)
         ok = _until(lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE)
     else:
         ok = _reaches(node, RESULT[wanted], way, reports, begin)
-    state = node.nmt.state if node.nmt.reports > reports or node.nmt.assumed else None
+    state = node.nmt.state if node.nmt.reports > reports or (ok and node.nmt.assumed) else None
     return Outcome(node.node_id, ok, way, state, time.monotonic() - begin)
 
 

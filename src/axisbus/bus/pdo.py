@@ -22,6 +22,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.errors import BootError, SdoAbort
+from axisbus.wording import counted
 
 _STEP = "PDO configuration"
 
@@ -193,7 +194,7 @@ def _write_mapping(sdo: SdoClient, name: str, index: int, mapping: tuple[MappedO
     for subindex, mapped in enumerate(mapping, start=1):
         what = f"{mapped.index:04X}h cannot be mapped into {name}"
         _step(sdo, what, index, subindex, mapped.entry, 4, refused=mapped.index)
-    _step(sdo, f"{name} does not take {len(mapping)} entries", index, 0, len(mapping), 1)
+    _step(sdo, f"{name} does not take {counted(len(mapping), 'entry', 'entries')}", index, 0, len(mapping), 1)
 
 
 def _write_communication(sdo: SdoClient, name: str, index: int, before: Pdo, target: Pdo) -> None:

@@ -119,9 +119,8 @@ class CanPort:
         nmt = self.node.nmt
         emcy, replies = self._emcy.take(), self._take_replies()
         if self.rebooted:
-            return Inputs(
-                now, False, None, None, None, None, None, None, emcy, replies, int(nmt.state), self._bus_off()
-            )
+            silent, unknown = nmt.overdue(now), (None,) * 6
+            return Inputs(now, False, *unknown, emcy, replies, int(nmt.state), self._bus_off(), silent)
         samples, bus = self._samples, self._bus_off()
         operational = bus is None and not self._doubtful and nmt.operational(now)
         if operational and not self._operational:
@@ -147,6 +146,7 @@ class CanPort:
             replies,
             int(nmt.state),
             bus,
+            nmt.overdue(now),
         )
 
     def write(self, outputs: Outputs) -> None:

@@ -13,6 +13,7 @@ import can
 from axisbus.bus import candump
 from axisbus.cia301.frame import Frame
 from axisbus.errors import UserError
+from axisbus.wording import counted
 
 _TEXT = frozenset({".log", ".txt", ".candump", ""})
 _SHOWN = 80
@@ -104,7 +105,7 @@ def _unreadable(path: Path, error: Exception, skipped: Skipped) -> UserError:
             f"{path}: recordings of this format are not known",
             observed=f"known are {known}, and candump's text",
         )
-    where = f"after {skipped.frames} frames" if skipped.frames else "at its beginning"
+    where = f"after {counted(skipped.frames, 'frame')}" if skipped.frames else "at its beginning"
     return UserError(
         f"{path} cannot be read {where}",
         observed=f"{type(error).__name__}: {error}",

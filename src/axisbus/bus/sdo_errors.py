@@ -7,6 +7,7 @@ from axisbus.cia301.sdo import Garbled, Refused
 from axisbus.cia301.sdo_session import BROKEN_DIALOGUE, Request, Session
 from axisbus.eds.dictionary import Entry
 from axisbus.errors import Interrupted, SdoAbort, SdoError, SdoTimeout
+from axisbus.wording import counted
 
 _SHOWN = 8  # bytes of a value that are shown
 
@@ -21,7 +22,7 @@ def failed(node_id: int, entry: Entry, request: Request, session: Session, healt
     if isinstance(failure, Garbled):
         return _broken(node_id, doing, request, str(failure))
     return SdoTimeout(
-        f"{doing} got no answer in {request.tries} attempts of {request.timeout:g} s",
+        f"{doing} got no answer in {counted(request.tries, 'attempt')} of {request.timeout:g} s",
         node=node_id,
         index=request.index,
         subindex=request.subindex,
@@ -41,7 +42,7 @@ def _doing(node_id: int, entry: Entry, request: Request) -> str:
     data = request.data
     if data is None:
         return f"node {node_id}: reading {entry}"
-    value = data.hex(" ") if len(data) <= _SHOWN else f"{len(data)} bytes"
+    value = data.hex(" ") if len(data) <= _SHOWN else counted(len(data), "byte")
     return f"node {node_id}: writing {entry} = {value}"
 
 
@@ -59,7 +60,7 @@ def _refused(node_id: int, doing: str, request: Request, code: int) -> SdoAbort:
 
 def _broken(node_id: int, doing: str, request: Request, observed: str) -> SdoError:
     return SdoError(
-        f"{doing} failed in {request.tries} attempts",
+        f"{doing} failed in {counted(request.tries, 'attempt')}",
         node=node_id,
         index=request.index,
         subindex=request.subindex,
@@ -70,5 +71,5 @@ def _broken(node_id: int, doing: str, request: Request, observed: str) -> SdoErr
 
 def _what_came(strays: list[bytes], health: str) -> str:
     if strays:
-        return f"{len(strays)} frames that answer something else, the last: {strays[-1].hex(' ')}"
+        return f"{counted(len(strays), 'frame')} that answer something else, the last: {strays[-1].hex(' ')}"
     return health or "no frame from its SDO server"

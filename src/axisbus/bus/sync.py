@@ -12,6 +12,7 @@ from axisbus.cia301.drops import Fault
 from axisbus.cia301.sync import SyncWatch
 from axisbus.cia402.starvation import REMEDY, Starvation
 from axisbus.errors import BusError, SyncError
+from axisbus.wording import counted
 
 _SLICE = 0.05  # seconds between two looks whether the channel still works
 FIRST_PATIENCE = 3.0  # seconds that the producer may take to begin
@@ -132,7 +133,7 @@ class SyncConsumer:
             self._changed.notify()
 
     def _absent(self, count: int, timeout: float) -> BusError:
-        seen = f"{count} SYNC{'s' * (count != 1)}" if count else "none"
+        seen = counted(count, "SYNC") if count else "none"
         return SyncError(
             f"no steady SYNC on {self.cob_id:03X}h, which another device is to send",
             observed=f"{seen} within {timeout:g} s",

@@ -12,6 +12,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.eds.model import Eds, Severity, Variable
 from axisbus.errors import SdoAbort
+from axisbus.wording import counted
 
 _REFUSES_SCAN = 2  # ObjFlags bit 1: not to be read on a scan (DS 306 4.6.3.2)
 _MISSING = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
@@ -96,7 +97,7 @@ def _compare(sdo: SdoClient, variable: Variable) -> Iterator[Difference]:
         yield _difference(Kind.ACCESS, Severity.WARNING, variable, "is wo in the EDS, and can be read")
     size = size_in_bytes(variable.data_type)
     if size is not None and len(data) != size:
-        text = f"is {variable.data_type.name} ({size} bytes) in the EDS, the device sends {len(data)} bytes"
+        text = f"is {variable.data_type.name} ({counted(size, 'byte')}) in the EDS, the device sends {counted(len(data), 'byte')}"
         yield _difference(Kind.TYPE, Severity.ERROR, variable, text)
         return
     yield from _value(sdo, variable, decode(data, variable.data_type))

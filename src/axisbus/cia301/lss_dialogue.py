@@ -28,6 +28,7 @@ from axisbus.cia301.lss import (
     switch_selective,
 )
 from axisbus.errors import ArgumentError, LssError, LssRefused, LssTimeout
+from axisbus.wording import counted
 
 T = TypeVar("T")
 
@@ -203,10 +204,10 @@ def count_again(pace: Pace, address: LssAddress) -> Dialogue[int]:
 def twins(address: LssAddress, count: int) -> LssError:
     """Return the error that ``count`` slaves answer to one address."""
     return LssError(
-        f"{count} LSS slaves have the same identity {address}",
+        f"{counted(count, 'LSS slave')} have the same identity {address}",
         service=Service.SWITCH_STATE_SELECTIVE.text,
         slave=str(address),
-        observed=f"{count} answers to one switch state selective",
+        observed=f"{counted(count, 'answer')} to one switch state selective",
         remedy="LSS cannot tell them apart: connect one at a time, and have their serial numbers set",
     )
 
@@ -217,7 +218,8 @@ def absent(pace: Pace, address: LssAddress) -> LssTimeout:
         f"no LSS slave has the identity {address}",
         service=Service.SWITCH_STATE_SELECTIVE.text,
         slave=str(address),
-        observed=f"no answer to switch state selective, {pace.timing.tries} tries, {pace.patience * 1000:.0f} ms each",
+        observed=f"no answer to switch state selective, {counted(pace.timing.tries, 'try', 'tries')}, "
+        f"{pace.patience * 1000:.0f} ms each",
         remedy="check supply, cable and bit rate, and the four numbers (axisbus lss find shows slaves without node-ID, "
         "axisbus scan those with one); raise --timeout for a slow slave",
     )
@@ -248,7 +250,7 @@ def confirmed(
         f"{slave} did not answer {service.text}",
         service=service.text,
         slave=slave,
-        observed=f"{pace.timing.tries} requests, {max(wait, pace.timeout):g} s each",
+        observed=f"{counted(pace.timing.tries, 'request')}, {max(wait, pace.timeout):g} s each",
         remedy="the slave may not have this service (it is then silent), or is gone: check it with axisbus lss inquire",
     )
 

@@ -97,6 +97,31 @@ def _own_address(pace: Pace) -> Dialogue[LssAddress]:
     return LssAddress(*numbers)
 
 
+def numbers_of(pace: Pace, address: LssAddress) -> Dialogue[tuple[LssAddress | None, int | None]]:
+    """Return what the slave in *configuration* says of its address and its node-ID; None for what it does not tell.
+
+    Raises:
+        LssError: several slaves answer, and not the same.
+    """
+    numbers = []
+    for service in lss.INQUIRIES:
+        answer = yield from _told(pace, service, address)
+        if answer is None:
+            break
+        numbers.append(lss.number_in(answer))
+    node_id = yield from _told(pace, Service.INQUIRE_NODE_ID, address)
+    whole = LssAddress(*numbers) if len(numbers) == len(lss.INQUIRIES) else None
+    return whole, None if node_id is None else node_id[1]
+
+
+def _told(pace: Pace, service: Service, address: LssAddress) -> Dialogue[bytes | None]:
+    """Inquire; None where the slave does not have the service."""
+    try:
+        return (yield from confirmed(pace, lss.inquire(service), name(address), CONFIRM_WAIT / 2, many=True))
+    except LssTimeout:
+        return None
+
+
 def _same_serial(pace: Pace, address: LssAddress) -> Dialogue[None]:
     """Check that the slave that answers is the one that is meant, and the only one, before anything is changed."""
     service = Service.INQUIRE_SERIAL_NUMBER

@@ -15,59 +15,33 @@ Slaves in *waiting* without a node-ID answer a request when their part ``LSSSub`
 * if the very last confirmation is lost, the slave may be in *configuration* already. All are then switched to *waiting*, those
   found before are put aside by selective switching, and selective switching says whether the new one exists.
 
-Every slave that was found is in *configuration* when the scan ends; nothing else about it has changed.
+A slave that is found again although it was put aside, or answers that contradict each other after somebody was found, mean that a
+slave goes on answering in *configuration*: the rest is then searched by ``lss_exclude``, which walks around such slaves.
+
+Every slave that was found is in *configuration* when the scan ends (one that answers on is in *waiting*); nothing else about it has
+changed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from axisbus.cia301.lss import ALL_BITS, LssAddress, State, fastscan, switch_global
 from axisbus.cia301.lss_dialogue import Dialogue, Pace, all_waiting, ask, say, select
+from axisbus.cia301.lss_exclude import RESTARTS, ExcludingScan
+from axisbus.cia301.lss_found import Known, Scanned, Unconfigured
 from axisbus.errors import LssError, LssTimeout
+from axisbus.wording import counted
 
-RESTARTS = 6  # searches for one slave, each more patient than the last
 _MOST = 127  # there are no more node-IDs
 _PARTS = 4
 _BITS = 32
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
-    """What is known of the slaves that are looked for, None where it is not; each number that is known spares 32 bits."""
-
-    vendor_id: int | None = None
-    product_code: int | None = None
-    revision_number: int | None = None
-    serial_number: int | None = None
-
-    @property
-    def parts(self) -> tuple[int | None, ...]:
-        """The four numbers in the order of the standard."""
-        return self.vendor_id, self.product_code, self.revision_number, self.serial_number
-
-
-@dataclass(frozen=True, slots=True)
-class Unconfigured:
-    """A slave without a node-ID; ``twins`` says that more than one answered as this address, so that LSS cannot tell them apart.
-
-    On a wire their equal frames may also fall together into one, so that False does not prove that there is only one.
-    """
-
-    address: LssAddress
-    twins: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Scanned:
-    """All that were found, in the order of their addresses; ``others`` says that somebody is left who is not as ``Known`` says."""
-
-    slaves: tuple[Unconfigured, ...]
-    others: bool = False
-
-
 class _ContradictionError(Exception):
     """Nobody is what earlier answers said; never leaves this module."""
+
+
+class _AnswersOnError(Exception):
+    """Somebody who was found seems to go on answering; never leaves this module."""
 
 
 class _NobodyKnownError(Exception):
@@ -75,15 +49,16 @@ class _NobodyKnownError(Exception):
 
 
 class FastScan:
-    """One scan; holds the slaves found, the guesses for the next, and how often one was found again."""
+    """One scan; holds the slaves found, the guesses for the next, and who was found twice."""
 
     def __init__(self, pace: Pace, known: Known | None = None, most: int = _MOST) -> None:
         """Prepare; ``most`` ends the scan after so many slaves."""
         self._pace = pace
-        self._known = (known or Known()).parts
+        self._wanted = known or Known()
+        self._known = self._wanted.parts
         self._most = most
         self._guess: list[int | None] = [None] * _PARTS
-        self._again = 0
+        self._again: set[LssAddress] = set()
         self.found: list[Unconfigured] = []
 
     def run(self) -> Dialogue[Scanned]:
@@ -92,36 +67,32 @@ class FastScan:
         Raises:
             LssTimeout: a slave went silent; LssError: answers go on contradicting each other.
         """
-        yield from all_waiting(self._pace)
-        others = False
+        try:
+            yield from all_waiting(self._pace)
+            others = yield from self._one_by_one()
+        except _AnswersOnError:
+            return (yield from ExcludingScan(self._pace, self._wanted, self._most, self.found).run())
+        return Scanned(tuple(sorted(self.found, key=lambda each: each.address)), others)
+
+    def _one_by_one(self) -> Dialogue[bool]:
+        """Return whether somebody is left who is not as ``Known`` says."""
         while len(self.found) < self._most and (yield from self._anybody()):
             try:
                 slave = yield from self._next()
             except _NobodyKnownError:
-                others = True
-                break
+                return True
             yield from self._remember(slave)
-        return Scanned(tuple(sorted(self.found, key=lambda each: each.address)), others)
+        return False
 
     def _remember(self, slave: Unconfigured) -> Dialogue[None]:
-        """Note a slave; one that stayed in *waiting* although it was found is put aside by selective switching.
-
-        Raises:
-            LssError: that does not help either.
-        """
+        """Note a slave; one that stayed in *waiting* although it was found is put aside by selective switching, once."""
         self._guess = [*slave.address.parts[: _PARTS - 1], None]
         if slave.address not in [each.address for each in self.found]:
             self.found.append(slave)
             return
-        self._again += 1
-        if self._again > RESTARTS:
-            raise LssError(
-                f"the LSS slave {slave.address} goes on answering the fast scan after it was found",
-                service="fastscan",
-                slave=str(slave.address),
-                observed=f"found {self._again + 1} times: it does not switch to configuration",
-                remedy="disconnect it to find the others; its LSS does not follow CiA 305",
-            )
+        if slave.address in self._again:
+            raise _AnswersOnError
+        self._again.add(slave.address)
         yield from select(self._pace, slave.address)
 
     def _anybody(self) -> Dialogue[bool]:
@@ -136,6 +107,8 @@ class FastScan:
     def _next(self) -> Dialogue[Unconfigured]:
         for attempt in range(RESTARTS):
             if attempt > 1:  # once is an accident
+                if self.found:
+                    raise _AnswersOnError
                 self._pace.distrust()
             if attempt and not (yield from self._anybody()):
                 raise self._gone()
@@ -155,7 +128,7 @@ class FastScan:
         return LssTimeout(
             f"LSS slave {len(self.found) + 1} went silent while the fast scan was asking for its address",
             service="fastscan",
-            observed=f"no answer any more, {self._pace.timing.tries} requests, {self._pace.patience * 1000:.0f} ms each",
+            observed=f"no answer any more, {counted(self._pace.timing.tries, 'request')}, {self._pace.patience * 1000:.0f} ms each",
             remedy="check its supply and cable, and scan again",
         )
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 MAX_BITS = 64
 _DUMMY_TYPES = range(1, 8)  # mapping entries 0001h to 0007h hold no object, only space (CiA 301 7.4.7)
@@ -105,7 +106,7 @@ class PdoCodec:
         bits = sum(entry.bits for entry in mapping)
         if bits > MAX_BITS:
             raise ArgumentError(
-                f"a PDO of {bits} bits",
+                f"a PDO of {counted(bits, 'bit')}",
                 observed=f"mapped are {', '.join(map(str, mapping))}",
                 remedy="a CAN frame holds 64 bits: split the mapping over two PDOs",
             )

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from axisbus.cia301 import abort as codes
+from axisbus.wording import counted
 
 Frames = tuple[bytes, ...]
 _Handler = Callable[[bytes], Frames | None]
@@ -158,12 +159,12 @@ class Dialogue:
         self._on = _nothing
 
     def _count_futile(
-        self, progress: int, what: str = "blocks", why: str = "of which no segment arrived"
+        self, progress: int, what: str = "block", why: str = "of which no segment arrived"
     ) -> None:
         """Give up where sub-block after sub-block, or segment after segment, is sent in vain."""
         self._futile = 0 if progress else self._futile + 1
         if self._futile >= FUTILE_BLOCKS:
-            raise Garbled(f"{self._futile} {what} in a row {why}", codes.WRONG_SEQUENCE)
+            raise Garbled(f"{counted(self._futile, what)} in a row {why}", codes.WRONG_SEQUENCE)
 
 
 def checksum(data: bytes) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from axisbus.cia301 import abort as codes
 from axisbus.cia301.sdo import LARGEST_BLOCK, SEGMENT, Dialogue, Frames, Garbled, Way, check_toggle, checksum
+from axisbus.wording import counted
 
 _EXPEDITED = 4  # bytes that fit the initiating frame
 
@@ -97,7 +98,9 @@ class Download(Dialogue):
 
     def _sub_block(self, granted: int) -> Frames:
         if not 1 <= granted <= LARGEST_BLOCK:
-            raise Garbled(f"the server grants blocks of {granted} segments", codes.WRONG_BLOCK_SIZE)
+            raise Garbled(
+                f"the server grants blocks of {counted(granted, 'segment')}", codes.WRONG_BLOCK_SIZE
+            )
         end = len(self._data)
         starts = range(self._position, max(end, self._position + 1), SEGMENT)[:granted]
         self._sent = len(starts)

@@ -26,6 +26,7 @@ from axisbus.cia301.sdo import (
     check_toggle,
     checksum,
 )
+from axisbus.wording import counted
 
 
 class Upload(Dialogue):
@@ -105,7 +106,7 @@ class Upload(Dialogue):
         self._buffer += frame[1:end]
         self._check_not_more(0)
         if not frame[0] & 0x01:
-            self._count_futile(end - 1, "segments", "with no data")
+            self._count_futile(end - 1, "segment", "with no data")
             return (self._request_segment(),)
         self._check_size()
         self._end()
@@ -213,8 +214,12 @@ class Upload(Dialogue):
                 f"more than the {self._most} bytes came that are taken at most", codes.OUT_OF_MEMORY
             )
         if self.size is not None and len(self._buffer) > self.size + padding:
-            raise Garbled(f"more than the {self.size} bytes came that were announced", codes.TOO_LONG)
+            raise Garbled(
+                f"more than the {counted(self.size, 'byte')} came that were announced", codes.TOO_LONG
+            )
 
     def _check_size(self) -> None:
         if self.size is not None and len(self._buffer) != self.size:
-            raise Garbled(f"{len(self._buffer)} bytes came, {self.size} were announced", codes.TOO_SHORT)
+            raise Garbled(
+                f"{counted(len(self._buffer), 'byte')} came, {self.size} were announced", codes.TOO_SHORT
+            )

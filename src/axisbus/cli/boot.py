@@ -10,6 +10,7 @@ import click
 from axisbus.cli.common import FAILURE, OK, ProgressLine, progress_line, say, say_json, say_next, say_note
 from axisbus.cli.options import beside_option
 from axisbus.machine.machine import boot
+from axisbus.wording import counted
 
 _LABEL = "booting"
 
@@ -34,7 +35,8 @@ class _Told:
         """So many bytes of a node's program have arrived."""
         with self._lock:
             if node not in self._nodes and not self._quiet:
-                say_note(f"node {node}: its program is being replaced, {total} bytes; do not switch it off")
+                size = "of a size that is not known" if total is None else counted(total, "byte")
+                say_note(f"node {node}: its program is being replaced, {size}; do not switch it off")
             self._nodes.add(node)
             if self._line is not None:
                 self._line.label(f"{_LABEL}, node {node}: program {done * 100 // max(1, total or 0)} %")
@@ -76,9 +78,10 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
         return FAILURE if failed else OK
     for report in reports:
         say(report.text())
-    say(f"{up} of {len(reports)} nodes came up")
+    say(f"{up} of {counted(len(reports), 'node')} came up")
     if failed:
         say_next("mend what FAILED says, and boot again; who is there: axisbus scan " + str(cell))
         return FAILURE
-    say_next(f"axisbus monitor {cell}, or axisbus home {cell}")
+    homing = f", or axisbus home {cell}" if any(report.axes for report in reports) else ""
+    say_next(f"axisbus monitor {cell}{homing}")
     return OK

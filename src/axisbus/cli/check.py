@@ -11,6 +11,7 @@ import click
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.machine.check import check
 from axisbus.machine.problem import Problem
+from axisbus.wording import counted
 
 
 @click.command("check")
@@ -29,7 +30,9 @@ def command(cell: Path, as_json: bool) -> int:
         return code
     for problem in problems:
         say(str(problem))
-    say(f"{cell}: {counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes")
+    say(
+        f"{cell}: {counted(counts['error'], 'error')}, {counted(counts['warning'], 'warning')}, {counted(counts['note'], 'note')}"
+    )
     say_next(f"mend the errors and check again: axisbus check {cell}" if code else f"axisbus boot {cell}")
     return code
 

@@ -11,6 +11,7 @@ import click
 from axisbus.cli import config_files, od_objects
 from axisbus.cli.common import OK, progress_bar, require_free, say, say_json, say_next, write_whole
 from axisbus.cli.nodes import Asked, Files, Session, node_options_beside_output, require_bus
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node, NodeIdentity
@@ -97,13 +98,17 @@ def _write(made: Backup, target: Path, concise_out: Path | None) -> list[tuple[P
 def _show(
     made: Backup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
-    say(f"node {node_id}: {who.device_name or 'no device name'}, {_identity(who)}")
+    from axisbus.cia402.device_type import device_kind
+
+    kind = device_kind(who.device_type)
+    name = who.device_name or (f"no device name, {kind}" if kind else "no device name")
+    say(f"node {node_id}: {name}, {_identity(who)}")
     say(f"  described by {origin}")
     for each in made.left_out:
         say(f"  left out: {each.index:04X}h:{each.subindex:02X} {each.name}: {each.reason}")
     for path, size in written:
-        say(f"{path}: {size} octets")
-    say(f"{made.values} objects read, {len(made.left_out)} left out")
+        say(f"{path}: {counted(size, 'octet')}")
+    say(f"{counted(made.values, 'object')} read, {len(made.left_out)} left out")
     say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
 
 

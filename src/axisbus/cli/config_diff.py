@@ -12,6 +12,7 @@ from axisbus.cli import config_files
 from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import SdoAbort
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node
@@ -128,7 +129,7 @@ def _show(comparison: Comparison, names: tuple[str, str]) -> None:
             continue
         mine, other = (config_files.shown(each.variable, value) for value in (each.left, each.right))
         say(f"{where}: {left} {mine}, {right} {other}")
-    say(f"{comparison.compared} objects compared, {len(comparison.differences)} differ")
+    say(f"{counted(comparison.compared, 'object')} compared, {len(comparison.differences)} differ")
     if comparison.differences and right.startswith("node "):
         say_next(
             f"bring the node to a DCF: axisbus config restore FILE.dcf {right.removeprefix('node ')} ..."

@@ -21,6 +21,7 @@ from axisbus.cli.common import (
 )
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import BusError, EdsError, SdoAbort, StateError
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node
@@ -219,7 +220,8 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
                 f"would write {config_files.place(each.variable)} = {config_files.data_shown(each.variable, each.data)}"
             )
         say(
-            f"{len(selection.items)} objects of the file are for node {node_id}, {len(differing)} differ; nothing was written"
+            f"node {node_id}: the file has {counted(len(selection.items), 'object')} for it, {len(differing)} of another value; "
+            "nothing was written"
         )
     return WRONG if differing else OK
 
@@ -236,6 +238,7 @@ def _cut_off(
     )
     say_error(str(error) or "stopped by Ctrl-C")
     say_error(
-        f"the restore of node {node_id} was cut off after {report.writes} writes; run it again: it goes on with what differs"
+        f"the restore of node {node_id} was cut off after {counted(report.writes, 'write')}; run it again: "
+        "it goes on with what differs"
     )
     return FAILURE if isinstance(error, BusError) else STOPPED

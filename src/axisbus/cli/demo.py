@@ -12,6 +12,7 @@ from axisbus import Recorder, wait
 from axisbus.cli.common import FAILURE, OK, say, say_next
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
+from axisbus.wording import counted
 
 # In an installed package the cell lies beside this module; in a checkout, among the examples.
 _CELLS = (Path(__file__).parent / "demo_cell.toml", Path(__file__).parents[3] / "examples" / "cell.toml")
@@ -53,7 +54,7 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
         lateness = machine.scan.lateness
     tally.say("the with block is left: every axis was halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
-    tally.say(f"{len(recorder)} cycles recorded in {csv}")
+    tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")
     if plot:
         _draw(recorder, output, tally)
     return _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
@@ -135,7 +136,7 @@ def _summary(tally: Tally, worst: float, skipped: int, cycles: int) -> int:
     say(f"{'move':<22}{'axis':<6}{'commanded':>12}{'reached':>12}")
     for what, axis, target, reached, unit in tally.moves:
         say(f"{what:<22}{axis:<6}{target:>12.3f}{reached:>12.3f} {unit}")
-    say(f"worst cycle lateness {worst * 1000:.2f} ms, {skipped} of {cycles} cycles skipped")
+    say(f"worst cycle lateness {worst * 1000:.2f} ms, {skipped} of {counted(cycles, 'cycle')} skipped")
     say_next("open demo-output/motion.png, then write a cell.toml of your own: axisbus check cell.toml")
     off = [axis for _, axis, target, reached, _ in tally.moves if abs(target - reached) > 0.5]
     if off:

@@ -13,6 +13,7 @@ import click
 from axisbus.cli.eds_files import terminal_width
 from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules.table import Rule, rules
+from axisbus.wording import counted
 
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 _RANKS = {severity: rank for rank, severity in enumerate(Severity)}
@@ -37,24 +38,20 @@ def place(finding: Finding) -> tuple[int, int]:
 def summary(found: _Found) -> Iterator[str]:
     """Yield how often each rule was broken, worst first, and how much there is in all."""
     every = [finding for findings in found.values() for finding in findings]
-    counted = Counter((finding.rule, finding.severity) for finding in every)
+    totalled = Counter((finding.rule, finding.severity) for finding in every)
     if every:
         yield ""
-    for (rule, severity), count in sorted(counted.items(), key=_worst_first):
+    for (rule, severity), count in sorted(totalled.items(), key=_worst_first):
         word = _coloured(f"{severity.value:8}", severity)
         yield f"{count:6} {word} {rule:6} {rules()[rule].title}"
     totals = Counter(finding.severity for finding in every)
-    files = next(iter(found)) if len(found) == 1 else f"{len(found)} files"
-    yield f"{files}: " + ", ".join(_number(totals[severity], severity.value) for severity in Severity)
+    files = next(iter(found)) if len(found) == 1 else counted(len(found), "file")
+    yield f"{files}: " + ", ".join(counted(totals[severity], severity.value) for severity in Severity)
 
 
 def _worst_first(item: tuple[tuple[str, Severity], int]) -> tuple[int, int, str]:
     (rule, severity), count = item
     return _RANKS[severity], -count, rule
-
-
-def _number(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def next_step(found: _Found) -> str:

@@ -18,6 +18,7 @@ from axisbus.cli.eds_files import (
 )
 from axisbus.eds import codegen
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 
 @click.command("code")
@@ -41,6 +42,6 @@ def command(file: str, output: Path | None, node: int | None) -> int:
         return OK
     write(output, text)
     entries = sum(len(entry.subs) for entry in eds)
-    say(f"{output}: written, {len(eds.objects)} objects, {entries} entries")
+    say(f"{output}: written, {counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}")
     say_next(f"in Python: from {output.stem} import Index, ENTRIES")
     return OK

@@ -13,6 +13,7 @@ from axisbus.eds.compose import written
 from axisbus.eds.model import Eds, Variable
 from axisbus.eds.reader import Reading
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 _PATH = click.Path(path_type=Path)
 
@@ -112,12 +113,15 @@ def _write(reading: Reading, output: Path | None, concise_out: Path | None) -> N
     if output is not None:
         write_whole(output, writer.dumps(reading))
         many = len(dcf.differing(reading.eds))
-        say(f"{output}: node {reading.eds.node_id}, {many} values differ from the defaults")
+        say(
+            f"{output}: node {reading.eds.node_id}, {counted(many, 'value differs', 'values differ')} from the defaults"
+        )
     if concise_out is not None and made is not None:
         data = concise.encode(made.writes)
         write_whole(concise_out, data)
         say(
-            f"{concise_out}: {len(made.writes)} writes, {len(data)} octets for 1F22h:{reading.eds.node_id:02X}"
+            f"{concise_out}: {counted(len(made.writes), 'write')}, {counted(len(data), 'octet')} "
+            f"for 1F22h:{reading.eds.node_id:02X}"
         )
         for each in made.left_out:
             say(
@@ -149,7 +153,7 @@ def _show(reading: Reading, as_json: bool) -> None:
         f"{line:<{width}}  {each['name']} (default {each['default'] or 'not given'})"
         for line, each in zip(lines, found, strict=True)
     )
-    say(f"{len(found)} values differ from the defaults for node {eds.node_id}")
+    say(f"{counted(len(found), 'value differs', 'values differ')} from the defaults for node {eds.node_id}")
 
 
 def _plain(variable: Variable) -> dict[str, str]:

@@ -11,6 +11,7 @@ from axisbus.cli.eds_files import file_argument, node_of, node_option, open_eds,
 from axisbus.eds.checking import check
 from axisbus.eds.reference import html, markdown, reference
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 _WRITERS = {".html": html, ".htm": html, ".md": markdown, ".markdown": markdown}
 
@@ -33,6 +34,8 @@ def command(file: str, output: Path | None, node: int | None) -> int:
     page = reference(eds, node_of(eds, node), check(eds))
     write(output, writer(page))
     entries = sum(len(entry.subs) for entry in eds)
-    say(f"{output}: written, {len(eds.objects)} objects, {entries} entries, {page.verdict}")
+    say(
+        f"{output}: written, {counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}, {page.verdict}"
+    )
     say_next(f"open {output} in a browser" if writer is html else f"axisbus eds show {file}")
     return OK

@@ -19,6 +19,7 @@ from axisbus.cli.eds_files import (
 )
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
+from axisbus.wording import counted
 
 _FORMATS = ("csv", "json", "dbc")
 
@@ -47,7 +48,7 @@ def command(file: str, form: str | None, output: Path | None, node: int | None) 
         say_text(text)
         return OK
     write(output, text)
-    say(f"{output}: written, {len(text.splitlines())} lines")
+    say(f"{output}: written, {counted(len(text.splitlines()), 'line')}")
     say_next(f"axisbus eds doc {file} -o {output.with_suffix('.html')}")
     return OK
 

@@ -11,6 +11,7 @@ from axisbus.cli.common import MISUSE, OK, WRONG, say, say_error, say_json, say_
 from axisbus.cli.eds_files import file_argument, say_lines
 from axisbus.eds import builtin, fix, fix_diff, reader, writer
 from axisbus.errors import EdsError
+from axisbus.wording import counted
 
 
 @click.command("fix")
@@ -64,7 +65,7 @@ def _summary(file: str, fixed: fix.Fixed, target: Path | None) -> None:
             say(f"{file}:{each.line}: {each.rule} {each.what}")
     counts = Counter(each.rule for each in fixed.mended)
     rules = ", ".join(f"{rule} {count}" for rule, count in sorted(counts.items()))
-    many = f"{len(fixed.mended)} mends" if len(fixed.mended) > 1 else "1 mend"
+    many = counted(len(fixed.mended), "mend")
     if target is None:
         say(f"{file}: {many} ({rules}), not written")
         say_next(f"axisbus eds fix {file} --write")

@@ -11,6 +11,7 @@ import click
 from axisbus.cli.buses import open_bus
 from axisbus.cli.common import OK, progress_bar, say, say_next, write_whole
 from axisbus.cli.options import bus_options
+from axisbus.wording import counted
 
 
 @click.command("from-device")
@@ -53,7 +54,7 @@ def command(
             tell = stack.enter_context(progress_bar("asking for objects"))
             found = skeleton(device.sdo, tell)
             data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), bitrate))
-            what = f"a skeleton of {len(found.objects)} objects"
+            what = f"a skeleton of {counted(len(found.objects), 'object')}"
     write_whole(target, data)
     say(f"{target}: {what}")
     say_next(f"axisbus eds check {target}")

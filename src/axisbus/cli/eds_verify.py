@@ -15,6 +15,7 @@ from axisbus.cli.buses import open_bus
 from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.options import bus_options
 from axisbus.eds.builtin import resolve
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.verify import Verification
@@ -76,8 +77,9 @@ def _show(file: str, node: int, result: Verification, notes: bool) -> None:
     counts = Counter(each.severity.value for each in result.differences)
     left_out = f", {result.left_out} were not to be read" if result.left_out else ""
     say(
-        f"{result.read} entries read from node {node}{left_out}: {counts['error']} errors, {counts['warning']} warnings, "
-        f"{counts['note']} notes" + ("" if notes or not counts["note"] else " (--notes shows them)")
+        f"{counted(result.read, 'entry', 'entries')} read from node {node}{left_out}: "
+        + ", ".join(counted(counts[grade], grade) for grade in ("error", "warning", "note"))
+        + ("" if notes or not counts["note"] else " (--notes shows them)")
     )
     if result.agrees:
         say_next("use the file in a cell.toml: axisbus check cell.toml")

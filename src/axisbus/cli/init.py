@@ -14,6 +14,7 @@ from axisbus.cli.buses import open_bus
 from axisbus.cli.common import OK, WRONG, progress_bar, require_free, say, say_json, say_next, write_whole
 from axisbus.cli.options import bus_options_beside_output, parse_options
 from axisbus.errors import UserError
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.channel import Channel
@@ -156,7 +157,9 @@ def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[st
         say(f"MISSING: {text}")
     for text in made.confirm:
         say(f"CONFIRM: {text}")
-    say(f"{output}: {len(nodes)} nodes, {sum(len(node.axes) for node in nodes)} axes")
+    say(
+        f"{output}: {counted(len(nodes), 'node')}, {counted(sum(len(node.axes) for node in nodes), 'axis', 'axes')}"
+    )
     say_next(f"confirm its comments with an editor, then: axisbus check {output}")
     return code
 
@@ -164,7 +167,7 @@ def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[st
 def _line(node: NodeFound) -> str:
     who = node.found.identity
     files = " or ".join(node.specs) or "no EDS"
-    axes = f", {len(node.axes)} axes" if len(node.axes) > 1 else ", 1 axis" if node.axes else ""
+    axes = f", {counted(len(node.axes), 'axis', 'axes')}" if node.axes else ""
     return (
         f"node {node.found.node_id}: {who.device_name or node.found.kind or 'answers no SDO'}{axes}, {files}"
     )

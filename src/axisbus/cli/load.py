@@ -14,6 +14,7 @@ from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.options import bus_options
 from axisbus.errors import ArgumentError, UserError
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.machine.busload import Measured, Share
@@ -118,7 +119,7 @@ def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
     if found is None:
         raise UserError(
             "the recording is too short to have a load",
-            observed=f"{meter.total.frames} frames, all at one time",
+            observed=f"{counted(meter.total.frames, 'frame')}, all at one time",
             remedy="record with time stamps, for some seconds",
         )
     skipped = opened.skipped
@@ -196,7 +197,8 @@ def _show(report: dict[str, Any], asked: Asked) -> None:
     if measured is not None:
         peak = measured["worst_100ms"]
         say(
-            f"measured at {measured['bitrate'] / 1000:g} kbit/s in {measured['seconds']:.3g} s, {measured['frames']} frames:"
+            f"measured at {measured['bitrate'] / 1000:g} kbit/s in {measured['seconds']:.3g} s, "
+            f"{counted(measured['frames'], 'frame')}:"
         )
         say(
             f"  {measured['load']:.1%} with the stuff bits there were, {measured['load_worst']:.1%} with the most there can be"

@@ -15,10 +15,12 @@ import click
 from axisbus.cli.buses import open_bus
 from axisbus.cli.options import bus_options
 from axisbus.errors import UserError
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.lss import LssMaster
     from axisbus.cia301.lss import LssAddress
+    from axisbus.cia301.lss_found import Unconfigured
 
 _REDRAW = 0.1  # s
 _FLOOR = 0.015  # s, as cia301.lss_dialogue.Timing
@@ -191,7 +193,14 @@ def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
 
 
 def _found(master: LssMaster) -> LssAddress:
-    slaves = master.find().slaves
+    scanned = master.find()
+    slaves = [slave for slave in scanned.slaves if not slave.has_node_id]
+    if scanned.incomplete:
+        raise UserError(
+            "the search for LSS slaves without a node-ID could not be ended",
+            observed=scanned.incomplete,
+            remedy="name the slave by its identity (-s)",
+        )
     if not slaves:
         raise UserError(
             "no LSS slave without a node-ID answers",
@@ -199,11 +208,23 @@ def _found(master: LssMaster) -> LssAddress:
         )
     if len(slaves) > 1:
         raise UserError(
-            f"{len(slaves)} LSS slaves have no node-ID",
+            f"{counted(len(slaves), 'LSS slave')} have no node-ID",
             observed=", ".join(str(slave.address) for slave in slaves),
             remedy="name one by its identity (-s)",
         )
+    _require_selectable(slaves[0])
     return slaves[0].address
+
+
+def _require_selectable(slave: Unconfigured) -> None:
+    from axisbus.cia301.lss_found import Check
+
+    if slave.check is Check.UNSELECTABLE:
+        raise UserError(
+            f"the LSS slave {slave.address} cannot be selected by its address",
+            observed="it answers fast scan, but no switch state selective",
+            remedy="connect it alone and name it by --only",
+        )
 
 
 def say_slave(address: LssAddress) -> str:

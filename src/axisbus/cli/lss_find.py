@@ -10,7 +10,7 @@ from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.lss_common import NumberType, Where, as_numbers, lss_options, open_master, say_slave
 
 if TYPE_CHECKING:
-    from axisbus.cia301.lss_scan import Scanned
+    from axisbus.cia301.lss_found import Scanned, Unconfigured
 
 
 @click.command("find")
@@ -29,38 +29,70 @@ def command(
 ) -> int:
     """Find every LSS slave without a node-ID by fast scan: on the bus of CELL (a cell.toml), or with -i and -c on any.
 
-    Takes 1 to 2 s for the first slave. Changes nothing; refused while a machine is running. Slaves with a node-ID do not take part:
-    see axisbus scan. Exit code 1 when there is none, or when two have the same identity.
+    Takes 1 to 2 s for the first slave, and some seconds more beside slaves that go on answering after they were found (against
+    CiA 305): each of these is checked, excluded by its address, and the search goes on. Changes nothing; refused while a machine is
+    running. Slaves with a node-ID do not take part: see axisbus scan. Exit code 1 when there is none, when two have the same
+    identity, or when the search could not be ended.
     """
-    from axisbus.cia301.lss_scan import Known
+    from axisbus.cia301.lss_found import Known
 
     with open_master(where) as master:
         scanned = master.find(Known(vendor, product, revision, serial))
     if as_json:
-        slaves = [{**as_numbers(each.address), "twins": each.twins} for each in scanned.slaves]
-        say_json({"slaves": slaves, "others": scanned.others})
+        slaves = [_as_json(each) for each in scanned.slaves]
+        say_json({"slaves": slaves, "others": scanned.others, "incomplete": scanned.incomplete or None})
     else:
         _show(scanned, where)
-    return OK if scanned.slaves and not any(each.twins for each in scanned.slaves) else WRONG
+    whole = scanned.slaves and not scanned.incomplete
+    return OK if whole and not any(each.twins for each in scanned.slaves) else WRONG
+
+
+def _as_json(slave: Unconfigured) -> dict[str, object]:
+    told = {"twins": slave.twins, "answers_on": slave.answers_on, "check": slave.check.name.lower()}
+    return {**as_numbers(slave.address), **told, "node_id": slave.node_id if slave.has_node_id else None}
 
 
 def _show(scanned: Scanned, where: Where) -> None:
     if scanned.others:
         say("other slaves without a node-ID are there that are not as asked for")
+    if scanned.incomplete:
+        say(f"NOT ALL MAY HAVE BEEN FOUND: {scanned.incomplete}")
     if not scanned.slaves:
-        say(
-            "no LSS slave without a node-ID answers: they have one, have no LSS fast scan, or another bit rate"
-        )
+        if not scanned.incomplete:
+            say(
+                "no LSS slave without a node-ID answers: they have one, have no LSS fast scan, or another bit rate"
+            )
         say_next(f"see who has a node-ID: axisbus scan {where.words_and_rate}")
         return
-    say(f"{len(scanned.slaves)} without a node-ID:")
-    for each in scanned.slaves:
-        say(f"  {say_slave(each.address)}")
-        if each.twins:
-            say(
-                "    several slaves have this same identity: connect one at a time, LSS cannot tell them apart"
-            )
-    first = scanned.slaves[0].address
-    say_next(
-        f"give each a node-ID: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {first} --store"
-    )
+    bare = [each for each in scanned.slaves if not each.has_node_id]
+    say(f"{len(bare)} without a node-ID:")
+    for each in bare:
+        _show_slave(each)
+    configured = [each for each in scanned.slaves if each.has_node_id]
+    for each in configured:
+        _show_slave(each)
+    _show_next(bare, where)
+
+
+def _show_slave(slave: Unconfigured) -> None:
+    own = f", has node-ID {slave.node_id} and answers fast scan all the same" if slave.has_node_id else ""
+    say(f"  {say_slave(slave.address)}{own}")
+    if slave.answers_on:
+        say(
+            "    goes on answering fast scan after it was found, against CiA 305: it was excluded by its address"
+        )
+        say(f"    address: {slave.check.sentence}")
+    if slave.twins:
+        say("    several slaves have this same identity: connect one at a time, LSS cannot tell them apart")
+
+
+def _show_next(bare: list[Unconfigured], where: Where) -> None:
+    from axisbus.cia301.lss_found import Check
+
+    able = [each for each in bare if each.check is not Check.UNSELECTABLE]
+    if able:
+        give = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {able[0].address} --store"
+        say_next(f"give each a node-ID: {give}")
+    elif bare:
+        give = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} --only --store"
+        say_next(f"connect it alone, and give it a node-ID: {give}")

@@ -16,6 +16,7 @@ from axisbus.machine.listening import listen_to
 from axisbus.machine.overview import Beat, NodeHeard, Overview
 from axisbus.machine.runtime import load_dictionaries
 from axisbus.machine.trace import plain, text
+from axisbus.wording import counted
 
 _NOTHING = "nothing was heard: nobody sends, or not on this channel or at this bit rate"
 
@@ -69,7 +70,7 @@ def _of_bus(overview: Overview, rate: float, now: float) -> list[str]:
         return [_NOTHING]
     found = [f"{rate:.0f} frames/s", f"SYNC {_pace(overview.sync, now)}"]
     if overview.unknown:
-        found.append(f"{overview.unknown} frames of no known service")
+        found.append(f"{counted(overview.unknown, 'frame')} of no known service")
     signs = [line.rpartition(": ")[0] for line in words(overview.signs.heard)]
     return [*found, f"a master sends {', '.join(signs)}" if signs else "no master was heard"]
 

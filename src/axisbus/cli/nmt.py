@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -58,12 +59,15 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
         if order is not NmtCommand.START and not force:
             _require_at_rest(nodes)
         outcomes = nmt_confirm.command(session.bus, nodes, order, found, everybody=everybody)
+        errors = {each.node_id: _errors(session.node(each.node_id)) for each in outcomes if each.disobeyed}
     failed = [each for each in outcomes if not each.ok]
     if as_json:
-        say_json([_plain(each) for each in outcomes])
+        say_json([{**_plain(each), "errors": errors.get(each.node_id)} for each in outcomes])
         return FAILURE if failed else OK
     for each in outcomes:
         say(f"node {each.node_id}: {each.text}")
+        if each.node_id in errors:
+            say(f"  {errors[each.node_id]}")
     _next(order, outcomes, failed)
     return FAILURE if failed else OK
 
@@ -97,6 +101,14 @@ def _require_at_rest(nodes: list[Node]) -> None:
             )
 
 
+def _errors(node: Node) -> str:
+    """Return what a node says that is there, and does not do what it was told."""
+    from axisbus.machine import errorstate
+
+    last = node.emcy.history[-1] if node.emcy.history else None
+    return errorstate.read(node.sdo, last, 0.0 if last is None else time.monotonic() - last.stamp).words()
+
+
 def _plain(outcome: Outcome) -> dict[str, object]:
     before, state = outcome.way.before, outcome.state
     return {
@@ -104,13 +116,18 @@ def _plain(outcome: Outcome) -> dict[str, object]:
         "ok": outcome.ok,
         "before": None if before is None else before.text,
         "state": None if state is None else state.text,
+        "silent": outcome.silent,
         "confirmed_by": outcome.way.by.name.lower() if outcome.ok else None,
         "seconds": round(outcome.seconds, 3),
     }
 
 
 def _next(order: NmtCommand, outcomes: list[Outcome], failed: list[Outcome]) -> None:
-    if failed:
+    if any(each.silent for each in failed):
+        say_next(
+            "check the supply, cable, node ID and bit rate of those that are silent; who is there: axisbus scan"
+        )
+    elif failed:
         say_next("who is there, and in which state: axisbus scan")
     elif order is NmtCommand.START:
         say_next("nothing is energised by this; what the nodes send now: axisbus trace")

@@ -14,6 +14,7 @@ from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import SdoAbort
 from axisbus.machine.trace import text
 from axisbus.machine.trace.decoded import ObjectValue
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node import Node
@@ -39,7 +40,7 @@ def command(node: str, asked: Asked, output: Path | None, as_json: bool) -> int:
     values = [value for value, _ in found]
     if output is not None:
         write_whole(output, _text(address.node_id, found, as_json).encode())
-        say(f"{output}: {len(values)} objects of node {address.node_id}")
+        say(f"{output}: {counted(len(values), 'object')} of node {address.node_id}")
         say_next(f"read one again: axisbus od read ... {address.node_id}:6041")
     elif as_json:
         say_json([_plain(address.node_id, value, refusal) for value, refusal in found])

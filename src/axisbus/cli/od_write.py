@@ -16,6 +16,7 @@ from axisbus.eds.dictionary import Dictionary
 from axisbus.machine import careful, objecttext
 from axisbus.machine.careful import Written, is_command
 from axisbus.machine.trace import text
+from axisbus.wording import counted
 
 _SAVE = 0x6576_6173  # "save" (CiA 301 7.5.2.13)
 
@@ -76,7 +77,9 @@ def _one(targets: list[od.Target]) -> od.Target:
         names = ", ".join(
             f"{each.entry.index:04X}:{each.entry.subindex:X} {each.entry.name}" for each in targets[:8]
         )
-        raise click.UsageError(f"{targets[0].words} has {len(targets)} entries, name one of them: {names}")
+        raise click.UsageError(
+            f"{targets[0].words} has {counted(len(targets), 'entry', 'entries')}, name one of them: {names}"
+        )
     return targets[0]
 
 

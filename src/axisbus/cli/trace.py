@@ -13,6 +13,7 @@ import click
 from axisbus.cli.common import OK, WRONG
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.options import bus_options
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.machine.trace.decoded import Decoded
@@ -125,9 +126,9 @@ def _print(one: Decoded, look: Look, start: float) -> None:
 
 def _tell(opened: Opened, seen: Count) -> None:
     """Say on standard error what was seen, so that the output holds frames only."""
-    text = f"{seen.frames} frames, {seen.shown} shown, {seen.trouble} of them with trouble"
+    text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with trouble"
     if seen.against:
         text += f"; {seen.against}"
     if opened.skipped.count:
-        text += f"; {opened.skipped.count} lines are no frames, the first is {opened.skipped.first}"
+        text += f"; {counted(opened.skipped.count, 'line is no frame', 'lines are no frames')}, the first is {opened.skipped.first}"
     click.echo(text, file=sys.stderr)

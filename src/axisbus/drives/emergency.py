@@ -7,6 +7,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import Incident, Outcome
 from axisbus.drives.make import GENERIC, Make
+from axisbus.wording import counted
 
 _ERROR_REGISTER = (0x1001, 0)
 
@@ -34,7 +35,7 @@ def incident_words(incident: Incident, make: Make = GENERIC, now: float | None =
     messages = (*incident.emcys, *incident.resets)
     lines += [f"  +{emcy.stamp - incident.began:.3f} s  {emcy_words(emcy, make)}" for emcy in messages]
     if incident.more:
-        lines.append(f"  and {incident.more} more messages")
+        lines.append(f"  and {counted(incident.more, 'more message')}")
     return lines
 
 

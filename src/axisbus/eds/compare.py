@@ -14,6 +14,7 @@ from axisbus.eds import compare_object, layout, matters, overview, pdo_text, val
 from axisbus.eds.difference import Difference, Group
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Object, Variable
+from axisbus.wording import counted
 
 _DEVICE = (
     ("vendorname", "VendorName"),
@@ -193,7 +194,7 @@ def _one_sided(entry: Object, sub: Variable | None, group: Group, meaning: str) 
 
 def _object_words(entry: Object) -> str:
     if entry.is_record or 0 not in entry.subs:
-        return f"{entry.object_type.name} with {len(entry.subs)} sub-indices"
+        return f"{entry.object_type.name} with {counted(len(entry.subs), 'sub-index', 'sub-indices')}"
     return _entry_words(entry.subs[0])
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from axisbus.errors import EdsError
+from axisbus.wording import counted
 
 _COUNT = struct.Struct("<I")
 _HEAD = struct.Struct("<HBI")
@@ -69,7 +70,7 @@ def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
         EdsError: it is cut off, holds more than it says, or less.
     """
     if len(data) < _COUNT.size:
-        raise _broken(source, f"it has {len(data)} octets, the number of entries alone takes 4")
+        raise _broken(source, f"it has {counted(len(data), 'octet')}, the number of entries alone takes 4")
     (count,) = _COUNT.unpack_from(data)
     writes: list[Write] = []
     at = _COUNT.size
@@ -79,7 +80,9 @@ def decode(data: bytes, source: str = "") -> tuple[Write, ...]:
         writes.append(write)
     if len(writes) < count or at < len(data):
         raise _broken(
-            source, f"it says {count} entries, and holds {len(writes)} and {len(data) - at} octets more"
+            source,
+            f"it says {counted(count, 'entry', 'entries')}, and holds {len(writes)} "
+            f"and {counted(len(data) - at, 'octet')} more",
         )
     return tuple(writes)
 
@@ -92,7 +95,9 @@ def _entry(data: bytes, at: int, source: str, number: int) -> Write:
     if left < 0:
         raise _broken(source, f"entry {number} at octet {at} is cut off in its head")
     index, subindex, size = _HEAD.unpack_from(data, at)
-    raise _broken(source, f"entry {number} ({index:04X}h:{subindex:02X}) has {left} of {size} octets")
+    raise _broken(
+        source, f"entry {number} ({index:04X}h:{subindex:02X}) has {left} of {counted(size, 'octet')}"
+    )
 
 
 def _broken(source: str, observed: str) -> EdsError:

@@ -21,6 +21,7 @@ from axisbus.eds.reader import Reading
 from axisbus.eds.text import Section
 from axisbus.eds.values import Default
 from axisbus.errors import EdsError
+from axisbus.wording import counted
 
 VERIFY = 0x1020
 
@@ -201,7 +202,7 @@ def _text(eds: Eds, variable: Variable, data: bytes) -> str:
     size = size_in_bytes(variable.data_type)
     if size is not None and size != len(data):
         raise EdsError(
-            f"{variable.index:04X}h:{variable.subindex:02X} ({variable.name}) takes {size} octets",
+            f"{variable.index:04X}h:{variable.subindex:02X} ({variable.name}) takes {counted(size, 'octet')}",
             file=eds.source,
             observed=f"the concise DCF has {len(data)}: {data[:16].hex(' ')}",
             remedy="take the file of the device that the concise DCF is for",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.eds.model import Finding
 from axisbus.eds.rules.table import rules
+from axisbus.wording import counted
 
 MAX_FINDINGS = 1000  # a file of noise must not fill the memory with texts about it
 
@@ -41,6 +42,6 @@ class Findings:
         found = sorted(self._found, key=lambda finding: (finding.line, finding.column))
         if self._left_out:
             more = rules()["S099"]
-            text = f"{self._left_out} more findings are not listed"
+            text = f"{counted(self._left_out, 'more finding is', 'more findings are')} not listed"
             found.append(Finding("S099", more.severity, 0, 0, text, more.remedy))
         return tuple(found)

@@ -15,6 +15,7 @@ from axisbus.cia402 import objects as cia402
 from axisbus.eds import layout, naming, pdo_text, wording
 from axisbus.eds.layout import Layout, Slot
 from axisbus.eds.model import Eds
+from axisbus.wording import counted
 
 MASTER = "Master"
 _SYNC_COUNTER = 0x1019  # synchronous counter overflow value (CiA 301 7.5.2.22)
@@ -77,7 +78,7 @@ def _obstacle(each: Layout, kept: Mapping[tuple[int, bool], Frame]) -> str:
     if not each.bits:
         return "maps nothing"
     if each.bits > MAX_BITS:
-        return f"maps {each.bits} bits, a CAN frame holds {MAX_BITS}"
+        return f"maps {counted(each.bits, 'bit')}, a CAN frame holds {MAX_BITS}"
     other = kept.get((each.identifier, each.extended))
     return f"{each.identifier:03X}h is already the identifier of {other.name}" if other is not None else ""
 

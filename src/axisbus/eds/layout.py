@@ -10,6 +10,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, dummy_type
 from axisbus.eds.dictionary import merged_type, standard
 from axisbus.eds.model import Eds, Number, Variable
+from axisbus.wording import counted
 
 MAX_PDOS = 512
 _MULTIPLEXED = {0xFE: "SAM-MPDO", 0xFF: "DAM-MPDO"}  # sub-index 0 of a multiplexed PDO (CiA 301 7.5.2.36)
@@ -199,7 +200,9 @@ def _count_notes(index: int, count: int | None, found: list[int]) -> list[str]:
     if count > len(found):
         notes.append(f"{index:04X}h:00 counts {count} mapped objects, the file gives {len(found)}")
     if 0 in found:
-        notes.append(f"{found.count(0)} of the {count} entries that {index:04X}h:00 counts map nothing")
+        notes.append(
+            f"{found.count(0)} of the {counted(count, 'entry', 'entries')} that {index:04X}h:00 counts map nothing"
+        )
     return notes
 
 
@@ -243,11 +246,11 @@ def _oddities(eds: Eds, slots: tuple[Slot, ...]) -> Iterator[str]:
         if slot.variable is None and not slot.mapped.is_dummy:
             yield f"{slot.mapped} is mapped, but the file does not describe it"
         elif slot.data_type is not None and slot.data_type.bits not in (None, slot.bits):
-            yield f"{slot.mapped} takes {slot.bits} bits, its type {slot.data_type.name} has {slot.data_type.bits}"
+            yield f"{slot.mapped} takes {counted(slot.bits, 'bit')}, its type {slot.data_type.name} has {slot.data_type.bits}"
         if slot.mapped.is_dummy and slot.mapped.index not in eds.dummies:
             yield f"{slot.mapped} fills space with {slot.address}, which [DummyUsage] does not allow"
     if slots and slots[-1].end > MAX_BITS:
-        yield f"{slots[-1].end} bits are mapped, a CAN frame holds {MAX_BITS}"
+        yield f"{counted(slots[-1].end, 'bit')} are mapped, a CAN frame holds {MAX_BITS}"
 
 
 def _number(eds: Eds, index: int, subindex: int) -> Number | None:

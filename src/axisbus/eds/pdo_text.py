@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from axisbus.cia301.pdo import is_synchronous
 from axisbus.eds import wording
 from axisbus.eds.layout import Layout, Slot
+from axisbus.wording import counted
 
 _BYTES = 8
 _ROWS = (8, 4, 2, 1)  # bytes that may share a row
@@ -111,7 +112,7 @@ def kind(slot: Slot) -> str:
     name = slot.data_type.name if slot.data_type else "type unknown"
     if slot.data_type is not None and slot.data_type.bits == slot.bits:
         return name
-    return f"{name}, {slot.bits} bit{'s' * (slot.bits != 1)} of it"
+    return f"{name}, {counted(slot.bits, 'bit')} of it"
 
 
 def lines(layout: Layout, width: int, style: Style = BOXES) -> Iterator[str]:

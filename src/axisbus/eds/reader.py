@@ -25,6 +25,7 @@ from axisbus.eds.fileobjects import FileObjects, node_id
 from axisbus.eds.model import Eds
 from axisbus.eds.text import Document
 from axisbus.errors import EdsError
+from axisbus.wording import counted
 
 MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest EDS that we know of
 MAX_SECTIONS = 500_000  # fifty times as many
@@ -105,7 +106,8 @@ def read_document(document: Document, source: str) -> Reading:
     objects = FileObjects(document, parts)
     if not objects:
         raise EdsError(
-            "the file describes no object", file=source, observed=f"{len(document.sections)} sections, none of an object",
+            "the file describes no object", file=source,
+            observed=f"{counted(len(document.sections), 'section')}, none of an object",
             remedy=f"take the file again from the drive's maker; {_WHAT_IS_AN_EDS}",
         )  # fmt: skip
     eds = Eds(

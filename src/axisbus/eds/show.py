@@ -11,6 +11,7 @@ from axisbus.eds import layout, overview, pdo_text, wording
 from axisbus.eds.model import Eds, Number, Object, Severity, Variable
 from axisbus.eds.pdo_text import BOXES, Style
 from axisbus.eds.search import Match
+from axisbus.wording import counted
 
 PAGE = 100  # characters of a drawing where the width is not limited
 _NARROWEST_NAME = 16
@@ -56,7 +57,7 @@ def tree(eds: Eds, node_id: int | None = None, screen: Screen = Screen()) -> Ite
     columns = _columns([row for group in rows for row in group], screen.width)
     for area, group in zip(areas, rows, strict=True):
         yield ""
-        yield f"{area.title}: {_count(len(area.objects), 'object')}"
+        yield f"{area.title}: {counted(len(area.objects), 'object')}"
         yield from _lines(group, columns, screen)
 
 
@@ -80,7 +81,7 @@ def head(eds: Eds, node_id: int | None) -> Iterator[str]:
         ("device", _device_words(seen)),
         ("modes", modes_words(seen)),
         ("bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else ""),
-        ("contents", f"{_count(len(eds.objects), 'object')}, {_count(seen.entries, 'entry', 'entries')}"),
+        ("contents", f"{counted(len(eds.objects), 'object')}, {counted(seen.entries, 'entry', 'entries')}"),
         ("node", _node_words(eds, node_id)),
         ("reading", findings_words(eds)),
     ):
@@ -113,7 +114,7 @@ def modes_words(seen: overview.Overview) -> str:
 def findings_words(eds: Eds) -> str:
     """Return how many findings the reading of the file had."""
     counts = Counter(finding.severity for finding in eds.findings)
-    parts = [_count(counts[severity], severity.value) for severity in Severity if counts[severity]]
+    parts = [counted(counts[severity], severity.value) for severity in Severity if counts[severity]]
     return ", ".join(parts) or "nothing odd"
 
 
@@ -127,10 +128,6 @@ def _node_words(eds: Eds, node_id: int | None) -> str:
     if node_id is None:
         return ""
     return f"{node_id}" + (" (the DCF's own)" if node_id == eds.node_id else "")
-
-
-def _count(number: int, one: str, several: str = "") -> str:
-    return f"{number} {one if number == 1 else several or one + 's'}"
 
 
 def _object(

@@ -10,6 +10,7 @@ from axisbus.eds.model import Eds, Object, Variable
 from axisbus.eds.search import Match
 from axisbus.eds.show import Screen
 from axisbus.eds.standards import agrees, standard_words
+from axisbus.wording import counted
 
 # Bits of ObjFlags (DS 306 4.6.3.2).
 _FLAGS = {0: "left out when a DCF is downloaded", 1: "left out when the device is scanned"}
@@ -23,7 +24,7 @@ def object_lines(eds: Eds, match: Match, node_id: int | None, screen: Screen) ->
     yield f"{wording.place(entry.index)}  {entry.name}  ({where})"
     subs = [sub for sub in entry.subs.values() if match.subs is None or sub.subindex in match.subs]
     if entry.is_record:
-        yield f"  {entry.object_type.name} with {len(entry.subs)} sub-indices"
+        yield f"  {entry.object_type.name} with {counted(len(entry.subs), 'sub-index', 'sub-indices')}"
         yield from show.matches(
             eds, [Match(entry, tuple(sub.subindex for sub in subs))], node_id, screen._replace(fold=False)
         )

@@ -14,6 +14,7 @@ from axisbus.eds.compose import written
 from axisbus.eds.model import Number, Variable
 from axisbus.eds.reader import Reading
 from axisbus.errors import AxisbusError
+from axisbus.wording import counted
 
 Key = tuple[int, int]
 
@@ -76,7 +77,8 @@ def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
     size = size_in_bytes(variable.data_type)
     if size is not None and size != len(data):
         return left(
-            variable, f"the device sends {len(data)} octets, {variable.data_type.name} has {size}: wrong EDS?"
+            variable,
+            f"the device sends {counted(len(data), 'octet')}, {variable.data_type.name} has {size}: wrong EDS?",
         )
     text = _text(variable, data, node_id)
     if not text and variable.writable:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from axisbus.eds.findings import Findings
+from axisbus.wording import counted
 
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -229,7 +230,7 @@ def _report_encoding(document: Document, findings: Findings) -> None:
     if foreign:
         line = document.lines[foreign[0] - 1]
         column = next(at for at, letter in enumerate(line, 1) if not letter.isascii())
-        what = f"{len(foreign)} line(s) hold letters beyond ASCII, read as {document.encoding.upper()}"
+        what = f"{counted(len(foreign), 'line holds', 'lines hold')} letters beyond ASCII, read as {document.encoding.upper()}"
         findings.add("S001", what, line=foreign[0], column=column)
 
 

@@ -10,7 +10,7 @@ from typing import Protocol
 from axisbus.cia301 import bootplan as b
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import AxisbusError, NodeTimeout, SdoAbort, SdoError
+from axisbus.errors import AxisbusError, NodeRefused, NodeTimeout, SdoAbort, SdoError
 from axisbus.machine.access import Objects, Progress
 
 
@@ -119,6 +119,7 @@ class Answerer:
 
 
 def _bad_answer(request: b.Request, error: AxisbusError, elapsed: float) -> b.Answer:
-    if isinstance(request, b.Local) or not isinstance(error, (SdoError, NodeTimeout)):
+    hopeless = isinstance(request, b.Local) or isinstance(error, NodeRefused)
+    if hopeless or not isinstance(error, (SdoError, NodeTimeout)):
         return b.Failed(elapsed)
     return b.Refused(error.code, elapsed) if isinstance(error, SdoAbort) else b.Silence(elapsed)

@@ -22,8 +22,9 @@ from typing import Protocol, TypeVar
 
 from axisbus.bus.eventtimer import EventTimer
 from axisbus.cia301 import objects as o301
-from axisbus.cia301.bootplan import Address, ErrorControl, Letter, Outcome, Phase
+from axisbus.cia301.bootplan import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
 from axisbus.cia301.bootup import boot_up
+from axisbus.cia301.emcy import Emcy
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.port import Capabilities, Source
@@ -32,11 +33,11 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, programtext, proposal, syncwindow, torque
+from axisbus.machine import dcf, errorstate, programtext, proposal, syncwindow, torque
 from axisbus.machine import identity as ids
 from axisbus.machine.access import Objects, Progress, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
-from axisbus.machine.bootfailure import as_error, at_step
+from axisbus.machine.bootfailure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.configure import Watch, plan_of
 from axisbus.machine.parameters import axis_parameters
@@ -45,6 +46,7 @@ from axisbus.machine.report import AxisReport, NodeReport
 from axisbus.machine.stopping import Watchdog, stop_ladder
 from axisbus.machine.writes import own_index
 from axisbus.motion.parameters import AxisParameters
+from axisbus.wording import counted
 
 _NO_WINDOW = 0xFFFF_FFFF
 _T = TypeVar("_T")
@@ -59,6 +61,9 @@ class Comms(Nmt, Protocol):
 
     def nobody(self) -> NodeTimeout:
         """Return the error of a node that does not answer, with all that is known of bus and node."""
+
+    def last_emcy(self) -> tuple[Emcy, float] | None:
+        """Return the node's last emergency message with the seconds since it came, None where none has come."""
 
     def restarts(self) -> int:
         """Return how many boot-up messages the node has sent since we listen."""
@@ -155,6 +160,8 @@ class NodeBoot:
         if not outcome.ok:
             cause = self._comms.nobody() if outcome.letter is Letter.B else answerer.error
             report.error = as_error(outcome, self._node, cause)
+            if outcome.letter not in SILENT_OR_STRANGE:
+                self._add_errors(report.error, always=outcome.step == "start")
             return
         report.nmt = self._comms.state()
         report.program = programtext.line(outcome.program)
@@ -163,9 +170,19 @@ class NodeBoot:
         elif any(text.startswith("configuration") for text in outcome.skipped):
             report.configured = "not configured again: 1020h has the date and time that the cell file expects"
         else:
-            report.configured = f"{outcome.written} objects written and read back"
+            report.configured = f"{counted(outcome.written, 'object')} written and read back"
             if self._by_dcf:
                 report.configured += f", {self._by_dcf} are as its DCF says"
+
+    def _add_errors(self, error: AxisbusError, *, always: bool) -> None:
+        """Add what the node itself says of its errors; where it says of none only if that is worth a word."""
+        last, ago = self._comms.last_emcy() or (None, 0.0)
+        with self._comms.trying(1, DEADLINE):
+            found = errorstate.read(self._objects, last, ago)
+        if always or found.tells:
+            error.observed = "; ".join(filter(None, (error.observed, found.words(self._make))))
+        if always and not found.tells:
+            error.remedy = NAMES_NO_ERROR
 
     @property
     def found_enabled(self) -> bool:
@@ -181,7 +198,7 @@ class NodeBoot:
     def _identify(self, found: Mapping[Address, int]) -> None:
         vendor, product = (found.get((o301.IDENTITY, sub)) for sub in (o301.VENDOR_ID, o301.PRODUCT_CODE))
         self._make = registry.find(vendor, product)
-        self._report.device = ids.name(self._objects) or self._make.name
+        self._report.device = ids.heading(self._objects, found, self._make)
         self._report.identity = ids.text(found)
         self._report.warnings += ids.differences(found, self._eds)
 

@@ -8,10 +8,17 @@ from axisbus.cia301.bootplan import IDENTITY, Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort
 from axisbus.machine import identity, programtext
 from axisbus.machine.cell import NodeConfig
+from axisbus.wording import counted
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}
+# Where the node's own errors say nothing of why it did not come up: nobody is there, or another device.
+SILENT_OR_STRANGE = {Letter.A, Letter.B, *_OTHER_DEVICE}
 
 _OTHER_VALUE = "give a value that the drive takes (its manual lists them), or leave the line out"
+NAMES_NO_ERROR = (
+    "it names no error: its manual says what keeps it from starting (a PDO mapping that it does not take, a missing signal); "
+    "see whether another NMT master is on the bus"
+)
 # Letter -> message after "node N", what was seen, and what to do first.
 _ERROR_CONTROL = {
     Letter.E: (
@@ -122,6 +129,6 @@ def _error_control(outcome: Outcome) -> BootError:
         node=outcome.node,
         step=outcome.step,
         index=None if outcome.address is None else outcome.address[0],
-        observed=f"{outcome.tries} times awaited, nothing came; {outcome.elapsed:.1f} s since its boot-up began",
+        observed=f"{counted(outcome.tries, 'time')} awaited, nothing came; {outcome.elapsed:.1f} s since its boot-up began",
         remedy=remedy,
     )

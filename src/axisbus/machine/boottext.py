@@ -7,6 +7,7 @@ from typing import Any
 from axisbus.cia301 import abort
 from axisbus.cia301.bootplan import Outcome
 from axisbus.machine.programtext import LETTERS
+from axisbus.wording import counted
 
 _WIDTH = 14
 
@@ -57,7 +58,7 @@ def object_text(outcome: Outcome) -> str:
 
 def _summary(outcome: Outcome) -> str:
     letter = f"{outcome.letter.name}: {outcome.letter.sentence}; " if outcome.letter is not None else ""
-    again = f", {outcome.retries} requests repeated" if outcome.retries else ""
+    again = f", {counted(outcome.retries, 'request')} repeated" if outcome.retries else ""
     end = f"{outcome.elapsed:.2f} s{again}"
     return (
         f"{letter}in {end}"

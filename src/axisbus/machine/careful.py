@@ -31,6 +31,7 @@ from axisbus.drives import registry
 from axisbus.eds.dictionary import Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, SdoAbort, StateError
+from axisbus.wording import counted
 
 LISTEN = 0.5  # seconds for another master to show
 _PRODUCES_SYNC = 1 << 30  # of 1005h (CiA 301 7.5.2.5)
@@ -215,7 +216,7 @@ def _require_size(node: Node, entry: Entry, kind: DataType | None, before: bytes
         return
     raise ArgumentError(
         f"node {node.node_id}: {entry} has another size in the device; nothing was written",
-        observed=f"{kind.name} has {size} bytes, the device sends {len(before)}",
+        observed=f"{kind.name} has {counted(size, 'byte')}, the device sends {len(before)}",
         remedy="find out which is right (axisbus eds verify), and give the type with --type",
     )
 

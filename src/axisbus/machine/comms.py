@@ -19,6 +19,7 @@ from axisbus.bus.rpdo_pace import REPEAT
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import DEADLINE
+from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
@@ -83,6 +84,11 @@ class CanComms:
             yield
         finally:
             sdo.tries, sdo.timeout = before
+
+    def last_emcy(self) -> tuple[Emcy, float] | None:
+        """Its last emergency message, and the seconds since it came."""
+        history = self._node.emcy.history
+        return (history[-1], time.monotonic() - history[-1].stamp) if history else None
 
     def restarts(self) -> int:
         """How many boot-up messages have come."""

@@ -34,6 +34,7 @@ from axisbus.machine.problem import Problem, errors
 from axisbus.machine.tables import Fields, Tables, name_of
 from axisbus.machine.toml import Document
 from axisbus.machine.tomllines import KeyPath
+from axisbus.wording import counted
 
 __all__ = [
     "AxisConfig",
@@ -106,7 +107,7 @@ def as_exception(wrong: list[Problem]) -> ConfigError:
     first, others = wrong[0], wrong[1:]
     observed = [first.observed] if first.observed else []
     if others:
-        observed.append(f"{len(others)} more error{'s' * (len(others) > 1)}:")
+        observed.append(f"{counted(len(others), 'more error')}:")
         observed += [f"  {other.file}:{other.line}: {other.message}" for other in others[:_SHOWN]]
         observed += ["  ..."] * (len(others) > _SHOWN)
     return ConfigError(

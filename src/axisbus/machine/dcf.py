@@ -13,6 +13,7 @@ from axisbus.machine.backup.order import pdo_of
 from axisbus.machine.backup.restore import Outcome, Report, Restore
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.configure import writes_of
+from axisbus.wording import counted
 
 _ERROR_CONTROL = frozenset((o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT, o.GUARD_TIME, o.LIFE_TIME_FACTOR))
 _SHOWN = 4
@@ -92,7 +93,7 @@ def _require_ok(report: Report, node_id: int, eds: Eds) -> None:
     )
     rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
     raise BootError(
-        f"node {node_id} does not take {len(failed)} values of its DCF {eds.source}",
+        f"node {node_id} does not take {counted(len(failed), 'value')} of its DCF {eds.source}",
         node=node_id,
         step="configuration",
         index=first.key[0],

@@ -7,6 +7,8 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 
 from axisbus.bus.eventtimer import EventTimer
+from axisbus.bus.nmt import not_obeyed
+from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.eds.model import Eds
@@ -51,14 +53,26 @@ class DirectComms:
             remedy="check its supply, cable, node ID and bit rate",
         )
 
+    def last_emcy(self) -> tuple[Emcy, float] | None:
+        """The last emergency message that it has sent and nobody has taken yet: no time has passed since."""
+        waiting = self._device.errors.waiting(0.0)
+        return (waiting[-1], 0.0) if waiting else None
+
     def restarts(self) -> int:
         """How often it has booted."""
         return self._device.boot_ups
 
     def command(self, command: NmtCommand, deadline: float) -> NmtState:  # noqa: ARG002 - no time passes here
-        """Do what a node without a bus can do: restart, and start. Its objects may be written in any state."""
+        """Do what a node without a bus can do: restart, and start. Its objects may be written in any state.
+
+        Raises:
+            NodeTimeout: it does not start.
+        """
         if command is NmtCommand.START:
             self._device.nmt_command(command)
+            if not self._device.operational:
+                state = self._device.nmt
+                raise not_obeyed(self._device.node_id, command, state, f"NMT state {state.text}")
         elif command is NmtCommand.RESET_NODE:
             self._device.nmt_command(command)
             self._device.power_on()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from axisbus.bus.nmt import not_obeyed
 from axisbus.bus.nodeevents import NodeEvents
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import EmcyLog
-from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.errors import NodeTimeout
 from axisbus.machine.configure import HEARTBEATS
 from axisbus.sim.device import Device
@@ -21,6 +22,7 @@ class DirectMonitor:
         self.state = NmtState.UNKNOWN if device.dials.dead else device.nmt
         self.stamp: float | None = None if device.dials.dead else now
         self.bootups = device.boot_ups
+        self.reports = 0  # of its state
         self.bootup_stamp: float | None = None
         self._device = device
         self._heartbeat = heartbeat
@@ -48,11 +50,13 @@ class DirectMonitor:
         if device.boot_ups != self.bootups:
             self.bootups, self.bootup_stamp, self.stamp = device.boot_ups, now, now
             self.state, self._next = NmtState.PRE_OPERATIONAL, now + self._heartbeat
+            self.reports += 1
             return True
         if now < self._next - 1e-9:
             return False
         if not device.dials.heartbeat_stops and device.nmt is not _INITIALISING:
             self.state, self.stamp, self._next = device.nmt, now, now + self._heartbeat
+            self.reports += 1
         return False
 
 
@@ -79,14 +83,19 @@ class DirectNode:
         """Give the node an NMT command, which it obeys at once; a restart takes it virtual time.
 
         Raises:
-            NodeTimeout: it is not there.
+            NodeTimeout: it is not there, or stays in another state.
         """
         if self._device.dials.dead:
             raise NodeTimeout(
                 f"node {self._device.node_id} did not confirm {command.name.lower().replace('_', ' ')}",
                 node=self._device.node_id,
+                observed="it is silent",
                 remedy="check its supply, cable, node ID and bit rate",
             )
         self._device.nmt_command(command)
-        if self._device.nmt is not NmtState.INITIALISING:  # that ends with a boot-up message
-            self.nmt.state = self._device.nmt
+        if self._device.nmt is NmtState.INITIALISING:  # that ends with a boot-up message
+            return
+        state = self.nmt.state = self._device.nmt
+        self.nmt.reports += 1
+        if state is not RESULT[command]:
+            raise not_obeyed(self._device.node_id, command, state, f"NMT state {state.text}")

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.bootplan import IDENTITY, Address, Expected, Outcome
+from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.objects import PROFILE_NUMBER
+from axisbus.drives.make import GENERIC, Make
 from axisbus.eds.model import Eds
 from axisbus.errors import BootError, SdoAbort
 from axisbus.machine.access import Objects
@@ -77,6 +79,12 @@ def name(objects: Objects) -> str:
         return str(objects.read(o.DEVICE_NAME)).strip("\0 ")
     except SdoAbort:
         return ""
+
+
+def heading(objects: Objects, found: Mapping[Address, int], make: Make) -> str:
+    """Return what a device is called: by its name (1008h), its make, or its device type (1000h); blocks, raises as ``name``."""
+    own = name(objects) or (make.name if make is not GENERIC else "")
+    return own or device_kind(found.get((o.DEVICE_TYPE, 0))) or "a device without a name"
 
 
 def _remedy(address: Address, by_cell: bool) -> str:

@@ -20,7 +20,8 @@ from axisbus.drives.emergency import history_words, incident_words
 from axisbus.drives.registry import find
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import StateError
+from axisbus.errors import NodeTimeout, StateError
+from axisbus.machine import errorstate
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.directnode import DirectNode
 
@@ -110,9 +111,21 @@ class NodeAccess:
         A node that leaves operational is lost for its axes: they stop and go to ErrorStop.
 
         Raises:
+            NodeRefused: it is there and reports another state; with what it says of its errors.
             NodeTimeout: nothing confirms it.
         """
-        self._node.command(command, timeout)
+        before = self._node.nmt.reports
+        try:
+            self._node.command(command, timeout)
+        except NodeTimeout as error:
+            if self._node.nmt.reports > before:  # it is there
+                error.observed = f"{error.observed}; {self._errors()}"
+            raise
+
+    def _errors(self) -> str:
+        last = self.emcy[-1] if self.emcy else None
+        ago = 0.0 if last is None else self._clock() - last.stamp
+        return errorstate.read(self._objects, last, ago).words(self._make)
 
     @property
     def emcy(self) -> deque[Emcy]:

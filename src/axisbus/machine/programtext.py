@@ -10,6 +10,7 @@ from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.cia301.program import NUMBER, Control, Mark, ProgramState, Stage
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
 from axisbus.machine.cell import NodeConfig
+from axisbus.wording import counted
 
 LETTERS = frozenset({Letter.G, Letter.H, Letter.I})
 
@@ -53,7 +54,7 @@ def line(state: ProgramState | None) -> str:
     if state is None:
         return ""
     if state.replaced:
-        return f"{state.now}: replaced, {state.loaded} bytes; it was {state.found}"
+        return f"{state.now}: replaced, {counted(state.loaded, 'byte')}; it was {state.found}"
     if state.found == state.expected:
         return f"{state.found}, as expected"
     found = "it does not say which it has" if state.found is None else str(state.found)

@@ -23,6 +23,7 @@ from axisbus.machine.pickup import Late
 from axisbus.machine.standin import StandIn
 from axisbus.motion.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
+from axisbus.wording import counted
 
 
 def _nothing() -> None:
@@ -93,4 +94,4 @@ def require_all(booted: Mapping[int, Booted]) -> None:
     if len(errors) == 1:
         raise errors[0]
     if errors:
-        raise ExceptionGroup(f"{len(errors)} of {len(booted)} nodes did not come up", errors)
+        raise ExceptionGroup(f"{len(errors)} of {counted(len(booted), 'node')} did not come up", errors)

@@ -12,6 +12,7 @@ from typing import Any
 
 from axisbus.errors import ConfigError
 from axisbus.machine.tomllines import KeyPath, locate
+from axisbus.wording import counted
 
 MAX_BYTES = 1 << 20  # a cell of 127 nodes takes some 100 kB
 
@@ -130,7 +131,7 @@ def _bytes(path: Path) -> bytes:
         ) from error
     if len(data) > MAX_BYTES:
         raise ConfigError(
-            f"the file is too large for a cell file: {len(data)} bytes",
+            f"the file is too large for a cell file: {counted(len(data), 'byte')}",
             file=str(path),
             remedy="name a cell file",
         )

@@ -17,6 +17,7 @@ from axisbus.motion.enable import KEPT_MODES, RESTING_MODES, Enable
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.handle import Handle
 from axisbus.motion.ladder import Rung, Then
+from axisbus.motion.lost import ANEW, not_to_be_reset
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.power import Coast, Reset
 from axisbus.motion.states import MOVING, AxisState
@@ -109,7 +110,10 @@ def _coast(core: AxisCore, handle: Handle) -> None:
 
 def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
     image = core.image
-    if core.ladder is not None:
+    stopping = core.ladder is not None
+    if core.state is AxisState.ERRORSTOP and not image.operational:
+        raise not_to_be_reset(handle.name, core.parameters.node, image, stopping=stopping)
+    if stopping:
         raise StateError(f"{handle.name}: the axis is still being stopped", remedy="wait until it stands")
     if _runs(core, Reset):
         core.join(handle)
@@ -118,13 +122,11 @@ def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
         fault = first_observation(core.error) if isinstance(core.error, DriveFault) else ""
         core.begin(Reset(core.parameters, fault), handle)
         return
-    if core.state is AxisState.ERRORSTOP and (not image.operational or image.state is State.UNKNOWN):
+    if core.state is AxisState.ERRORSTOP and image.state is State.UNKNOWN:
         raise StateError(
             f"{handle.name}: nothing is known of the drive",
-            observed=f"its node is not operational: {nmt_text(image)}"
-            if not image.operational
-            else "no fresh statusword (6041h)",
-            remedy="see why it is in ErrorStop (axis.error), bring the node back, then close the machine and open it again",
+            observed="no fresh statusword (6041h)",
+            remedy=f"see why it is in ErrorStop (axis.error), and whether the drive sends the TPDO that holds it; then {ANEW}",
         )
     core.clear_error()
     core.finish(handle)

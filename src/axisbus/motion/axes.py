@@ -14,6 +14,7 @@ from axisbus.motion.inbox import Target
 from axisbus.motion.numbers import number, told
 from axisbus.motion.request import shown
 from axisbus.motion.scan import Scan
+from axisbus.wording import counted
 
 
 class Group:
@@ -110,7 +111,7 @@ class Group:
     def _ends(self, name: str, positions: Sequence[float]) -> dict[str, float]:
         if len(positions) != len(self._axes):
             raise ArgumentError(
-                f"{self.name}.{name}: {len(positions)} positions for {len(self._axes)} axes",
+                f"{self.name}.{name}: {counted(len(positions), 'position')} for {counted(len(self._axes), 'axis', 'axes')}",
                 remedy=f"give one for each of {', '.join(self._axes)}, in this order",
             )
         return {

@@ -155,7 +155,7 @@ def remedy(code: int | None) -> str:
 
 def nmt_text(image: Image) -> str:
     """Say why a node does not count as operational: what it reports, or that it has fallen silent."""
-    silent = image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
+    silent = image.overdue or image.nmt in (NmtState.OPERATIONAL, NmtState.UNKNOWN)
     return "its heartbeat has stopped" if silent else f"NMT state {NmtState(image.nmt).text}"
 
 

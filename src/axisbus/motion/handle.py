@@ -16,6 +16,7 @@ from axisbus.cia402.port import Waiter
 from axisbus.errors import AxisbusError, Interrupted, StateError
 from axisbus.motion.broken import is_own
 from axisbus.motion.inherited import inherited
+from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
 
@@ -181,7 +182,7 @@ def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> l
     _wait_for_all(flat, timeout)
     failures = [error for handle in flat if (error := handle.exception()) is not None]
     if failures:
-        raise ExceptionGroup(f"{len(failures)} of {len(flat)} commands failed", failures)
+        raise ExceptionGroup(f"{len(failures)} of {counted(len(flat), 'command')} failed", failures)
     return flat
 
 

@@ -45,6 +45,7 @@ class Image:
         "now",
         "operational",
         "origin",
+        "overdue",
         "position",
         "position_stamp",
         "replies",
@@ -81,6 +82,7 @@ class Image:
         self.gap = 0.0  # seconds since the cycle before
         self.origin = 0
         self.operational = False
+        self.overdue = False
         self.nmt = -1
         self.bus: BusError | None = None
         self.statusword: int | None = None
@@ -116,6 +118,7 @@ class Image:
             sdo,
             self.nmt,
             self.bus,
+            self.overdue,
         ) = inputs
         if sdo or self.replies:
             self.replies = {reply.id: reply for reply in sdo}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from numbers import Real
 
+from axisbus.wording import counted
+
 _LONGEST = 40  # characters of a value in a message
 
 
@@ -27,4 +29,4 @@ def told(value: object) -> str:
         text = repr(value)
     except Exception:  # noqa: BLE001  # an integer of thousands of digits, or a type of the program's own
         return f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({len(text)} characters)"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}... ({counted(len(text), 'character')})"

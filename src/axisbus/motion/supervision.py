@@ -17,6 +17,7 @@ from axisbus.motion.following import Following
 from axisbus.motion.guard import Guard, stop_of
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import TORQUE_MODES, Rung
+from axisbus.motion.lost import SILENT, remedy_for_silence
 from axisbus.motion.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.resting import Resting
@@ -25,9 +26,6 @@ from axisbus.motion.states import MOVING, AxisState
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 _POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
-_SILENT = frozenset(
-    {NmtState.OPERATIONAL, NmtState.UNKNOWN}
-)  # what was heard last of a node that is lost without a word
 _LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
 # After one of these a node may have lost its position: it has restarted, or somebody is about to configure it.
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
@@ -71,7 +69,7 @@ class Supervision:
 
     def _excused(self, image: Image) -> bool:
         """Whether a missing heartbeat may be our own fault: this program did not run, and has only just begun to listen again."""
-        return image.bus is None and image.nmt in _SILENT and image.now < self._excused_until
+        return image.bus is None and image.nmt in SILENT and image.now < self._excused_until
 
     @staticmethod
     def has_restarted(image: Image) -> bool:
@@ -167,19 +165,19 @@ class Supervision:
             return bus_lost(name, node, image.bus)
         state = NmtState(image.nmt).text
         starved = image.starvation.text(image.now)
-        if image.nmt in _SILENT and starved:
+        if image.nmt in SILENT and starved:
             return NodeError(
                 f"{name}: {starved}, and node {node} is not heard",
                 node=node,
                 observed=f"no heartbeat of it came in time; its last NMT state was {state}; whether it is there is not known",
-                remedy=join_remedies(REMEDY, f"if it is lost all the same: {_remedy_for_silence(node)}"),
+                remedy=join_remedies(REMEDY, f"if it is lost all the same: {remedy_for_silence(node)}"),
             )
-        if image.nmt in _SILENT:
+        if image.nmt in SILENT:
             return NodeError(
                 f"{name}: node {node} is lost: its heartbeat stopped",
                 node=node,
                 observed=f"its last NMT state was {state}",
-                remedy=_remedy_for_silence(node),
+                remedy=remedy_for_silence(node),
             )
         seen = "it has restarted" if image.nmt == NmtState.INITIALISING else "it still reports itself"
         return NodeError(
@@ -215,25 +213,18 @@ def silence(parameters: AxisParameters, image: Image) -> AxisbusError:
             f"{name}: {starved}, and what node {node} sends is too old",
             axis=name,
             observed=f"statusword (6041h): {seen}; whether the node is there is not known",
-            remedy=join_remedies(REMEDY, f"if it is silent all the same: {_remedy_for_silence(node)}"),
+            remedy=join_remedies(REMEDY, f"if it is silent all the same: {remedy_for_silence(node)}"),
         )
     if image.position is None and image.velocity is None:
         return NodeError(
             f"{name}: node {node} is lost: it sends no process data any more",
             node=node,
             observed=f"no value of the axis is fresh; statusword (6041h): {seen}",
-            remedy=_remedy_for_silence(node),
+            remedy=remedy_for_silence(node),
         )
     return StaleError(
         f"{name}: the statusword (6041h) of node {node} is unknown",
         axis=name,
         observed=seen,
         remedy="check cable, bus load and that the drive still sends the TPDO (axisbus monitor); the axis was stopped",
-    )
-
-
-def _remedy_for_silence(node: int) -> str:
-    return (
-        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); close "
-        "the machine and open it again"
     )

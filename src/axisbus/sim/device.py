@@ -225,6 +225,9 @@ class Device:
         if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION):
             self._reset(whole=command == NmtCommand.RESET_NODE)
             return
+        if command == NmtCommand.START and self.dials.start_error:
+            self.errors.report(_COMMUNICATION, self.dials.start_error)
+            return
         before, self.nmt = self.nmt, RESULT[NmtCommand(command)]
         if self.nmt is NmtState.STOPPED and before is not NmtState.STOPPED:
             for drive in self.drives:

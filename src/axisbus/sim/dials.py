@@ -90,6 +90,7 @@ class LssDials:
     refused_rates: bit rates (bit/s) that the node does not support
     node_id_error, bit_rate_error, store_error: error code of the answer (0: none; 1 to *store* is "not supported")
     specific_error: the maker's own code beside an error code of 255
+    answers_on: fast scan is answered in *configuration*, too, against CiA 305
     """
 
     absent: bool = False
@@ -104,6 +105,7 @@ class LssDials:
     bit_rate_error: int = 0
     store_error: int = 0
     specific_error: int = 0
+    answers_on: bool = False
 
 
 @dataclass(slots=True)
@@ -153,6 +155,7 @@ class NodeDials:
     tpdos_stop: numbers (from 1) of TPDOs that are no longer sent
     reboot_time: seconds of silence on a reset before boot-up
     reboot_on_store: storing parameters (1010h) restarts the node
+    start_error: error code with which the node leaves *operational* as soon as it is started (0: it stays there)
     lss: those of its LSS slave
     program: those of its boot loader, where it has one
     """
@@ -176,6 +179,7 @@ class NodeDials:
     tpdos_stop: frozenset[int] = frozenset()
     reboot_time: float = 0.05
     reboot_on_store: bool = False
+    start_error: int = 0
     lss: LssDials = field(default_factory=LssDials)
     program: ProgramDials = field(default_factory=ProgramDials)
 

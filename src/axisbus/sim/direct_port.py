@@ -128,6 +128,7 @@ class DirectPort:
             emcy,
             self._sdo.take_replies(),
             self._nmt,
+            overdue=not alive,
         )
 
     def write(self, outputs: Outputs) -> None:

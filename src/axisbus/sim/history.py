@@ -82,11 +82,17 @@ class ErrorHistory:
         queue, self._queue = self._queue, []
         return queue
 
+    def waiting(self, now: float) -> tuple[Emcy, ...]:
+        """Return those messages as values received at ``now``, and keep them."""
+        return tuple(Emcy(code, register, data, now) for code, register, data in self._queue)
+
     def take_emcy(self, now: float) -> tuple[Emcy, ...]:
         """Return the same as values received at ``now``."""
         if not self._queue:
             return ()
-        return tuple(Emcy(code, register, data, now) for code, register, data in self.take())
+        messages = self.waiting(now)
+        self._queue = []
+        return messages
 
     def _put(self, code: int, data: bytes) -> None:
         self._queue.append((code, self.register, data))

@@ -106,7 +106,7 @@ class LssSlave:
             return self._identify(command, _number(data))
         if command == 0x4C:
             return b"\x50" if self.active == NO_NODE_ID else None
-        if not self.configuring:
+        if not self.configuring or (command == 0x51 and self.dials.answers_on):
             return self._in_waiting(command, data)
         handler = _CONFIGURATION.get(command)
         return handler(self, data) if handler is not None else None

@@ -12,6 +12,7 @@ from axisbus.eds.layout import Layout
 from axisbus.eds.meanings import Meaning
 from axisbus.eds.model import Eds, Finding, Object, Severity, Variable
 from axisbus.eds.overview import Area, Overview
+from axisbus.wording import counted
 
 Fact = tuple[str, str]
 
@@ -101,9 +102,7 @@ class Reference:
     def verdict(self) -> str:
         """How many findings there are, in words."""
         counts = Counter(finding.severity for finding in self.findings)
-        parts = [
-            f"{counts[each]} {each.value}{'s' * (counts[each] != 1)}" for each in Severity if counts[each]
-        ]
+        parts = [counted(counts[each], each.value) for each in Severity if counts[each]]
         return ", ".join(parts) or "nothing was found wrong"
 
 
@@ -141,7 +140,7 @@ def _facts(eds: Eds, seen: Overview, node_id: int | None) -> Iterator[Fact]:
         ("Bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else "none given"),
         ("LSS", "supported" if device.get("lss_supported", "").strip() in ("1", "0x1", "0x01") else ""),
         ("Node ID", str(node_id) if node_id is not None else "not given: values with $NODEID are formulas"),
-        ("Contents", f"{len(eds.objects)} objects, {seen.entries} entries"),
+        ("Contents", f"{counted(len(eds.objects), 'object')}, {counted(seen.entries, 'entry', 'entries')}"),
         ("File", _file(eds)),
     ):
         if text:
@@ -244,5 +243,5 @@ class _Pages:
 def _kind(entry: Object) -> str:
     count = len(entry.subs)
     if entry.is_record:
-        return f"{entry.object_type.name}, {count} sub-ind{'ex' if count == 1 else 'ices'}"
+        return f"{entry.object_type.name}, {counted(count, 'sub-index', 'sub-indices')}"
     return "" if entry.object_type.name == "VAR" else entry.object_type.name

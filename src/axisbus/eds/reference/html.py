@@ -12,6 +12,7 @@ from axisbus.eds.layout import Layout
 from axisbus.eds.meanings import Meaning
 from axisbus.eds.reference import drawing
 from axisbus.eds.reference.content import AreaPage, Explained, ObjectPage, Reference, Row
+from axisbus.wording import counted
 
 _COLUMNS = ("", "Name", "Type", "Access", "PDO", "Value", "Limits")
 
@@ -122,7 +123,7 @@ def _pdo(each: Layout) -> Iterator[str]:
 
 
 def _area(area: AreaPage) -> Iterator[str]:
-    yield f'<h2 id="{area.anchor}">{escape(area.title)} <span class="faint">({len(area.objects)} objects)</span></h2>'
+    yield f'<h2 id="{area.anchor}">{escape(area.title)} <span class="faint">({counted(len(area.objects), "object")})</span></h2>'
     widths = "".join(f'<col class="c{number}">' for number in range(len(_COLUMNS)))
     yield f'<table class="objects"><colgroup>{widths}</colgroup>{_head(_COLUMNS)}'
     for each in area.objects:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from axisbus.eds import pdo_text, wording
 from axisbus.eds.layout import Layout
 from axisbus.eds.reference.content import AreaPage, Explained, ObjectPage, Reference, Row
+from axisbus.wording import counted
 
 _WIDTH = 100  # characters of a drawing
 _SPECIAL = re.compile(r"([\\`*_\[\]<>|#])")
@@ -40,7 +41,8 @@ def _contents(page: Reference) -> Iterator[str]:
     if page.pdos:
         yield "- [PDOs](#pdos)"
     yield from (
-        f"- [{_text(area.title)}](#{area.anchor}): {len(area.objects)} objects" for area in page.areas
+        f"- [{_text(area.title)}](#{area.anchor}): {counted(len(area.objects), 'object')}"
+        for area in page.areas
     )
     yield "- [Findings](#findings)"
     yield ""

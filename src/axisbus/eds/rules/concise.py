@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from axisbus.eds.concise import take_apart
 from axisbus.eds.rules.objects import is_mapping
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet
+from axisbus.wording import counted
 
 CONCISE_DCF, VERIFY = 0x1F22, 0x1020
 
@@ -16,8 +17,12 @@ def wrong_count(sheet: Sheet) -> Iterator[Hit]:
     for entry, key, data in _streams(sheet):
         taken = take_apart(data)
         if taken.rest or taken.said != len(taken.writes):
-            rest = f" and {taken.rest} octets that are no whole entry" if taken.rest else ""
-            yield sheet.on(entry, key, f"says {taken.said} entries, but holds {len(taken.writes)}{rest}")
+            rest = f" and {counted(taken.rest, 'octet')} beyond the last whole entry" if taken.rest else ""
+            yield sheet.on(
+                entry,
+                key,
+                f"says {counted(taken.said, 'entry', 'entries')}, but holds {len(taken.writes)}{rest}",
+            )
 
 
 def order_of_mapping(sheet: Sheet) -> Iterator[Hit]:

@@ -9,6 +9,7 @@ from axisbus.eds import values
 from axisbus.eds.model import ObjectType
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
 from axisbus.eds.rules.text import BAUD_RATES
+from axisbus.wording import counted
 
 _LENGTHS = {"nodename": ("NodeName", 246), "networkname": ("NetworkName", 243)}
 _U32 = {"netnumber": "NetNumber", "lss_serialnumber": "LSS_SerialNumber"}
@@ -69,7 +70,7 @@ def values_in_an_eds(sheet: Sheet) -> Iterator[Hit]:
         return
     found = [entry for entry in sheet.described if "parametervalue" in entry.section.entries]
     if found:
-        others = f", as have {len(found) - 1} others" if len(found) > 1 else ""
+        others = f", as have {counted(len(found) - 1, 'other')}" if len(found) > 1 else ""
         yield sheet.on(found[0], "parametervalue", f"has a ParameterValue{others}, but this is no DCF")
 
 
@@ -79,7 +80,9 @@ def lengths(sheet: Sheet) -> Iterator[Hit]:
     for key, (name, most) in _LENGTHS.items() if section is not None else ():
         length = len(section.entries.get(key, "")) if section is not None else 0
         if length > most:
-            yield sheet.at(section, key, f"{name} has {length} characters, at most {most} are allowed")
+            yield sheet.at(
+                section, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed"
+            )
 
 
 def network_numbers(sheet: Sheet) -> Iterator[Hit]:
@@ -108,7 +111,7 @@ def long_denotations(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(
                 entry,
                 "denotation",
-                f"has a Denotation of {length} characters, at most {MAX_NAME} are allowed",
+                f"has a Denotation of {counted(length, 'character')}, at most {MAX_NAME} are allowed",
             )
 
 

@@ -9,6 +9,7 @@ from axisbus.eds import values
 from axisbus.eds.model import Object
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
 from axisbus.eds.rules.text import BAUD_RATES
+from axisbus.wording import counted
 
 _NUMBERS = {
     "vendornumber": "VendorNumber",
@@ -128,7 +129,7 @@ def lengths(sheet: Sheet) -> Iterator[Hit]:
     for key, (name, most) in _LENGTHS.items():
         length = len(_entry(sheet, key))
         if length > most:
-            yield _at(sheet, key, f"{name} has {length} characters, at most {most} are allowed")
+            yield _at(sheet, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed")
 
 
 def no_baud_rate(sheet: Sheet) -> Iterator[Hit]:
@@ -218,7 +219,9 @@ def comment_length(sheet: Sheet) -> Iterator[Hit]:
     for key, text in section.entries.items() if section is not None else ():
         if len(text) > MAX_COMMENT:
             yield sheet.at(
-                section, key, f"the comment has {len(text)} characters, at most {MAX_COMMENT} are allowed"
+                section,
+                key,
+                f"the comment has {counted(len(text), 'character')}, at most {MAX_COMMENT} are allowed",
             )
 
 

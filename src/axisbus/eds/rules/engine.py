@@ -33,6 +33,7 @@ from axisbus.eds.rules import (
 from axisbus.eds.rules.sheet import Hit, Look, Sheet
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
+from axisbus.wording import counted
 
 MAX_OF_A_RULE = 1000  # a file of noise must not fill the screen, nor the memory
 MORE, UNREADABLE = "S099", "S000"
@@ -64,7 +65,8 @@ def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[Finding]:
         else:
             left_out += 1
     if left_out:
-        yield finding(rules()[MORE], Hit(0, 0, f"{left_out} more findings of {rule.id} are not listed"))
+        more = counted(left_out, f"more finding of {rule.id} is", f"more findings of {rule.id} are")
+        yield finding(rules()[MORE], Hit(0, 0, f"{more} not listed"))
 
 
 def finding(rule: Rule, hit: Hit) -> Finding:

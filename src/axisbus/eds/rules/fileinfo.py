@@ -9,6 +9,7 @@ from pathlib import PurePath, PureWindowsPath
 
 from axisbus.eds import values
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
+from axisbus.wording import counted
 
 _TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")
 _DATE = re.compile(r"([0-9]{2})-([0-9]{2})-([0-9]{4})")
@@ -90,7 +91,7 @@ def lengths(sheet: Sheet) -> Iterator[Hit]:
     for key, (name, most) in _LENGTHS.items():
         length = len(_entry(sheet, key))
         if length > most:
-            yield _at(sheet, key, f"{name} has {length} characters, at most {most} are allowed")
+            yield _at(sheet, key, f"{name} has {counted(length, 'character')}, at most {most} are allowed")
 
 
 def order_of_dates(sheet: Sheet) -> Iterator[Hit]:

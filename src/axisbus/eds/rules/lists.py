@@ -8,6 +8,7 @@ from typing import NamedTuple
 from axisbus.eds import values
 from axisbus.eds.rules.sheet import LISTS, Hit, Looks, Sheet, short
 from axisbus.eds.text import Section
+from axisbus.wording import counted
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
 _FIRST_OBJECT = 0x1000  # below lie data types, which no list names
@@ -46,7 +47,7 @@ def counts(sheet: Sheet) -> Iterator[Hit]:
         there = len(entries)
         if given is None or values.plain(given) == there or (entries and given == entries[-1].key):
             continue  # where the last number is right, one between is missing: L004
-        text = f"[{section.name}] says SupportedObjects={short(given)}, but names {there} objects"
+        text = f"[{section.name}] says SupportedObjects={short(given)}, but names {counted(there, 'object')}"
         yield sheet.at(section, "supportedobjects", text)
 
 

@@ -11,6 +11,7 @@ from axisbus.eds.model import Severity
 from axisbus.eds.rules import standard
 from axisbus.eds.rules.drive import ALONE, Axis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
+from axisbus.wording import counted
 
 _M = ModeOfOperation
 _DEFINED_BITS = sum(1 << facts.supported_bit for facts in FACTS.values())
@@ -54,7 +55,7 @@ def missing_objects(sheet: Sheet) -> Iterator[Hit]:
             yield _at_claim(sheet, axis, text, index, _mild(index))
         for index in _ONE_OF_SEVERAL if len(modes) > 1 else ():
             if axis.offset + index not in sheet.eds:
-                text = f"6502 claims {len(modes)} modes, but {_named(axis, index)} is missing"
+                text = f"6502 claims {counted(len(modes), 'mode')}, but {_named(axis, index)} is missing"
                 yield _at_claim(sheet, axis, text, index)
 
 
@@ -152,7 +153,7 @@ def no_axis_type(sheet: Sheet) -> Iterator[Hit]:
     for axis in found if len(found) > 1 else ():
         index = axis.offset + _SINGLE_DEVICE_TYPE
         if index not in sheet.eds:
-            text = f"the device has {len(found)} axes, but {index:04X} (Single device type) is missing"
+            text = f"the device has {counted(len(found), 'axis', 'axes')}, but {index:04X} (Single device type) is missing"
             yield sheet.at(sheet.where_missing(index), "", text, index)
 
 

@@ -9,6 +9,7 @@ from axisbus.eds import values
 from axisbus.eds.model import ObjectType
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
 from axisbus.eds.text import Section
+from axisbus.wording import counted
 
 MAX_NAME = 241
 _KNOWN_FLAGS = 0b11  # refuse write on download, refuse read on scan (DS 306 4.6.3.3)
@@ -47,7 +48,7 @@ def long_names(sheet: Sheet) -> Iterator[Hit]:
     for section, index, subindex in _all(sheet):
         name = section.entries.get("parametername", "")
         if len(name) > MAX_NAME:
-            text = f"[{section.name}] has a name of {len(name)} characters, at most {MAX_NAME} are allowed"
+            text = f"[{section.name}] has a name of {counted(len(name), 'character')}, at most {MAX_NAME} are allowed"
             yield sheet.at(section, "parametername", text, index, subindex)
 
 
@@ -133,7 +134,7 @@ def no_object_type(sheet: Sheet) -> Iterator[Hit]:
     """O031."""
     bare = [entry for entry in sheet.described if not entry.section.entries.get("objecttype")]
     if bare:
-        more = f"; so have {len(bare) - 1} others" if len(bare) > 1 else ""
+        more = f"; so have {counted(len(bare) - 1, 'other')}" if len(bare) > 1 else ""
         yield sheet.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
 
 

@@ -11,6 +11,7 @@ from axisbus.cia301.pdo import MAX_BITS, MappedObject
 from axisbus.eds.model import Object, Variable
 from axisbus.eds.rules import drive, standard
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
+from axisbus.wording import counted
 
 PDOS_OF_A_KIND = 0x200
 MAX_ENTRIES = 64
@@ -127,7 +128,8 @@ def wrong_size(sheet: Sheet) -> Iterator[Hit]:
         if bits is None or bits == slot.mapped.bits or _right_by_standard(sheet, target, slot.mapped):
             continue
         kind = f" ({target.data_type.name})" if target is not None else ""
-        text = f"maps {slot.mapped.bits} bits of {slot.mapped.index:04X}:{slot.mapped.subindex:02X}, which has {bits}{kind}"
+        whole = f"{slot.mapped.index:04X}:{slot.mapped.subindex:02X}, which has {bits}{kind}"
+        text = f"maps {counted(slot.mapped.bits, 'bit')} of {whole}"
         yield _on(sheet, slot, text)
 
 
@@ -223,7 +225,10 @@ def count_beyond(sheet: Sheet) -> Iterator[Hit]:
             continue
         highest = max((sub for sub in entry.subs if 1 <= sub <= MAX_ENTRIES), default=0)
         if number > highest:
-            text = f"[{entry.index:04X}sub0] says that {number} objects are mapped, but has {highest} entries"
+            mapped = counted(number, "object is mapped", "objects are mapped")
+            text = (
+                f"[{entry.index:04X}sub0] says that {mapped}, but has {counted(highest, 'entry', 'entries')}"
+            )
             yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0)
 
 

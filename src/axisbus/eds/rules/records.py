@@ -12,6 +12,7 @@ from axisbus.eds.model import Number, Object, ObjectType, Severity
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, an, short
 from axisbus.eds.text import Section
+from axisbus.wording import counted
 
 _STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
 _ERROR_FIELD = 0x1003
@@ -35,7 +36,7 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
             continue
         if 0 not in entry.subs and number == there + 1:
             continue  # it counts sub-index 0, which O008 misses
-        text = f"[{head.name}] says SubNumber={short(given)}, but has {there} sub-indices"
+        text = f"[{head.name}] says SubNumber={short(given)}, but has {counted(there, 'sub-index', 'sub-indices')}"
         yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
 
 

@@ -10,6 +10,7 @@ from functools import lru_cache
 from axisbus.eds.model import Severity
 from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
 from axisbus.eds.text import Section
+from axisbus.wording import counted
 
 MAX_LINE = 255
 _MAX_FOREIGN = 200  # different keys; to look for what each is like takes long
@@ -63,7 +64,7 @@ def long_lines(sheet: Sheet) -> Iterator[Hit]:
     ]
     if long:
         length = len(sheet.document.lines[long[0] - 1].rstrip("\r"))
-        yield Hit(long[0], MAX_LINE + 1, f"the line has {length} characters{_and_more(long)}")
+        yield Hit(long[0], MAX_LINE + 1, f"the line has {counted(length, 'character')}{_and_more(long)}")
 
 
 def spaced_keys(sheet: Sheet) -> Iterator[Hit]:

@@ -184,7 +184,11 @@ def _skipped(
         (not variable.writable, Why.READ_ONLY, ""),
         (excluded, Why.EXCLUDED, ""),
         (order(variable.index) != "", Why.ORDER, order(variable.index)),
-        (make.calibrates(*key) and not included, Why.CALIBRATION, f"--include {_short(key)} writes it"),
+        (
+            make.calibrates(*key) and not included,
+            Why.CALIBRATION,
+            f"--include {_short(key)} writes it",
+        ),
         (bool(variable.object_flags & _REFUSES_DOWNLOAD), Why.FLAGS, ""),
         (variable.index == _OWN_SDO_SERVER, Why.CHANNEL, ""),
         (variable.data_type is DataType.DOMAIN, Why.TYPE, "a DOMAIN is a file of its own"),

@@ -22,6 +22,7 @@ from axisbus.cia301.datatypes import DataType, size_in_bytes
 from axisbus.errors import SdoAbort
 from axisbus.machine.backup.items import Item, Key, Selection, Skipped
 from axisbus.machine.backup.order import Write, ordered, pdo_back, pdo_of
+from axisbus.wording import counted
 
 PASSES = 4
 _PADDED = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
@@ -168,7 +169,7 @@ class Restore:
         kind = self._items[key].variable.data_type
         if now is None or size_in_bytes(kind) is None or len(now) == len(self._wanted[key]):
             return ""
-        return f"the device has {len(now)} octets there, the file's type {kind.name} has {len(self._wanted[key])}"
+        return f"the device has {counted(len(now), 'octet')} there, the file's type {kind.name} has {len(self._wanted[key])}"
 
     def _blind(self, key: Key) -> bool:
         return key in self._written and self._now.get(key) is None

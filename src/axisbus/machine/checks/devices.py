@@ -14,6 +14,7 @@ from axisbus.machine.backup.items import require_within_limits, select
 from axisbus.machine.cell import CellConfig, NodeConfig
 from axisbus.machine.checks.case import NEEDED, Case, Check, Found, own_title, titles
 from axisbus.machine.problem import Problem
+from axisbus.wording import counted
 
 _SHOWN = 3
 
@@ -78,7 +79,7 @@ def defects(case: Case) -> Found:
         seen.add(eds.source)
         yield case.warning(
             node.at.of(node.file_key),
-            f"node {node.node_id}: its {node.file_key} has {len(wrong)} defect{'s' * (len(wrong) > 1)}",
+            f"node {node.node_id}: its {node.file_key} has {counted(len(wrong), 'defect')}",
             _listed(eds, wrong),
             f"what is broken counts as absent; to mend the file: axisbus eds check {eds.source}",
         )

@@ -15,6 +15,7 @@ from axisbus.machine.cell import NodeConfig, PdoConfig
 from axisbus.machine.checks import pdomodel
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.problem import Problem
+from axisbus.wording import counted
 
 _RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only
 _TRANSMITS = frozenset({"ro", "const", "rw", "rwr"})
@@ -121,7 +122,7 @@ def _element(
     elif size is not None and size != mapped.bits:
         yield case.error(
             line,
-            f"{where}: {dictionary.entry(mapped.index, mapped.subindex)} has {mapped.bits} bits, not {size}",
+            f"{where}: {dictionary.entry(mapped.index, mapped.subindex)} has {counted(mapped.bits, 'bit')}, not {size}",
             f"written is {key!r}",
             "leave /bits out: the size follows from the object",
         )
@@ -181,7 +182,7 @@ def size(case: Case) -> Found:
         if bits > MAX_BITS:
             yield case.error(
                 line,
-                f"{where} maps {bits} bits",
+                f"{where} maps {counted(bits, 'bit')}",
                 " + ".join(f"{entry.bits} ({entry.index:04X}h)" for entry in mapped),
                 "a CAN frame holds 64 bits: split the map over two PDOs",
             )

@@ -11,6 +11,7 @@ from axisbus.errors import ConfigError
 from axisbus.machine.cell import NodeConfig, ProgramConfig
 from axisbus.machine.checks.case import Case, Check, Found
 from axisbus.machine.programfile import deadline_of, mark_of, read_file
+from axisbus.wording import counted
 
 _DOWNLOAD = ((o.PROGRAM_DATA, NUMBER), (o.PROGRAM_CONTROL, NUMBER))
 
@@ -48,7 +49,7 @@ def _file(case: Case, node: NodeConfig, program: ProgramConfig) -> Found:
     yield case.note(
         program.at.of("download"),
         f"{name}: boot replaces its program where it is not the expected one",
-        f"{len(data)} bytes; each part of it may take {deadline_of(program, len(data)):g} s{limit}",
+        f"{counted(len(data), 'byte')}; each part of it may take {deadline_of(program, len(data)):g} s{limit}",
     )
 
 

@@ -11,6 +11,7 @@ from axisbus.machine.checks.case import Case, Check, Found, own_title
 from axisbus.machine.drive import Drive
 from axisbus.machine.scales import units_of
 from axisbus.units import Scale
+from axisbus.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,14 +92,14 @@ def _fits(case: Case, drive: Drive, quantity: Quantity) -> Found:
         yield report(
             line,
             f"{name} does not fit {entry}",
-            f"it is {raw} increments; {entry.data_type.name} holds {low} to {high}",
+            f"it is {counted(raw, 'increment')}; {entry.data_type.name} holds {low} to {high}",
             "give a smaller value, or check the scale",
         )
     elif not (entry.low is None or entry.low <= raw) or not (entry.high is None or raw <= entry.high):
         yield report(
             line,
             f"{name} lies outside the drive's own limits of {entry}",
-            f"it is {raw} increments; {drive.eds.source} allows "
+            f"it is {counted(raw, 'increment')}; {drive.eds.source} allows "
             f"{'any' if entry.low is None else entry.low} to {'any' if entry.high is None else entry.high}",
             "give a value within them, or check the scale",
         )
@@ -136,7 +137,7 @@ def _software_limits(case: Case, drive: Drive) -> Found:
         yield case.warning(
             axis.at.of("position_limits"),
             f"axis {axis.name}: the drive's own position limits are narrower than position_limits",
-            f"607Dh is {low} to {high} increments, {theirs[0]:g} to {theirs[1]:g} {axis.unit}",
+            f"607Dh is {low} to {counted(high, 'increment')}, {theirs[0]:g} to {theirs[1]:g} {axis.unit}",
             "moves beyond them end with an internal limit (statusword bit 11): narrow position_limits, or write "
             f'"607D:01" and "607D:02" in [{axis.at.name}.objects]',
         )

@@ -22,6 +22,7 @@ from axisbus.machine import proposal
 from axisbus.machine.cell import BusConfig
 from axisbus.machine.first.look import Axis
 from axisbus.machine.first.match import Match
+from axisbus.wording import counted
 
 _DEGREES = "deg"
 _CONTROL = re.compile(r"[^\x20-\x7e]")
@@ -91,7 +92,7 @@ def _missing(node: NodeFound) -> Iterator[str]:
     elif not node.specs:
         yield f"node {node_id}: no EDS ({node.match.note}): give its folder with --eds, or: axisbus eds from-device {node_id} ..."
     elif len(node.specs) > 1:
-        yield f"node {node_id}: {len(node.specs)} EDS files fit it, choose one: {', '.join(node.specs)}"
+        yield f"node {node_id}: {counted(len(node.specs), 'EDS file')} fit it, choose one: {', '.join(node.specs)}"
     for axis in node.axes:
         if axis.energised:
             yield f"node {node_id}, axis {axis.number} is energised ({axis.power}): another program may be running it"
@@ -199,7 +200,7 @@ def _scales(node: NodeFound, axis: Axis) -> Iterator[str]:
 def _limits(axis: Axis) -> Iterator[str]:
     low, high = (axis.get(o.SOFTWARE_POSITION_LIMIT, subindex) for subindex in (1, 2))
     now = (
-        f"607Dh is {low} to {high} increments"
+        f"607Dh is {low} to {counted(high, 'increment')}"
         if low is not None and high is not None
         else "the drive has no 607Dh"
     )

@@ -25,6 +25,7 @@ from axisbus.machine.trace.sdo import Dialogue
 from axisbus.machine.trace.services import Words
 from axisbus.machine.trace.transfer import Said
 from axisbus.machine.trace.values import Values
+from axisbus.wording import counted
 
 _FUNCTION = 0x780
 _NODE = 0x7F
@@ -180,11 +181,13 @@ class Decoder:
         size = (sum(entry.bits for entry in mapping) + 7) // 8
         from_node = not pdo.receive
         if len(data) < size:
-            problem = f"{len(data)} bytes where {size} are mapped"
+            problem = f"{counted(len(data), 'byte')} where {size} are mapped"
             return made.words(Words(f"{name}: {_bytes(made.frame)}", problem=problem), from_node=from_node)
         values = tuple(self._values.of_pdo(pdo.node, mapping, data))
         # A receiver takes the first bytes of a longer frame (CiA 301 7.2.2.5.2); a sender never sends more than it maps.
-        problem = f"{len(data)} bytes where {size} are mapped" if len(data) > size and from_node else ""
+        problem = (
+            f"{counted(len(data), 'byte')} where {size} are mapped" if len(data) > size and from_node else ""
+        )
         error = any(words.in_trouble(value.index, value.value) for value in values)
         return made.words(Words(name, error, problem), values=values, from_node=from_node)
 
@@ -193,7 +196,7 @@ class Decoder:
         data = made.frame.data
         if len(data) != 8:
             return made.words(
-                Words(pdo.name, problem=f"{len(data)} bytes, a multiplexed PDO has 8"),
+                Words(pdo.name, problem=f"{counted(len(data), 'byte')}, a multiplexed PDO has 8"),
                 from_node=not pdo.receive,
             )
         node = data[0] & _NODE

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from axisbus.cia301 import lss
 from axisbus.cia301.lss import PARTS, Service, State
+from axisbus.wording import counted
 
 _NUMBERS = dict(zip(lss.SELECTIVE, PARTS, strict=True))
 _INQUIRED = dict(zip(lss.INQUIRIES, PARTS, strict=True))
@@ -26,7 +27,7 @@ def words(data: bytes, *, request: bool) -> tuple[str, str]:
     if not data:
         return "empty", "an LSS frame has 8 bytes (CiA 305)"
     full = data.ljust(8, b"\0")
-    problem = "" if len(data) == 8 else f"{len(data)} bytes, an LSS frame has 8 (CiA 305)"
+    problem = "" if len(data) == 8 else f"{counted(len(data), 'byte')}, an LSS frame has 8 (CiA 305)"
     reader = (_REQUESTS if request else _ANSWERS).get(full[0])
     if reader is None:
         return f"command 0x{full[0]:02X}", problem or f"0x{full[0]:02X} is no LSS command (CiA 305)"

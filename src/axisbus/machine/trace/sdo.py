@@ -25,6 +25,7 @@ from axisbus.machine.trace.transfer import (
     toggled,
     trim,
 )
+from axisbus.wording import counted
 
 _ABORT = 0x80
 _LAST = 0x80  # bit 7 of a block's segment
@@ -75,7 +76,8 @@ class Dialogue:
             return None
         side = "request" if request else "answer"
         return Said(
-            Sdo(f"{side} of {len(data)} bytes", False), problem="an SDO frame has 8 bytes (CiA 301 7.2.4.3)"
+            Sdo(f"{side} of {counted(len(data), 'byte')}", False),
+            problem="an SDO frame has 8 bytes (CiA 301 7.2.4.3)",
         )
 
     def _no_command(self, data: bytes, _: float) -> Said:
@@ -249,7 +251,7 @@ class Dialogue:
         step = f"block acknowledged up to segment {count}" + (
             f" of {sent}, the rest is asked for again" * (count < sent)
         )
-        problem = f"only {sent} segments were seen" if count > sent else ""
+        problem = f"only {counted(sent, 'segment was', 'segments were')} seen" if count > sent else ""
         return self._progress(transfer, step, problem)
 
     def _block_write_end(self, data: bytes) -> Said:

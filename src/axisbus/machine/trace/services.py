@@ -9,6 +9,7 @@ from typing import NamedTuple
 from axisbus.cia301 import emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.drives.make import Make
+from axisbus.wording import counted
 
 _COMMANDS = {
     NmtCommand.START: "start",
@@ -34,7 +35,7 @@ class Words(NamedTuple):
 def nmt(data: bytes, who: Callable[[int], str]) -> Words:
     """An NMT command; ``who`` names a node."""
     if len(data) != 2:
-        return Words(f"{len(data)} bytes", problem="an NMT command has 2 bytes (CiA 301 7.2.8.2)")
+        return Words(counted(len(data), "byte"), problem="an NMT command has 2 bytes (CiA 301 7.2.8.2)")
     target = "all nodes" if data[1] == 0 else who(data[1])
     if data[0] not in NmtCommand.__members__.values():
         return Words(
@@ -48,7 +49,8 @@ def sync(data: bytes) -> Words:
     """A SYNC, with its counter where it has one."""
     if len(data) > 1:
         return Words(
-            f"{len(data)} bytes", problem="SYNC has no data or a counter of one byte (CiA 301 7.2.5)"
+            counted(len(data), "byte"),
+            problem="SYNC has no data or a counter of one byte (CiA 301 7.2.5)",
         )
     return Words(f"counter {data[0]}" if data else "")
 
@@ -56,7 +58,7 @@ def sync(data: bytes) -> Words:
 def time(data: bytes) -> Words:
     """A TIME message: a wall clock without a zone."""
     if len(data) != 6:
-        return Words(f"{len(data)} bytes", problem="TIME has 6 bytes (CiA 301 7.2.6)")
+        return Words(counted(len(data), "byte"), problem="TIME has 6 bytes (CiA 301 7.2.6)")
     milliseconds = int.from_bytes(data[:4], "little") & _MILLISECONDS
     days = data[4] | data[5] << 8
     moment = _EPOCH + timedelta(days=days, milliseconds=milliseconds)
@@ -67,7 +69,9 @@ def emergency(data: bytes, make: Make) -> Words:
     """An emergency message, in the standard's words and the make's."""
     if len(data) < 2:
         return Words(
-            f"{len(data)} bytes", error=True, problem="an emergency message has 8 bytes (CiA 301 7.2.7)"
+            counted(len(data), "byte"),
+            error=True,
+            problem="an emergency message has 8 bytes (CiA 301 7.2.7)",
         )
     one = emcy.parse(data, 0.0)
     register = ", ".join(emcy.register_words(one.register)) or "no error"
@@ -75,14 +79,16 @@ def emergency(data: bytes, make: Make) -> Words:
     if any(one.data):
         parts.append(f"maker's data {one.data.hex(' ').upper()}")
     parts += make.explain(one.code, {}) if not one.is_reset else []
-    short = f"{len(data)} bytes, an emergency message has 8 (CiA 301 7.2.7)" if len(data) != 8 else ""
+    short = (
+        f"{counted(len(data), 'byte')}, an emergency message has 8 (CiA 301 7.2.7)" if len(data) != 8 else ""
+    )
     return Words("; ".join(parts), error=not one.is_reset, problem=short)
 
 
 def heartbeat(data: bytes, before: NmtState | None) -> tuple[Words, NmtState | None]:
     """A node's report of its NMT state without the toggle bit; ``before`` is the one that it reported last."""
     if len(data) != 1:
-        return Words(f"{len(data)} bytes", problem="a heartbeat has 1 byte (CiA 301 7.2.8.3)"), before
+        return Words(counted(len(data), "byte"), problem="a heartbeat has 1 byte (CiA 301 7.2.8.3)"), before
     state = NmtState(data[0] & ~TOGGLE)
     problem = "" if state in _STATES else f"{int(state)} is no NMT state (CiA 301 7.2.8.3)"
     change = f" (was {before.text})" if before is not None and before != state else ""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from axisbus.cia301.datatypes import Value
 from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
 from axisbus.machine.trace.words import in_hex
+from axisbus.wording import counted
 
 _LONGEST = 48  # bytes of a long value that a line shows
 _IN_PDO = frozenset({Kind.TPDO, Kind.RPDO})
@@ -54,7 +55,7 @@ def number(value: Value | None, index: int, subindex: int) -> str:
     if isinstance(value, int):
         return f"0x{value:04X}" if value >= 0 and in_hex(index, subindex) else str(value)
     if isinstance(value, bytes):
-        more = f" ... {len(value)} bytes" if len(value) > _LONGEST else ""
+        more = f" ... {counted(len(value), 'byte')}" if len(value) > _LONGEST else ""
         return (value[:_LONGEST].hex(" ").upper() or "no bytes") + more
     return repr(value[:200]) if isinstance(value, str) else f"{value:g}"
 
@@ -82,7 +83,11 @@ def _sdo(one: Decoded, sdo: Sdo) -> str:
 
 def _extras(one: Decoded, sdo: Sdo) -> Iterator[str]:
     if sdo.done is not None:
-        yield f", {sdo.done} of {sdo.total} bytes" if sdo.total is not None else f", {sdo.done} bytes"
+        yield (
+            f", {sdo.done} of {counted(sdo.total, 'byte')}"
+            if sdo.total is not None
+            else f", {counted(sdo.done, 'byte')}"
+        )
     if sdo.waited is not None:
         yield f"  [{sdo.waited * 1000:.3g} ms]"
     if sdo.abort is None and one.what:

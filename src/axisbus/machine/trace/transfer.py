@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.machine.trace.decoded import Sdo
+from axisbus.wording import counted
 
 
 class Phase(Enum):
@@ -94,4 +95,4 @@ def length(transfer: Transfer) -> str:
     """Say where a whole value has another length than was announced; empty where it has not."""
     if transfer.size is None or transfer.size == len(transfer.data):
         return ""
-    return f"{len(transfer.data)} bytes came, announced were {transfer.size}"
+    return f"{counted(len(transfer.data), 'byte')} came, announced were {transfer.size}"

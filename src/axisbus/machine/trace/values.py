@@ -13,6 +13,7 @@ from axisbus.eds.wording import first_axis
 from axisbus.machine.trace import words
 from axisbus.machine.trace.decoded import ObjectValue
 from axisbus.machine.trace.known import Known
+from axisbus.wording import counted
 
 _MODES = (c402.MODES_OF_OPERATION_DISPLAY, c402.MODES_OF_OPERATION)
 _UNSIGNED = {
@@ -60,7 +61,7 @@ class Values:
             and len(data) != size
             and (sized or len(data) < size)
         ):
-            problem = f"{len(data)} bytes for {entry.data_type.name}, which has {size}"
+            problem = f"{counted(len(data), 'byte')} for {entry.data_type.name}, which has {size}"
         return self._value(node, entry, decode(data, kind)), problem
 
     def of_pdo(self, node: int, mapping: Sequence[MappedObject], data: bytes) -> Iterator[ObjectValue]:

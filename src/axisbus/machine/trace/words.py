@@ -14,6 +14,7 @@ from axisbus.cia402.modes import ModeOfOperation, short, supported
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import is_pdo_parameter
 from axisbus.eds.wording import first_axis
+from axisbus.wording import counted
 
 Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its mode as last seen
 Reader = Callable[[int, ModeOfOperation | None], str]
@@ -90,8 +91,8 @@ def _pdo_words(index: int, subindex: int, value: int, dictionary: Dictionary) ->
 def _mapped(entry: int, dictionary: Dictionary) -> str:
     mapped = MappedObject.from_entry(entry)
     if not entry or mapped.is_dummy:
-        return "nothing" if not entry else f"{mapped.bits} bits left free"
-    return f"{dictionary.entry(mapped.index, mapped.subindex)}, {mapped.bits} bits"
+        return "nothing" if not entry else f"{counted(mapped.bits, 'bit')} left free"
+    return f"{dictionary.entry(mapped.index, mapped.subindex)}, {counted(mapped.bits, 'bit')}"
 
 
 def _cob_words(value: int, _: ModeOfOperation | None = None) -> str:

@@ -1,0 +1,144 @@
+"""The tree of all LSS addresses, and fast scan (CiA 305) as the question whether anybody is in one of its branches.
+
+Theory of operation
+-------------------
+The four numbers in a row are 128 bits; a ``Branch`` is all addresses that begin with the same bits. A slave answers for a branch of
+the part ``LSSSub`` only when it has confirmed the numbers before it since the last reset of the scan, so ``Questions`` takes the
+slaves there first, and knows where they are. No question has ``LSSNext`` below ``LSSSub``: nobody is switched to *configuration*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from axisbus.cia301.lss import ALL_BITS, LssAddress, fastscan
+from axisbus.cia301.lss_dialogue import Dialogue, Pace, ask
+
+PART_BITS = 32
+DEPTH = 4 * PART_BITS
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """All addresses whose first ``depth`` bits are those of ``bits``, a number of 128 bits with the vendor-ID on top."""
+
+    bits: int = 0
+    depth: int = 0
+
+    @property
+    def children(self) -> tuple[Branch, Branch]:
+        """Its two halves, the lower addresses first."""
+        depth = self.depth + 1
+        return Branch(self.bits, depth), Branch(self.bits | 1 << DEPTH - depth, depth)
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The four numbers of its lowest address."""
+        return tuple(self.bits >> DEPTH - PART_BITS * (part + 1) & 0xFFFF_FFFF for part in range(4))
+
+    @property
+    def sub(self) -> int:
+        """The part that its last bit is in."""
+        return max(0, self.depth - 1) // PART_BITS
+
+    @property
+    def bit_check(self) -> int:
+        """The last bit that counts in that part."""
+        return PART_BITS * (self.sub + 1) - self.depth
+
+    @property
+    def address(self) -> LssAddress:
+        """Its lowest address; the only one, where it is a leaf."""
+        return LssAddress(*self.numbers)
+
+    def holds(self, address: LssAddress) -> bool:
+        """Whether an address is in it."""
+        return not (of(address).bits ^ self.bits) >> DEPTH - self.depth
+
+    def within(self, parts: Iterable[int | None]) -> bool:
+        """Whether an address with these numbers (None: any) can be in it."""
+        for part, (own, wanted) in enumerate(zip(self.numbers, parts, strict=True)):
+            free = min(PART_BITS, max(0, PART_BITS * (part + 1) - self.depth))
+            if wanted is not None and (own ^ wanted) >> free:
+                return False
+        return True
+
+    def with_part(self, number: int) -> Branch:
+        """The branch below it whose next part is ``number``; it must end at the end of a part."""
+        depth = self.depth + PART_BITS
+        return Branch(self.bits | number << DEPTH - depth, depth)
+
+
+ROOT = Branch()
+
+
+def of(address: LssAddress) -> Branch:
+    """Return the leaf of an address."""
+    bits = 0
+    for part in address.parts:
+        bits = bits << PART_BITS | part
+    return Branch(bits, DEPTH)
+
+
+class Questions:
+    """Asks for branches; holds which numbers the slaves have confirmed since the last reset (None: nobody knows)."""
+
+    def __init__(self, pace: Pace, found: Callable[[], int]) -> None:
+        """``found`` tells how many slaves have been found, for who watches."""
+        self._pace = pace
+        self._found = found
+        self._at: tuple[int, ...] | None = None
+
+    def forget(self) -> None:
+        """The slaves were switched, or contradicted themselves: begin with a reset."""
+        self._at = None
+
+    def anybody(self, branch: Branch, wait: float | None = None) -> Dialogue[int]:
+        """Return how many answers say that somebody is in a branch (of depth 1 or more)."""
+        if not (yield from self._go(branch.numbers[: branch.sub])):
+            return 0
+        sub = branch.sub
+        frame = fastscan(branch.numbers[sub], branch.bit_check, sub, sub)
+        heard = yield from ask(self._pace, frame, wait, found=self._found(), bits=branch.depth)
+        return len(heard.answers)
+
+    def anybody_at_last(self, branch: Branch) -> Dialogue[int]:
+        """The same, and as often as a request is tried before silence counts; each time from a reset."""
+        for _ in range(self._pace.timing.tries):
+            self.forget()
+            count = yield from self.anybody(branch)
+            if count:
+                return count
+        return 0
+
+    def _go(self, numbers: tuple[int, ...]) -> Dialogue[bool]:
+        """Have the slaves with these numbers at the part behind them; return whether there are any."""
+        for _ in range(self._pace.timing.tries):
+            if self._at is None or self._at != numbers[: len(self._at)]:
+                yield from self._reset()
+            if (yield from self._confirm(numbers)):
+                return True
+        return False
+
+    def _confirm(self, numbers: tuple[int, ...]) -> Dialogue[bool]:
+        assert self._at is not None
+        for sub in range(len(self._at), len(numbers)):
+            heard = yield from ask(
+                self._pace,
+                fastscan(numbers[sub], 0, sub, sub + 1),
+                found=self._found(),
+                bits=DEPTH // 4 * (sub + 1),
+            )
+            if not heard.answers:  # those whose answer was lost have gone on, and are deaf for this number
+                self.forget()
+                return False
+        self._at = numbers
+        return True
+
+    def _reset(self) -> Dialogue[None]:
+        for _ in range(self._pace.timing.tries):
+            heard = yield from ask(self._pace, fastscan(0, ALL_BITS, 0, 0), found=self._found())
+            if heard.answers:
+                break
+        self._at = ()

@@ -1,0 +1,84 @@
+"""What a node that is there says of its errors: error register 1001h, error field 1003h, and its last emergency message."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from axisbus.cia301 import emcy, errorfield
+from axisbus.cia301 import objects as o
+from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.drives.emergency import emcy_words, history_words
+from axisbus.drives.make import GENERIC, Make
+from axisbus.errors import BusError, SdoAbort
+
+_MOST = 3  # entries of 1003h that are told, the newest ones that differ
+
+
+class Uploads(Protocol):
+    """What is needed of a node's objects; raises ``SdoAbort``, and ``BusError`` where it does not answer."""
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Return an object's bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorState:
+    """What was found; None where the node has no such object, or did not answer.
+
+    ``last`` is its last emergency message, ``ago`` the seconds since it came; None: none has come since we listen.
+    """
+
+    register: int | None
+    history: tuple[ErrorEntry, ...] | None
+    last: Emcy | None
+    ago: float = 0.0
+
+    @property
+    def tells(self) -> bool:
+        """Whether there is an error in it that is not over."""
+        return bool(self.register) or (self.last is not None and not self.last.is_reset)
+
+    def words(self, make: Make = GENERIC) -> str:
+        """Return it in one line."""
+        return "; ".join((self._register(), self._history(make), self._last(make)))
+
+    def _register(self) -> str:
+        if self.register is None:
+            return "its error register (1001h) cannot be read"
+        words = ", ".join(emcy.register_words(self.register)) or "no error"
+        return f"error register (1001h) 0x{self.register:02X}: {words}"
+
+    def _history(self, make: Make) -> str:
+        if self.history is None:
+            return "it has no list of errors (1003h)"
+        seen: dict[tuple[int, int], ErrorEntry] = {}
+        for entry in self.history:
+            seen.setdefault((entry.code, entry.additional), entry)
+        several = list(seen.values())
+        told = ", ".join(history_words(entry, make) for entry in several[:_MOST])
+        more = f" and {len(several) - _MOST} older" if len(several) > _MOST else ""
+        return f"its list of errors (1003h): {told or 'empty'}{more}"
+
+    def _last(self, make: Make) -> str:
+        if self.last is None:
+            return "no EMCY has come since we listen"
+        return f"its last EMCY, {self.ago:.1f} s ago: {emcy_words(self.last, make)}"
+
+
+def read(objects: Uploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorState:
+    """Read it; blocks for a few transfers, or for one where the node does not answer. Raises nothing of a node or a bus."""
+    try:
+        register = _number(objects, o.ERROR_REGISTER, 0)
+        history = errorfield.read(lambda index, subindex: _number(objects, index, subindex))
+    except BusError:
+        return ErrorState(None, None, last, ago)
+    return ErrorState(register, history, last, ago)
+
+
+def _number(objects: Uploads, index: int, subindex: int) -> int | None:
+    try:
+        return int.from_bytes(objects.upload(index, subindex), "little")
+    except SdoAbort:
+        return None

@@ -1,0 +1,48 @@
+"""What is told of a node that is lost, and what to do about it."""
+
+from __future__ import annotations
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.errors import StateError
+from axisbus.motion.diagnosis import nmt_text
+from axisbus.motion.image import Image
+
+# What was heard last of a node that is lost without a word.
+SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
+ANEW = "close the machine and open it again, which configures and starts the node anew"
+
+
+def remedy_for_silence(node: int) -> str:
+    """Return what to do where nothing is heard of a node any more."""
+    return (
+        f"check supply and cable of node {node}, then bus load and that SYNC reaches it (axisbus scan shows who answers); close "
+        "the machine and open it again"
+    )
+
+
+def not_to_be_reset(name: str, node: int, image: Image, *, stopping: bool) -> StateError:
+    """Return why a command cannot reset an axis whose node is not operational; ``stopping``: the axis is still being stopped."""
+    still = "; the axis is still being stopped" if stopping else ""
+    if image.bus is not None:
+        return StateError(
+            f"{name}: node {node} is lost: {image.bus.message}",
+            observed=image.bus.observed + still,
+            remedy=f"{image.bus.remedy}; then reset again where the node is still operational, else {ANEW}",
+        )
+    if image.overdue or image.nmt == NmtState.UNKNOWN:
+        return StateError(
+            f"{name}: node {node} is lost, so there is nobody to reset",
+            observed=f"neither heartbeat nor answer to node guarding comes from it{still}",
+            remedy=f"check supply and cable of node {node} until axisbus scan shows it; then {ANEW}",
+        )
+    if image.nmt == NmtState.OPERATIONAL:
+        return StateError(
+            f"{name}: node {node} is there again, and cannot be reset into service",
+            observed=f"it has restarted, or may have: its configuration is not known to be ours{still}",
+            remedy=ANEW,
+        )
+    return StateError(
+        f"{name}: node {node} is there, and not operational, so a reset is of no use",
+        observed=nmt_text(image) + still,
+        remedy=f"see its EMCY why it left operational (axisbus monitor), and mend that; then {ANEW}",
+    )
