@@ -49,6 +49,24 @@ def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
     assert "lacks 6083h (profile acceleration)" in errors[0].observed
 
 
+@pytest.mark.parametrize(
+    ("gone", "hint"), [((), "still pulls to its old target"), (("6064",), "without 6064h only bit 10 tells")]
+)
+def test_a_handshake_by_sight_needs_something_to_be_seen(
+    tmp_path: Path, gone: tuple[str, ...], hint: str
+) -> None:
+    """The bench's drive has no 6062h."""
+    change = ('unit = "deg"', 'unit = "deg"\nhandshake = "on-change"')
+    path = kit.write(tmp_path, change, eds=kit.without(*gone))
+    told = [each for each in kit.serious(path) if "on-change" in each.message]
+    assert [each.line for each in told] == [kit.line_of(path, "handshake =")]
+    assert hint in told[0].observed
+
+
+def test_a_handshake_by_bit_12_needs_nothing_to_be_seen(tmp_path: Path) -> None:
+    assert not [each for each in kit.serious(kit.write(tmp_path)) if "on-change" in each.message]
+
+
 def test_a_group_without_csp_is_warned_that_move_linear_will_be_refused(tmp_path: Path) -> None:
     path = kit.write(tmp_path, ('"hm", "csp"]', '"hm"]'))
     problem = kit.only(path, "warning", 'axes = ["x", "y"]')

@@ -12,6 +12,7 @@ from axisbus.cia402.state import State
 from axisbus.errors import SetPointError
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.onchange import OnChange
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.rundown import RunDown
@@ -418,3 +419,25 @@ def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
     assert out.mode == 1
     assert out.target_torque is None  # what holds it now goes on until then
     assert out.controlword == 0x0F
+
+
+def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_beside_another_set_point():
+    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    highs = []
+    for number in range(40):
+        seen(img, number * T, statusword=0x1427)
+        order.clear()
+        order.halt = True
+        if number < 3:
+            order.bits = 0x10  # another's
+        point.step(img, order)
+        highs.append(bool(order.bits & 0x10))
+    rises = [number for number in range(1, 40) if highs[number] and not highs[number - 1]]
+    falls = [number for number in range(1, 40) if highs[number - 1] and not highs[number]]
+    assert falls[0] == 3
+    assert len(rises) == 2
+    assert [rise - fall for rise, fall in zip(rises, falls, strict=False)] == [
+        pytest.approx(4, abs=1),
+        pytest.approx(4, abs=1),
+    ]
+    assert point.step(img, order)

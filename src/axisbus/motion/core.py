@@ -233,7 +233,7 @@ class AxisCore:
     def _let_go(self, image: Image) -> None:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
         if image.state is not State.OPERATION_ENABLED:
-            self.running.set_point = None  # what the drive had begun to take is void
+            self.running.set_point = image.led.taken = None  # what the drive had taken, or begun to, is void
         goal = self.order.goal
         if goal not in ENERGISED or image.state is goal or isinstance(self.activity, Enable):
             return
