@@ -28,6 +28,7 @@ class AxisReport:
     power: str
     found_enabled: bool
     modes: tuple[str, ...]
+    mode_doubts: tuple[str, ...]
     travels: str
     in_one_sync: bool
     ladder: StopLadderReport
@@ -116,6 +117,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         f"    {'power stage':<14}{axis.power}"
         + (" - FOUND ENABLED, left as it is" if axis.found_enabled else ""),
         f"    {'modes':<14}{', '.join(axis.modes) or 'none'}",
+        *(f"    {'':<14}{doubt}" for doubt in axis.mode_doubts),
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
         *_torque_lines(axis.rated_torque),
         f"    {'travels by':<14}{axis.travels}",
@@ -142,6 +144,7 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         "power": axis.power,
         "found_enabled": axis.found_enabled,
         "modes": list(axis.modes),
+        "mode_doubts": list(axis.mode_doubts),
         "travels": axis.travels,
         "in_one_sync": axis.in_one_sync,
         "stop_ladder": [
