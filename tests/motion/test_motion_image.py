@@ -15,6 +15,8 @@ from axisbus.motion.ladder import Rung, StopLadder, Then
 from axisbus.motion.onchange import OnChange
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.profile import Profile
+from axisbus.motion.proof import Proof, proof_of
 from axisbus.motion.rundown import RunDown
 from axisbus.motion.setpoint import SetPoint
 
@@ -441,3 +443,51 @@ def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_be
         pytest.approx(4, abs=1),
     ]
     assert point.step(img, order)
+
+
+BIT_10, ENABLED = 0x0400, 0x0027
+
+
+def proved(word_at) -> tuple[Proof, float]:
+    """A set-point without 6064h and 6062h, ``word_at(time)`` being the statusword; until it is proved, or 10 s."""
+    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    proof = proof_of(point, Profile(100, 100, 100, 100.0, 100.0), parameters("x", dictionary_of(GENERIC)))
+    now = 0.0
+    while not proof.seen and now < 10.0:
+        seen(img, now, statusword=word_at(now))
+        order.clear()
+        point.step(img, order)
+        proof.step(img)
+        now += T
+    return proof, now
+
+
+def test_without_6064h_bit_10_tells_of_a_set_point_given_at_rest():
+    proof, now = proved(lambda time: ENABLED if time > 0.2 else ENABLED | BIT_10)
+    assert proof.seen
+    assert now < 0.3
+
+
+@pytest.mark.parametrize(
+    "word_at",
+    [
+        lambda _: ENABLED | BIT_10,  # it never falls
+        lambda _: ENABLED,  # in motion before and after
+        lambda time: ENABLED | (BIT_10 if time > 0.2 else 0),  # the end of the move before
+    ],
+    ids=["at rest", "in motion", "to the end"],
+)
+def test_without_6064h_what_cannot_be_seen_is_not_taken(word_at):
+    with pytest.raises(SetPointError, match="nothing shows"):
+        proved(word_at)
+
+
+def test_bit_12_has_no_proof_beside_it():
+    assert (
+        proof_of(
+            SetPoint(5_000, "x", 1.0),
+            Profile(100, 100, 100, None, None),
+            parameters("x", dictionary_of(GENERIC)),
+        )
+        is None
+    )
