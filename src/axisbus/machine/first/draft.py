@@ -168,10 +168,7 @@ def _axis(node: NodeFound, axis: Axis) -> Iterator[str]:
     yield from _scales(node, axis)
     yield from _limits(axis)
     if not axis.modes or "pp" in axis.modes:
-        yield _noted(
-            '# handshake = "on-change"',
-            "CONFIRM: only where moves fail with a SetPointError although the axis moves: its bit 12 tells nothing",
-        )
+        yield '# (Where moves fail with a SetPointError although the axis moves, bit 12 tells nothing: handshake = "on-change".)'
     yield f"[axes.{own}.defaults]"
     yield from _defaults(axis)
     yield f"[axes.{own}.homing]"
