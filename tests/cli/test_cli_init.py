@@ -110,6 +110,7 @@ def test_nodes_files_and_axes_are_in_the_file_and_check_finds_no_error(axisbus, 
         "axis11": (11, "increments"),
     }
     assert "CONFIRM: axis axis7" in out
+    assert 'bit 12 tells nothing: handshake = "on-change"' in (tmp_path / "cell.toml").read_text()
     assert not [each for each in check(tmp_path / "cell.toml") if each.severity.value == "error"]
     assert [dict(each.dictionary.values) for each in devices] == before  # nothing was written
     assert [each.drive.statusword & 0x6F for each in devices] == [0x40, 0x40]

@@ -13,10 +13,10 @@ NO_MODES = ('modes = ["pp", "pv", "hm", "csp"]\n', "")
 
 
 def test_each_axis_is_told_what_it_can_run(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("6087"))
+    path = kit.write(tmp_path, eds=kit.without("6071", "6087"))
     told = kit.note(path, "axis x can run")
     assert told.message == "axis x can run pp, pv, hm, csp"
-    assert told.observed == "not tq (6087h (torque slope) missing)"
+    assert told.observed.startswith("6502h claims tq, but 6071h is missing; ")
     assert told.line == kit.line_of(path, "[axes.x]")
 
 
@@ -40,13 +40,69 @@ def test_a_mode_that_is_asked_for_has_its_objects(
 
 
 def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, NO_MODES, eds=kit.without("6083"))
+    """Where csp is left, they serve its trajectories, and only move_absolute and the like are missed."""
+    for gone, severity in ((("6083",), "warning"), (("6083", "6064"), "error")):
+        path = kit.write(tmp_path, NO_MODES, eds=kit.without(*gone))
+        told = [each for each in kit.serious(path) if "is asked for by velocity in" in each.message]
+        assert [each.line for each in told] == [
+            kit.line_of(path, "velocity = 100.0"),
+            kit.line_of(path, "velocity = 90.0"),
+        ]
+        assert {each.severity.value for each in told} == {severity}
+        assert "lacks 6083h (profile acceleration)" in told[0].observed
+
+
+@pytest.mark.parametrize(
+    ("claimed", "gone", "runs", "doubt"),
+    [
+        ("0xAD", (), "pp, pv, tq, hm, csp", "objects of csv, cst are there, but 6502h does not list them"),
+        ("0x2D", (), "pp, pv, tq, hm", "objects of csp, csv, cst are there, but 6502h does not list them"),
+        ("0xAD", ("6087",), "pp, pv, tq, hm, csp", "6502h does not list"),
+        ("0xAD", ("6098",), "pp, pv, tq, csp", "6502h claims hm, but 6098h is missing"),
+        ("0xED", (), "pp, pv, tq, hm, csp", "6502h claims ip, but 60C1h is missing"),
+        ("", (), "pp, pv, tq, hm, csp", "6502h says nothing: by the objects alone"),
+    ],
+)
+def test_modes_are_those_that_objects_and_6502h_show(
+    tmp_path: Path, claimed: str, gone: tuple[str, ...], runs: str, doubt: str
+) -> None:
+    def file(text: str) -> str:
+        return kit.without(*gone)(text).replace("DefaultValue=0xAD", f"DefaultValue={claimed}")
+
+    told = kit.note(kit.write(tmp_path, eds=file), "axis x can run")
+    assert told.message == f"axis x can run {runs}"
+    assert doubt in told.observed
+
+
+@pytest.mark.parametrize(
+    ("method", "is_error"), [(35, False), (37, False), (-1, False), (-128, False), (17, True), (1, True)]
+)
+def test_a_drive_without_6099h_can_home_where_no_speed_is_needed(
+    tmp_path: Path, method: int, is_error: bool
+) -> None:
+    change = ("method = 17\nspeed_switch = 20.0\nspeed_zero = 2.0", f"method = {method}")
+    path = kit.write(tmp_path, change, eds=kit.without("6099"))
     errors = [each for each in kit.serious(path) if each.severity.value == "error"]
-    assert [each.line for each in errors] == [
-        kit.line_of(path, "velocity = 100.0"),
-        kit.line_of(path, "velocity = 90.0"),
-    ]
-    assert "lacks 6083h (profile acceleration)" in errors[0].observed
+    assert any("6099h (homing speeds)" in each.observed for each in errors) is is_error
+    assert bool(errors) is is_error
+
+
+@pytest.mark.parametrize(
+    ("gone", "hint"), [((), "still pulls to its old target"), (("6064",), "without 6064h only bit 10 tells")]
+)
+def test_a_handshake_by_sight_needs_something_to_be_seen(
+    tmp_path: Path, gone: tuple[str, ...], hint: str
+) -> None:
+    """The bench's drive has no 6062h."""
+    change = ('unit = "deg"', 'unit = "deg"\nhandshake = "on-change"')
+    path = kit.write(tmp_path, change, eds=kit.without(*gone))
+    told = [each for each in kit.serious(path) if "on-change" in each.message]
+    assert [each.line for each in told] == [kit.line_of(path, "handshake =")]
+    assert hint in told[0].observed
+
+
+def test_a_handshake_by_bit_12_needs_nothing_to_be_seen(tmp_path: Path) -> None:
+    assert not [each for each in kit.serious(kit.write(tmp_path)) if "on-change" in each.message]
 
 
 def test_a_group_without_csp_is_warned_that_move_linear_will_be_refused(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from axisbus.machine import config
 from axisbus.machine.drive import Drive
 from axisbus.machine.parameters import axis_parameters
 from axisbus.machine.writes import axis_writes, node_writes
-from axisbus.motion.parameters import AxisParameters, HoldsLoad
+from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 
 BENCH = eds.loads(kit.DRIVE.encode(), "drive.eds")
 
@@ -138,6 +138,12 @@ def test_times_as_written_replace_the_usual_ones() -> None:
     usual = parameters("y")
     assert changed.stop_times.disable == usual.stop_times.disable
     assert changed.timing.settle == usual.timing.settle
+
+
+def test_the_handshake_is_by_bit_12_unless_written_otherwise() -> None:
+    changed = parameters("x", ("scale = 1000", 'scale = 1000\nhandshake = "on-change"'))
+    assert changed.handshake is Handshake.ON_CHANGE
+    assert parameters("y").handshake is Handshake.ACKNOWLEDGE
 
 
 @pytest.mark.parametrize(

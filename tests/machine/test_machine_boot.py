@@ -85,6 +85,20 @@ def test_a_watchdog_left_behind_by_a_killed_program_is_taken_over_and_then_disar
     assert made.read(0x1016, 1) == 0
 
 
+def test_the_modes_are_those_that_objects_and_the_drives_own_6502h_show(tmp_path):
+    made = device()
+    key = 0x6502 << 8
+    made.dictionary.live[key] = lambda: 0x61  # pp, hm, ip
+    with simulated(cell(tmp_path), made) as machine:
+        report = machine.reports[0]
+        assert report.axes[0].modes == ("pp", "hm")
+        assert report.axes[0].mode_doubts == (
+            "6502h claims ip, but 60C1h is missing",
+            "objects of pv, tq, csp, csv, cst are there, but 6502h does not list them",
+        )
+        assert "6502h claims ip, but 60C1h is missing" in report.text()
+
+
 def test_another_consumer_keeps_its_entry(tmp_path):
     made = device()
     entries = made.read(0x1016, 0)

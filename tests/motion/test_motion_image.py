@@ -12,8 +12,11 @@ from axisbus.cia402.state import State
 from axisbus.errors import SetPointError
 from axisbus.motion.image import Image
 from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.onchange import OnChange
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import HoldsLoad, StopTimes
+from axisbus.motion.profile import Profile
+from axisbus.motion.proof import Proof, proof_of
 from axisbus.motion.rundown import RunDown
 from axisbus.motion.setpoint import SetPoint
 
@@ -445,3 +448,73 @@ def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
     assert out.mode == 1
     assert out.target_torque is None  # what holds it now goes on until then
     assert out.controlword == 0x0F
+
+
+def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_beside_another_set_point():
+    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    highs = []
+    for number in range(40):
+        seen(img, number * T, statusword=0x1427)
+        order.clear()
+        order.halt = True
+        if number < 3:
+            order.bits = 0x10  # another's
+        point.step(img, order)
+        highs.append(bool(order.bits & 0x10))
+    rises = [number for number in range(1, 40) if highs[number] and not highs[number - 1]]
+    falls = [number for number in range(1, 40) if highs[number - 1] and not highs[number]]
+    assert falls[0] == 3
+    assert len(rises) == 2
+    assert [rise - fall for rise, fall in zip(rises, falls, strict=False)] == [
+        pytest.approx(4, abs=1),
+        pytest.approx(4, abs=1),
+    ]
+    assert point.step(img, order)
+
+
+BIT_10, ENABLED = 0x0400, 0x0027
+
+
+def proved(word_at) -> tuple[Proof, float]:
+    """A set-point without 6064h and 6062h, ``word_at(time)`` being the statusword; until it is proved, or 10 s."""
+    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    proof = proof_of(point, Profile(100, 100, 100, 100.0, 100.0), parameters("x", dictionary_of(GENERIC)))
+    now = 0.0
+    while not proof.seen and now < 10.0:
+        seen(img, now, statusword=word_at(now))
+        order.clear()
+        point.step(img, order)
+        proof.step(img)
+        now += T
+    return proof, now
+
+
+def test_without_6064h_bit_10_tells_of_a_set_point_given_at_rest():
+    proof, now = proved(lambda time: ENABLED if time > 0.2 else ENABLED | BIT_10)
+    assert proof.seen
+    assert now < 0.3
+
+
+@pytest.mark.parametrize(
+    "word_at",
+    [
+        lambda _: ENABLED | BIT_10,  # it never falls
+        lambda _: ENABLED,  # in motion before and after
+        lambda time: ENABLED | (BIT_10 if time > 0.2 else 0),  # the end of the move before
+    ],
+    ids=["at rest", "in motion", "to the end"],
+)
+def test_without_6064h_what_cannot_be_seen_is_not_taken(word_at):
+    with pytest.raises(SetPointError, match="nothing shows"):
+        proved(word_at)
+
+
+def test_bit_12_has_no_proof_beside_it():
+    assert (
+        proof_of(
+            SetPoint(5_000, "x", 1.0),
+            Profile(100, 100, 100, None, None),
+            parameters("x", dictionary_of(GENERIC)),
+        )
+        is None
+    )

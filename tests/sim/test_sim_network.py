@@ -134,6 +134,34 @@ def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
             network.disconnect()
 
 
+@pytest.mark.parametrize(
+    "changes", [{"x1800_5": 20}, {"x1800_5": 100}, {}], ids=["20 ms", "100 ms", "on change"]
+)
+def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, changes):
+    made = drive_eds(x605A=2, **changes)
+    with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
+        network = canopen.Network()
+        network.NOTIFIER_CYCLE = 0.05
+        network.connect(**options(channel))
+        try:
+            node = BaseNode402(5, object_dictionary(made, 5))
+            network.add_node(node)
+            node.sdo.RESPONSE_TIMEOUT = DEADLINE
+            for name in ("SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
+                setattr(node, f"TIMEOUT_{name}", DEADLINE)
+            wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
+            node.nmt.state = "OPERATIONAL"
+            node.setup_402_state_machine()
+            for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
+                node.state = name
+            node.controlword = 0x0002  # as the setter of its state does
+            seen = []
+            wait_for(lambda: seen.append(node.state) or seen[-1] == "QUICK STOP ACTIVE", "the quick stop")
+            wait_for(lambda: node.state == "SWITCH ON DISABLED", "its end")
+        finally:
+            network.disconnect()
+
+
 def test_a_slow_node_keeps_nobody_waiting(channel, master):
     slow, quick = Device(drive_eds(), 1), Device(drive_eds(), 2)
     slow.dials.sdo_delay = 1.0

@@ -101,6 +101,77 @@ def test_heartbeats_tell_the_state_at_their_period():
     assert wire.of(0x705) == []
 
 
+@pytest.mark.parametrize("before", [0, 2000])
+def test_a_new_heartbeat_time_holds_at_once(before):
+    """A producer begins immediately (CiA 301 7.2.8.3.2.2): the old period is not waited out first."""
+    wire = Wire(x1017=before).run(0.3)
+    wire.write(0x1017, 0, 100, 2)
+    wrote = wire.now
+    wire.run(0.35)
+    beats = [time - wrote for time in wire.times(0x705) if time > wrote]
+    assert beats == [pytest.approx(expected, abs=0.0015) for expected in (0.001, 0.101, 0.201, 0.301)]
+
+
+def test_a_heartbeat_time_that_is_written_again_changes_nothing():
+    wire = Wire(x1017=50).start()
+    for _ in range(20):
+        wire.write(0x1017, 0, 50, 2)
+        wire.run(0.01)
+    assert len([time for time in wire.times(0x705) if time > 0.1]) == 4
+
+
+ENABLING = ("0600", "0700", "0f00")
+
+
+def quick_stopped(transmission: int, event_timer: int = 0) -> list[str]:
+    """The states that a TPDO shows of a quick stop at standstill, SYNC every 20 ms."""
+    wire = Wire(x605A=2, x1800_2=transmission, x1800_5=event_timer).start()
+    for word in (*ENABLING, "0200"):
+        wire.send(0x205, word + "00000000")
+        for _ in range(10):
+            wire.send(0x080, "")
+            wire.run(0.02)
+    words = [int.from_bytes(bytes.fromhex(text)[:2], "little") for text in wire.of(0x185)]
+    return [state(word) for word in words]
+
+
+@pytest.mark.parametrize(
+    ("transmission", "event_timer"), [(255, 0), (254, 0), (255, 50), (1, 0), (3, 0), (0, 0)]
+)
+def test_a_quick_stop_at_standstill_is_seen_in_a_tpdo(transmission, event_timer):
+    shown = quick_stopped(transmission, event_timer)
+    assert "quick stop active" in shown
+    assert shown[-1] == "switch on disabled"
+
+
+def test_what_repeats_shows_it_twice():
+    """Who sends the command and then waits for the next TPDO has missed the first."""
+    for transmission, timer in ((255, 50), (1, 0), (3, 0)):
+        assert quick_stopped(transmission, timer).count("quick stop active") >= 2
+
+
+def test_disable_voltage_waits_for_nobody():
+    wire = Wire(x605A=2, x1800_2=10).start()
+    for word in (*ENABLING, "0200"):
+        wire.send(0x205, word + "00000000")
+        wire.run(0.01)
+    assert state(wire.device.drive.statusword) == "quick stop active"
+    wire.send(0x205, "000000000000")
+    wire.run(0.002)
+    assert state(wire.device.drive.statusword) == "switch on disabled"
+
+
+def test_a_tpdo_that_never_goes_out_holds_no_drive_for_ever():
+    wire = Wire(x605A=2, x1800_2=10).start()  # no SYNC comes
+    for word in (*ENABLING, "0200"):
+        wire.send(0x205, word + "00000000")
+        wire.run(0.01)
+    wire.run(0.9)
+    assert state(wire.device.drive.statusword) == "quick stop active"
+    wire.run(0.15)
+    assert state(wire.device.drive.statusword) == "switch on disabled"
+
+
 def test_sdo_is_answered_in_pre_operational_and_operational_only():
     wire = Wire().run(0.1)
     request = "4000100000000000"

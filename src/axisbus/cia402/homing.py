@@ -30,6 +30,11 @@ METHODS: dict[int, str] = {
 IN_PLACE = frozenset({35, 37})
 
 
+def needs_speeds(method: int) -> bool:
+    """Whether a method is known to move, and so needs the speeds of 6099h; what a maker's own (negative) does, only he knows."""
+    return method > 0 and method not in IN_PLACE
+
+
 def describe(method: int) -> str:
     """Return what a method looks for; negative numbers are the maker's."""
     if method < 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from axisbus.cia402 import objects
+from axisbus.cia402 import homing, objects
 
 
 class ModeOfOperation(IntEnum):
@@ -78,6 +78,22 @@ FACTS: dict[ModeOfOperation, ModeFacts] = {
         "cstca", 10, (objects.TARGET_TORQUE, objects.TORQUE_ACTUAL, 0x60EA), cyclic=True
     ),
 }
+
+
+# What a master cannot do without, where that is less than what CiA 402 wants of the drive: the rest it does without.
+_NEEDED: dict[ModeOfOperation, tuple[int, ...]] = {
+    _M.PROFILE_POSITION: (objects.TARGET_POSITION, objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION),
+    _M.PROFILE_VELOCITY: (objects.TARGET_VELOCITY, objects.PROFILE_ACCELERATION),
+    _M.PROFILE_TORQUE: (objects.TARGET_TORQUE,),
+    _M.HOMING: (objects.HOMING_METHOD,),
+}
+
+
+def needed(mode: ModeOfOperation, method: int | None = None) -> tuple[int, ...]:
+    """Return the objects without which a master cannot run ``mode``; ``method``: how it is to home (6098h)."""
+    own = _NEEDED.get(mode, FACTS[mode].required)
+    moves = mode is _M.HOMING and method is not None and homing.needs_speeds(method)
+    return (*own, objects.HOMING_SPEEDS) if moves else own
 
 
 def supported(word: int) -> list[ModeOfOperation]:

@@ -33,13 +33,14 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, errorstate, programtext, proposal, syncwindow, torque
+from axisbus.machine import dcf, errorstate, modelist, programtext, proposal, syncwindow, torque
 from axisbus.machine import identity as ids
 from axisbus.machine.access import Objects, Progress, read_int
 from axisbus.machine.answers import Answerer, Locals, Nmt
 from axisbus.machine.bootfailure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
 from axisbus.machine.configure import Watch, plan_of
+from axisbus.machine.drive import Drive
 from axisbus.machine.parameters import axis_parameters
 from axisbus.machine.ramps import braking_of
 from axisbus.machine.report import AxisReport, NodeReport
@@ -306,7 +307,7 @@ class NodeBoot:
                 axis.name,
                 self._power[axis.name].value,
                 self._power[axis.name] in ENERGISED,
-                tuple(modes.short(mode) for mode in sorted(parameters.modes)),
+                *self._modes_shown(axis, parameters),
                 _travels(how),
                 self._comms.event_timers(axis),
                 how.outputs.get("controlword") is Source.SYNC_PDO,
@@ -335,6 +336,17 @@ class NodeBoot:
         return replace(
             parameters, quick_stop_holds=holds, braking=braking_of(parameters.units, read), limits=limits
         )
+
+    def _modes_shown(
+        self, axis: AxisConfig, parameters: AxisParameters
+    ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The modes of the cell file, else those that objects and the drive's 6502h show, with what speaks against them."""
+        if axis.modes is not None:
+            return tuple(modes.short(mode) for mode in sorted(parameters.modes)), ()
+        claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
+        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
+        shown = modelist.of(drive, None if claimed is None else frozenset(modes.supported(claimed)))
+        return tuple(modes.short(mode) for mode in shown.modes), shown.doubts
 
     def _read(self, axis: AxisConfig, index: int) -> int | None:
         return read_int(self._objects, own_index(index, axis.drive_axis))

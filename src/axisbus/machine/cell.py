@@ -223,7 +223,8 @@ class StopConfig:
 class AxisConfig:
     """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
 
-    ``limits_in_drive``: they are written into the drive as well.
+    ``limits_in_drive``: they are written into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves nothing
+    on this drive; that it has taken a set-point is seen by what the axis does.
     """
 
     name: str
@@ -250,6 +251,7 @@ class AxisConfig:
     transition_time: float | None = None
     mode_time: float | None = None
     acknowledge_time: float | None = None
+    handshake: str = "acknowledge"
     defaults: DefaultsConfig = DefaultsConfig()
     homing: HomingConfig = HomingConfig()
     stop: StopConfig = StopConfig()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
-from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
+from axisbus.cia402.modes import FACTS, ModeOfOperation, needed, supported
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Variable
 from axisbus.machine.cell import AxisConfig, NodeConfig
@@ -85,8 +85,8 @@ class Drive:
 
     @property
     def runnable(self) -> frozenset[ModeOfOperation]:
-        """The modes that have all their objects."""
-        return frozenset(mode for mode, facts in FACTS.items() if not self.missing(facts.required))
+        """The modes that have all the objects that a master needs for them."""
+        return frozenset(mode for mode in FACTS if not self.missing(needed(mode)))
 
     @property
     def claimed(self) -> frozenset[ModeOfOperation] | None:

@@ -17,6 +17,7 @@ from axisbus.machine.scales import units_of
 from axisbus.motion.parameters import (
     AxisParameters,
     Defaults,
+    Handshake,
     HoldsLoad,
     Homing,
     Limits,
@@ -55,6 +56,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         stop_times=_stop_times(axis),
         timing=_timing(axis),
         holds_load=_HOLDS[axis.holds_load],
+        handshake=Handshake(axis.handshake),
         objects=drive.objects,
         modes=modes(drive),
         quick_stop_holds=drive.number(objects.QUICK_STOP_OPTION) in options.HOLDING_QUICK_STOPS,

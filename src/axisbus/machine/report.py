@@ -29,6 +29,7 @@ class AxisReport:
     power: str
     found_enabled: bool
     modes: tuple[str, ...]
+    mode_doubts: tuple[str, ...]
     travels: str
     event_timers: tuple[EventTimer, ...]
     in_one_sync: bool
@@ -118,6 +119,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         f"    {'power stage':<14}{axis.power}"
         + (" - FOUND ENABLED, left as it is" if axis.found_enabled else ""),
         f"    {'modes':<14}{', '.join(axis.modes) or 'none'}",
+        *(f"    {'':<14}{doubt}" for doubt in axis.mode_doubts),
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
         *_torque_lines(axis.rated_torque),
         f"    {'travels by':<14}{axis.travels}",
@@ -145,6 +147,7 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         "power": axis.power,
         "found_enabled": axis.found_enabled,
         "modes": list(axis.modes),
+        "mode_doubts": list(axis.mode_doubts),
         "travels": axis.travels,
         "event_timers": [
             {"pdo": timer.pdo, "was_ms": timer.was, "wanted_ms": timer.wanted, "now_ms": timer.now}

@@ -102,6 +102,7 @@ AXIS: Keys = {
     "transition_time": _step_time,
     "mode_time": _step_time,
     "acknowledge_time": _step_time,
+    "handshake": Key(v.words("acknowledge", "on-change")),
 }
 
 DEFAULTS: Keys = {

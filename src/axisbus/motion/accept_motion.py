@@ -9,7 +9,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.activity import Lead, ModeSwitch, Transfers, require_position
+from axisbus.motion.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.braking import Course
 from axisbus.motion.core import AxisCore
 from axisbus.motion.follow import Follow
@@ -41,6 +41,7 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
         core.last_target = target
         return
+    require_objects(core, _M.PROFILE_POSITION, handle)
     _require_braking(core, profile, handle)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
@@ -117,6 +118,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate:
         core.finish(handle)
         return
     require_motion(core, handle)
+    require_objects(core, _M.PROFILE_VELOCITY, handle)
     profile = command.profile
     prepare = _prepare(
         core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
@@ -154,6 +156,7 @@ def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
 def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate) -> None:
     """MC_TorqueControl."""
     require_motion(core, handle)
+    require_objects(core, _M.PROFILE_TORQUE, handle)
     parameters = core.parameters
     writes: list[tuple[int, int, int | None]] = []
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
@@ -170,6 +173,7 @@ def home(core: AxisCore, command: c.Home, handle: Handle, _: Gate) -> None:
     require_motion(core, handle)
     if core.state is not AxisState.STANDSTILL:
         raise StateError(f"{handle.name}: the axis moves", remedy="halt it first: axis.halt()")
+    require_objects(core, _M.HOMING, handle, command.job.method)
     core.homed = False
     core.begin(HomingRun(command.job, core.parameters), handle, AxisState.HOMING)
 
@@ -270,6 +274,17 @@ def require_motion(core: AxisCore, handle: Handle) -> None:
             observed=f"drive state {core.image.state.value!r}, mode "
             f"{'unknown' if core.image.mode is None else modes.short(ModeOfOperation(core.image.mode))}",
             remedy="take it over with axis.enable(), or switch it off with axis.disable()",
+        )
+
+
+def require_objects(core: AxisCore, mode: ModeOfOperation, handle: Handle, method: int | None = None) -> None:
+    """Raise StateError where the drive lacks an object without which ``mode`` cannot be run; ``method``: of 6098h."""
+    missing = [index for index in modes.needed(mode, method) if not core.parameters.has(index)]
+    if missing:
+        raise StateError(
+            f"{handle.name}: {core.parameters.name} cannot run {modes.short(mode)} ({mode.text})",
+            observed=f"its EDS lacks {', '.join(object_text(index) for index in missing)}",
+            remedy="use another command; where the drive does have it, name the drive's own EDS in cell.toml",
         )
 
 

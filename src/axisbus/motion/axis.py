@@ -285,13 +285,13 @@ class Axis:
         Asked for again while the axis is Homing, the second is refused and the first goes on.
 
         Raises:
-            ArgumentError: no method is known, or one that moves has no speeds.
+            ArgumentError: no method is known, or one that moves has no speeds (a maker's own, below 0, may do without).
         """
         given = self._parameters.homing
         request = self._request("home()" if method is None else f"home(method {shown(method)})")
         method = request.homing_method(method)
         name = f"home(method {method})"
-        moves = method not in homing.IN_PLACE
+        moves = homing.needs_speeds(method)
         job = HomingJob(
             method,
             request.homing_speed("speed_switch", given.speed_switch, moves),

@@ -44,8 +44,9 @@ _NO_CHANCE = 10  # samples in a row
 class Led:
     """Holds what was sent last, and what has been found out of 6062h; positions are unwrapped increments.
 
-    ``target`` is that of csp (None: there was none in this mode), ``set_point`` that of pp, given at ``set_point_at``; a homing
-    runs since ``searching_since`` (infinite: none does). ``idle``: 6062h says nothing on this drive.
+    ``target`` is that of csp (None: there was none in this mode), ``set_point`` that of pp, given at ``set_point_at``; ``taken`` is
+    that set-point once the axis was seen to go by it (only ``Proof`` looks). A homing runs since ``searching_since`` (infinite:
+    none does). ``idle``: 6062h says nothing on this drive.
     """
 
     __slots__ = (
@@ -57,6 +58,7 @@ class Led:
         "searching_since",
         "set_point",
         "set_point_at",
+        "taken",
         "target",
     )
 
@@ -65,6 +67,7 @@ class Led:
         self.target: int | None = None
         self.set_point: int | None = None
         self.set_point_at = -math.inf
+        self.taken: int | None = None
         self.searching_since = math.inf
         self._mode: int | None = None
         self._before: int | None = None  # 6062h when the drive came into its mode
@@ -72,14 +75,14 @@ class Led:
 
     def forget(self) -> None:
         """The drive's count is another one now."""
-        self.target = self.set_point = self._before = None
+        self.target = self.set_point = self.taken = self._before = None
 
     def note(
         self, now: float, mode: int | None, demand: int | None, target: int | None, is_edge: bool
     ) -> None:
         """Take what is sent in this cycle: a target (None: none), and whether bit 4 (new set-point, homing start) goes with it."""
         if mode != self._mode:
-            self._mode, self._before = mode, demand
+            self._mode, self._before, self.taken = mode, demand, None
         if mode != _CSP:
             self.target = None
         elif target is not None:

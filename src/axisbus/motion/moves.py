@@ -8,11 +8,13 @@ from axisbus.errors import MotionTimeout
 from axisbus.motion.activity import Activity, present_speed, require_position
 from axisbus.motion.braking import Course
 from axisbus.motion.image import Image
+from axisbus.motion.onchange import set_point
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.prepare import Prepare
 from axisbus.motion.profile import Profile, braking_distance, duration
-from axisbus.motion.setpoint import Phase, SetPoint
+from axisbus.motion.proof import proof_of
+from axisbus.motion.setpoint import SetPoint
 
 _WINDOW_FLOOR = 20  # increments
 _ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken
@@ -34,7 +36,8 @@ class PositionMove(Activity):
         before: SetPoint | None,
     ) -> None:
         """``target`` in unwrapped increments; ``before`` is a handshake that another move has begun."""
-        self.set_point = SetPoint(target, parameters.name, parameters.timing.acknowledge)
+        self.set_point = set_point(target, parameters)
+        self._proof = proof_of(self.set_point, profile, parameters)
         self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
         self._profile = profile
         self._parameters = parameters
@@ -50,7 +53,9 @@ class PositionMove(Activity):
         if self._start is None and not self._begins(image, order):
             return False
         taken = self.set_point.step(image, order)
-        order.halt = order.halt and self._stays_halted(image)
+        order.halt = order.halt and self.set_point.keeps_halt(image)
+        if self._proof is not None:
+            self._proof.step(image)
         if not taken:
             return False
         if not self._judged:
@@ -59,17 +64,6 @@ class PositionMove(Activity):
             return True
         self._watch.check(image)
         return False
-
-    def _stays_halted(self, image: Image) -> bool:
-        """A halted axis stays so until its drive has the new target: without the halt it would go on to the old one.
-
-        A drive that takes no set-point under halt is given half of the time without.
-        """
-        phase = self.set_point.phase
-        patience = 0.5 * self._parameters.timing.acknowledge
-        return phase in (Phase.CLEAR, Phase.TARGET) or (
-            phase is Phase.OFFER and image.now < self.set_point.since + patience
-        )
 
     @property
     def in_flight(self) -> SetPoint | None:
@@ -120,6 +114,8 @@ class PositionMove(Activity):
     def _arrived(self, image: Image) -> bool:
         """Bit 10, and (where 6064h is fresh) within the window: bit 10 may still stand from the move before."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
+            return False
+        if self._proof is not None and not self._proof.suffices(image):
             return False
         if image.position is None:
             return True

@@ -19,6 +19,13 @@ class HoldsLoad(Enum):
     TORQUE = "torque"
 
 
+class Handshake(Enum):
+    """By what the master knows that a drive has taken a set-point: bit 12 of 6041h, or what the axis is seen to do."""
+
+    ACKNOWLEDGE = "acknowledge"
+    ON_CHANGE = "on-change"
+
+
 @dataclass(frozen=True, slots=True)
 class Units:
     """How the axis's unit maps to increments.
@@ -145,6 +152,7 @@ class AxisParameters:
     stop_times: StopTimes = field(default_factory=StopTimes)
     timing: Timing = field(default_factory=Timing)
     holds_load: HoldsLoad = HoldsLoad.NO
+    handshake: Handshake = Handshake.ACKNOWLEDGE
     objects: frozenset[int] = frozenset()
     modes: frozenset[ModeOfOperation] = frozenset()
     quick_stop_holds: bool = False

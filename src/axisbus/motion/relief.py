@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 A drive that was halted on its way keeps its old target. Nobody sees whether its controller leads the motor there (something may
 hold it), so it is given a new one: the position that it has now, at the lowest velocity. The halt stays set all the time; a drive
-that takes no set-point then is stopped harder.
+that takes no set-point then is stopped harder. Where the handshake is "on-change" nothing else can be seen, and 607Ah is read back.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError
 from axisbus.motion.activity import Transfers
 from axisbus.motion.image import Image
+from axisbus.motion.onchange import set_point
 from axisbus.motion.order import Order
-from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.setpoint import SetPoint
+from axisbus.motion.parameters import AxisParameters, Handshake
+from axisbus.units import wrap
 
 _LOWEST = 1  # 6081h, in the drive's own velocity increments
 
@@ -37,15 +38,18 @@ def is_blind(image: Image, parameters: AxisParameters) -> bool:
 
 
 class Relief:
-    """A set-point at ``target`` under halt; holds its transfer and its handshake."""
+    """A set-point at ``target`` under halt; holds its transfers and its handshake."""
 
-    __slots__ = ("_failed", "_set_point", "_transfers")
+    __slots__ = ("_failed", "_read", "_set_point", "_transfers")
 
     def __init__(self, target: int, parameters: AxisParameters) -> None:
         """``target``: the actual position, in unwrapped increments."""
         slow = [(objects.PROFILE_VELOCITY, 0, _LOWEST)] if parameters.has(objects.PROFILE_VELOCITY) else []
         self._transfers = Transfers(slow, parameters)
-        self._set_point = SetPoint(target, parameters.name, parameters.timing.acknowledge)
+        self._set_point = set_point(target, parameters)
+        # Where bit 12 proves nothing, and no motion can: that the target has arrived is what is left.
+        by_sight = parameters.handshake is Handshake.ON_CHANGE
+        self._read = Transfers([(objects.TARGET_POSITION, 0, None)] if by_sight else [], parameters)
         self._failed = False
 
     def step(self, image: Image, order: Order) -> bool:
@@ -54,11 +58,17 @@ class Relief:
         if self._failed:
             return False
         try:
-            return self._transfers.step(image, order) and self._set_point.step(image, order)
+            given = self._transfers.step(image, order) and self._set_point.step(image, order)
+            if not given or not self._read.step(image, order):
+                return False
         except DriveError:
             self._failed = True
             return False
+        shown = self._read.values.get((objects.TARGET_POSITION, 0), self._set_point.target)
+        self._failed = wrap(shown) != wrap(self._set_point.target)
+        return not self._failed
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
         self._transfers.cancel(order)
+        self._read.cancel(order)

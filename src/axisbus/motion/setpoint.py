@@ -64,6 +64,14 @@ class SetPoint:
         """Whether the drive may have seen the edge but the handshake is not finished."""
         return self.phase is _OFFER or self.phase is _RELEASE
 
+    def keeps_halt(self, image: Image) -> bool:
+        """Whether a halted axis stays so: without the halt it would go on to the target that its drive had before.
+
+        A drive that takes no set-point under halt is given half of the time without.
+        """
+        offered = self.phase is _OFFER and image.now < self.since + 0.5 * self._timeout
+        return self.phase is _CLEAR or self.phase is _TARGET or offered
+
     def step(self, image: Image, order: Order) -> bool:
         """Return True from the statusword on in which the handshake is complete.
 
@@ -96,11 +104,11 @@ class SetPoint:
 
     def _present(self, image: Image) -> None:
         if self._shown >= image.edge_delay:
-            self._enter(Phase.OFFER, image)
+            self._enter(_OFFER, image)
             return
         self._shown += 1
-        if self.phase is Phase.CLEAR:
-            self._enter(Phase.TARGET, image)
+        if self.phase is _CLEAR:
+            self._enter(_TARGET, image)
 
     def _enter(self, phase: Phase, image: Image) -> None:
         self.phase = phase
@@ -116,8 +124,15 @@ class SetPoint:
             observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
             f"acknowledge) stayed {1 - bit}; {word}",
             remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
-            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]"
+            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]; {self._way_out}"
             if bit
             else "see in the drive's manual when it takes bit 12 back (its buffer of set-points may be full); a slow drive needs a "
-            f"longer acknowledge_time in [axes.{self._name}]",
+            f"longer acknowledge_time in [axes.{self._name}]; {self._way_out}",
+        )
+
+    @property
+    def _way_out(self) -> str:
+        return (
+            "one that moves all the same (its bit 12 never comes, falls too early, or follows writes of 6060h) needs "
+            f'handshake = "on-change" in [axes.{self._name}]'
         )

@@ -40,6 +40,7 @@ class Axis:
         "params",
         "position",
         "settings",
+        "since_mode_write",
         "speed_limited",
         "target_position",
         "target_torque",
@@ -62,6 +63,7 @@ class Axis:
         self.clamped = False  # the last target lay beyond a limit
         self.speed_limited = False
         self.following_exceeded = False
+        self.since_mode_write = math.inf  # seconds since 6060h was written, with whatever value
         self.forbidden = 0  # direction in which a limit switch forbids motion
         self._following_timer = 0.0
         self._versions = -1

@@ -25,6 +25,11 @@ class DriveDials:
         mode_delay: seconds until 6061h follows 6060h
         acknowledge_delay: seconds from the edge of bit 4 to bit 12 (``NEVER``: no set-point is taken)
         acknowledge_stays: bit 12 never falls
+        acknowledge_never: set-points are taken, and bit 12 never rises
+        acknowledge_early: seconds after which bit 12 falls although bit 4 still stands (``NEVER``: it waits for bit 4)
+        mode_clears_acknowledge: seconds for which a write of 6060h keeps bit 12 low, whatever happens to set-points
+        mode_pulses_acknowledge: the same, high
+        deaf_under_halt: an edge of bit 4 that comes under halt is not heard
         target_reached_late: seconds for which bit 10 stays set after a new set-point was taken
         target_reached_never: bit 10 does not rise in the profile modes
         target_reached_always: bit 10 is set, whatever the axis does
@@ -59,6 +64,11 @@ class DriveDials:
     mode_delay: float = 0.0
     acknowledge_delay: float = 0.0
     acknowledge_stays: bool = False
+    acknowledge_never: bool = False
+    acknowledge_early: float = NEVER
+    mode_clears_acknowledge: float = 0.0
+    mode_pulses_acknowledge: float = 0.0
+    deaf_under_halt: bool = False
     target_reached_late: float = 0.0
     target_reached_never: bool = False
     target_reached_always: bool = False

@@ -171,6 +171,7 @@ class Drive:
         self.time += dt
         axis, power, dials = self.axis, self.power, self.dials
         axis.refresh()
+        axis.since_mode_write += dt
         axis.motor.blocked = dials.blocked
         axis.motor.sticks = dials.sticks
         if dials.creep and self._effort is not _OFF:

@@ -44,6 +44,7 @@ def _controlword(drive: Drive, value: int) -> None:
 
 def _mode(drive: Drive, value: int) -> None:
     drive.mode = as_int8(value)
+    drive.axis.since_mode_write = 0.0
 
 
 def _target_position(drive: Drive, value: int) -> None:

@@ -5,7 +5,8 @@ Theory of operation
 ``ARROWS`` holds the transitions 0 to 16, ``_COMMANDS`` what the controlword asks for in each state. A transition that has been
 accepted waits for three things, in this order: the ramp that its option code asks for (``effort`` tells the motion part what to
 do meanwhile), its delay, and then the state changes. The controlword works by its level, except fault reset, which needs a rising
-edge of bit 7. Transitions of the drive's own accord (0, 1, 12 after a quick stop, 13, 14) are pending in the same way.
+edge of bit 7. Transitions of the drive's own accord (0, 1, 12 after a quick stop, 13, 14) are pending in the same way. The drive's
+own 12 waits for one thing more: *quick stop active* lasts long enough to be seen, even where nothing had to be braked.
 """
 
 from __future__ import annotations
@@ -93,6 +94,8 @@ _AFTER_STANDSTILL = (5, 8, 12, 14)  # these wait for the end of their ramp
 
 # Seconds that a drive of this kind takes; 1 is its self-test, 4 and 5 get the brake's times on top.
 DELAYS: Mapping[int, float] = {1: 0.01, 3: 0.002, 4: 0.002}
+_SHOWN = 0.02  # s for which quick stop active lasts at least
+_SHOWN_AT_MOST = 1.0  # s for which it waits to be sent in TPDOs
 
 
 def by_option(table: tuple[Effort, ...], option: int) -> Effort:
@@ -115,18 +118,22 @@ class PowerStage:
     __slots__ = (
         "_brake_closes",
         "_brake_opens",
+        "_by_itself",
         "_delays",
         "_dials",
         "_edge",
         "_ignored_word",
         "_options",
+        "_shown",
         "_timer",
+        "_unsent",
         "_word",
         "brake_in_time",
         "effort",
         "last_transition",
         "pending",
         "stage",
+        "to_be_sent",
     )
 
     def __init__(
@@ -145,6 +152,11 @@ class PowerStage:
         self.effort = Effort.OFF
         self.last_transition = 0
         self.brake_in_time = False  # the brake holds before the torque goes
+        # By TPDO: how often it must have shown quick stop active before the drive leaves that by itself, and how often still.
+        self.to_be_sent: dict[int, int] = {}
+        self._unsent: dict[int, int] = {}
+        self._shown = 0.0  # seconds for which the present state has lasted
+        self._by_itself = False  # transition 12 is pending without a command
         self._word = 0
         self._edge = False
         self._ignored_word: int | None = None
@@ -168,8 +180,11 @@ class PowerStage:
     def step(self, dt: float, standing: bool) -> None:
         """Let ``dt`` seconds (>= 0) pass; ``standing`` tells that a braking motor has come to rest."""
         guard = 8  # transitions that follow each other without a delay
+        self._shown += dt
         while self.pending is not None and guard:
             if self.effort > Effort.RUN and not standing and self.pending in _AFTER_STANDSTILL:
+                return
+            if self._by_itself and not self._was_seen:
                 return
             self._timer -= dt
             dt = 0.0
@@ -178,6 +193,17 @@ class PowerStage:
             self._take(self.pending)
             self._look()
             guard -= 1
+
+    def sent(self, tpdo: int) -> None:
+        """A TPDO has shown the state."""
+        if self._unsent.get(tpdo):
+            self._unsent[tpdo] -= 1
+
+    @property
+    def _was_seen(self) -> bool:
+        """Whether the state has lasted long enough for a master to see it."""
+        waits = any(self._unsent.values()) and self._shown < _SHOWN_AT_MOST - 1e-9
+        return self._shown >= _SHOWN - 1e-9 and not waits
 
     def fault(self) -> None:
         """Transition 13: a fault was detected, in any state."""
@@ -239,7 +265,9 @@ class PowerStage:
     def _interrupts(self, wanted: int) -> bool:
         """A pending ramp yields to any other command; another pending transition only to disable voltage and quick stop."""
         if wanted == self.pending:
-            return wanted == 12 and self.effort > Effort.RUN  # disable voltage cuts a quick stop's ramp short
+            return wanted == 12 and (
+                self.effort > Effort.RUN or self._by_itself
+            )  # it cuts a quick stop short
         return self.pending is None or self.effort > Effort.RUN or wanted in (7, 9, 10, 11, 12)
 
     def _drop_ramp(self) -> None:
@@ -260,6 +288,7 @@ class PowerStage:
 
     def _await(self, transition: int) -> None:
         self.pending = transition
+        self._by_itself = False
         self._timer = self._delay(transition)
 
     def _delay(self, transition: int) -> float:
@@ -276,11 +305,14 @@ class PowerStage:
         self.pending = None
         stage = ARROWS[transition][1]
         self.stage = stage
+        self._by_itself = False
+        self._shown, self._unsent = 0.0, dict(self.to_be_sent)
         if stage is Stage.ENABLED:
             self.effort = Effort.RUN
         elif stage is Stage.QUICK_STOP:
             self.effort = by_option(_QUICK_STOP, self._options.quick_stop_option)
             if self._options.quick_stop_option not in _HOLDS:
                 self._await(12)
+                self._by_itself = self.effort is not Effort.OFF  # option 0 takes the power away at once
         else:
             self.effort = Effort.OFF

@@ -16,8 +16,10 @@ from collections.abc import Callable
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.sim.device import RPDO_LATE, Device
+from axisbus.sim.drive import Drive
 from axisbus.sim.pdo import Pdo, apply
 from axisbus.sim.sdo import SdoServer
+from axisbus.sim.settings import AXIS_SPAN, place
 from axisbus.sim.synchronising import SyncService
 
 Frame = tuple[int, bytes]
@@ -26,6 +28,7 @@ _LSS_REQUEST, _LSS_ANSWER = 0x7E5, 0x7E4
 _SHORT_PDO = 0x8210
 _NO_CHANNEL = 1 << 31
 _CONSUMER = 0x8000_0000  # in 1012h
+_SIGHTINGS = 2  # TPDOs: who waits for the next one after its command has missed the first
 
 
 class TransmitState:
@@ -59,6 +62,7 @@ class Slave:
         self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
         self._events: list[Pdo] = []
         self._requested: list[Pdo] = []
+        self._showing: dict[int, list[Drive]] = {}  # by TPDO number: the drives whose statusword it holds
         self._answering: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
         self.sync = SyncService(device)
         self.time_of_day: tuple[int, int] | None = (
@@ -67,6 +71,7 @@ class Slave:
         self._version = -1
         self._now: float | None = None
         self._next_heartbeat = 0.0
+        self._beat_time = 0.0  # 1017h as it was obeyed last
         self._boot_ups = 0
         self._nmt = device.nmt
         for number in self._servers:
@@ -169,6 +174,21 @@ class Slave:
         self._events = [pdo for pdo in sent if not pdo.synchronous and not pdo.on_request]
         self._requested = [pdo for pdo in sent if pdo.on_request]
         self._answering = {pdo.cob_id: pdo for pdo in sent if pdo.rtr}
+        self._index_statuswords(sent)
+
+    def _index_statuswords(self, sent: list[Pdo]) -> None:
+        """Which TPDOs show the state of which drive; one that is sent again and again must have shown it twice."""
+        self._showing = {pdo.number: [] for pdo in sent}
+        for drive in self.device.drives:
+            key = place(self.device.dictionary, 0x6041 + drive.axis_number * AXIS_SPAN)
+            drive.power.to_be_sent = {}
+            for pdo in sent:
+                if not any(field.key == key for field in pdo.fields):
+                    continue
+                self._showing[pdo.number].append(drive)
+                repeats = 1 <= pdo.transmission_type <= 240 or (not pdo.on_request and pdo.event_timer > 0.0)
+                if repeats and self.device.operational:
+                    drive.power.to_be_sent[pdo.number] = _SIGHTINGS
 
     # NMT, heartbeat, guarding.
 
@@ -180,7 +200,8 @@ class Slave:
         while self._boot_ups < self.device.boot_ups:
             self._boot_ups += 1
             self._frames.append((_HEARTBEAT + self.device.node_id, b"\0"))
-            self._next_heartbeat = now + self._heartbeat_time
+            self._beat_time = self._heartbeat_time
+            self._next_heartbeat = now + self._beat_time
 
     @property
     def _heartbeat_time(self) -> float:
@@ -189,6 +210,9 @@ class Slave:
     def _beat(self, now: float) -> None:
         device = self.device
         time = self._heartbeat_time
+        # It begins immediately (CiA 301 7.2.8.3.2.2), not when the old period is over.
+        if time != self._beat_time:
+            self._beat_time, self._next_heartbeat = time, now
         if time <= 0.0:
             self._next_heartbeat = now
         elif now >= self._next_heartbeat - 1e-9:
@@ -335,6 +359,8 @@ class Slave:
 
     def _send(self, pdo: Pdo, state: TransmitState, data: bytes, now: float) -> None:
         state.last, state.stamp = data, now
+        for drive in self._showing.get(pdo.number, ()):
+            drive.power.sent(pdo.number)
         if pdo.number + 1 not in self.device.dials.tpdos_stop:
             self._frames.append((pdo.cob_id, data))
 

@@ -128,7 +128,7 @@ def homing_speeds(case: Case) -> Found:
                 "choose a defined one that the drive has",
             )
         for key in ("speed_switch", "speed_zero"):
-            if given.method not in homing.IN_PLACE and getattr(given, key) is None and at.sound(key):
+            if homing.needs_speeds(given.method) and getattr(given, key) is None and at.sound(key):
                 yield case.error(
                     line,
                     f"axis {axis.name}: homing method {given.method} moves, and {key} is missing",

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia402 import objects
-from axisbus.cia402.modes import FACTS, ModeOfOperation
+from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
+from axisbus.machine import modelist
 from axisbus.machine.checks.case import Case, Check, Found, title, titles
 from axisbus.machine.drive import Drive
 
@@ -29,33 +30,43 @@ _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 
 
 def summary(case: Case) -> Found:
-    """Note for each axis which modes have all their objects."""
+    """Note for each axis which modes its objects and 6502h show, and where the two differ."""
     for drive in case.drives:
-        runs = [FACTS[mode].short for mode in USED if mode in drive.runnable]
-        lacks = [
+        shown = modelist.of(drive)
+        runs = [FACTS[mode].short for mode in USED if mode in shown.modes]
+        unclaimed = [
             f"not {FACTS[mode].short} ({titles(missing)} missing)"
             for mode in USED
-            if (missing := drive.missing(FACTS[mode].required))
+            if (missing := drive.missing(needed(mode))) and mode not in (drive.claimed or ())
         ]
         yield case.note(
             drive.axis.at.line,
             f"axis {drive.axis.name} can run {', '.join(runs) or 'no mode'}",
-            "; ".join(lacks) or "by the objects of its EDS; boot asks the drive",
+            "; ".join((*shown.doubts, *unclaimed))
+            or "by the objects of its EDS and 6502h; boot asks the drive",
         )
 
 
 def asked_for(case: Case) -> Found:
-    """Check that the modes that the cell asks for have their objects."""
+    """Check that the modes that the cell asks for have the objects that the master needs."""
     for drive in case.drives:
         for mode, line, reason in _asked(drive):
-            missing = drive.missing(FACTS[mode].required)
+            method = drive.axis.homing.method if mode is _M.HOMING else None
+            missing = drive.missing(needed(mode, method))
             if missing:
-                yield case.error(
+                report = case.warning if _moves_otherwise(drive, mode) else case.error
+                yield report(
                     line,
                     f"axis {drive.axis.name}: {FACTS[mode].short} ({mode.text}) is asked for by {reason}, but cannot be run",
                     f"{drive.eds.source} lacks {titles(missing)}",
                     f"delete what asks for it; {COMMANDS.get(mode, mode.text)} will not be there",
                 )
+
+
+def _moves_otherwise(drive: Drive, mode: ModeOfOperation) -> bool:
+    """Whether default velocities serve all the same, for the trajectories of csp."""
+    named = drive.axis.modes is not None
+    return mode is _M.PROFILE_POSITION and not named and _M.CYCLIC_SYNC_POSITION in drive.runnable
 
 
 def _asked(drive: Drive) -> Iterator[tuple[ModeOfOperation, int, str]]:

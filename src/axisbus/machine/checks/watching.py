@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from axisbus.cia402 import objects
 from axisbus.machine.cell import AxisConfig
-from axisbus.machine.checks.case import Case, Check, Found
+from axisbus.machine.checks.case import Case, Check, Found, titles
 from axisbus.machine.parameters import axis_parameters
+from axisbus.motion.parameters import Handshake
 
 
 def allowances(case: Case) -> Found:
@@ -41,4 +43,26 @@ def _why(axis: AxisConfig) -> str:
     return "neither standstill_window nor position_window nor max_velocity is set: the way of 10 ms at the default velocity"
 
 
-CHECKS: tuple[Check, ...] = (allowances,)
+def by_sight(case: Case) -> Found:
+    """Warn where a set-point must be seen to be taken, and the drive shows little of what it does."""
+    for drive in case.drives:
+        axis = drive.axis
+        missing = drive.missing((objects.POSITION_ACTUAL, objects.POSITION_DEMAND))
+        if axis.handshake != Handshake.ON_CHANGE.value or not missing:
+            continue
+        yield case.warning(
+            axis.at.of("handshake"),
+            f'axis {axis.name}: with handshake = "on-change" a move is believed by what the axis is seen to do, and '
+            f"{titles(missing)} {'is' if len(missing) == 1 else 'are'} missing",
+            _unseen(missing),
+            f"if its bit 12 works, leave handshake out of [axes.{axis.name}]",
+        )
+
+
+def _unseen(missing: tuple[int, ...]) -> str:
+    if objects.POSITION_ACTUAL in missing:
+        return "without 6064h only bit 10 tells: one that replaces another in motion cannot be told from it, and fails"
+    return "without 6062h nobody sees whether a halted drive still pulls to its old target: only 607Ah can be read back"
+
+
+CHECKS: tuple[Check, ...] = (allowances, by_sight)

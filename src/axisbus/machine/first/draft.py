@@ -168,6 +168,8 @@ def _axis(node: NodeFound, axis: Axis) -> Iterator[str]:
     yield _noted('unit = "increments"', "until unit and scale are confirmed:")
     yield from _scales(node, axis)
     yield from _limits(axis)
+    if not axis.modes or "pp" in axis.modes:
+        yield '# (Where moves fail with a SetPointError although the axis moves, bit 12 tells nothing: handshake = "on-change".)'
     yield f"[axes.{own}.defaults]"
     yield from _defaults(axis)
     yield f"[axes.{own}.homing]"

@@ -20,6 +20,7 @@ from axisbus.sim.ramp import Profile, plan_move
 from axisbus.sim.words import (
     CW_BIT_4,
     CW_CHANGE_ON_SET_POINT,
+    CW_HALT,
     CW_IMMEDIATELY,
     CW_RELATIVE,
     PP,
@@ -61,6 +62,7 @@ class ProfilePosition(Mode):
         self._goal: float | None = None
         self._bit_4 = False
         self._acknowledge = False
+        self._acknowledged_for = 0.0
         self._window_timer = 0.0
         self._reached = False
         self._stale_timer = 0.0
@@ -105,7 +107,7 @@ class ProfilePosition(Mode):
             self._plan(axis, self._active)
 
     def bits(self, axis: Axis) -> int:
-        value = SW_BIT_12 if self._acknowledge else 0
+        value = SW_BIT_12 if self._shows_acknowledge(axis) else 0
         if axis.following_exceeded:
             value |= SW_BIT_13
         if axis.dials.target_reached_never:
@@ -116,9 +118,17 @@ class ProfilePosition(Mode):
 
     # Handshake.
 
+    def _shows_acknowledge(self, axis: Axis) -> bool:
+        """Bit 12, as this drive shows it."""
+        dials, since_mode = axis.dials, axis.since_mode_write
+        if since_mode < dials.mode_pulses_acknowledge:
+            return True
+        hidden = dials.acknowledge_never or since_mode < dials.mode_clears_acknowledge
+        return self._acknowledge and not hidden and self._acknowledged_for < dials.acknowledge_early
+
     def _present(self, axis: Axis, word: int) -> None:
         delay = axis.dials.acknowledge_delay
-        if delay == math.inf:
+        if delay == math.inf or (axis.dials.deaf_under_halt and word & CW_HALT):
             return
         self._presented = self._set_point(axis, word)
         self._delay = delay
@@ -154,6 +164,7 @@ class ProfilePosition(Mode):
         return self._goal if self._goal is not None else axis.position
 
     def _handshake(self, axis: Axis, dt: float) -> None:
+        self._acknowledged_for += dt
         presented = self._presented
         if presented is None:
             return
@@ -172,6 +183,7 @@ class ProfilePosition(Mode):
         else:
             return
         self._acknowledge = True
+        self._acknowledged_for = 0.0
         self._let_go(axis)
 
     def _let_go(self, axis: Axis) -> None:
