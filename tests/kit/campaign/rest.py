@@ -9,9 +9,11 @@ from kit.campaign.orders import QUIET, STOPS
 from kit.probe import ENABLED, OFF, STAGE_NAMES
 
 WAY = 1.0  # deg that an axis may come from where it was said to stand
+SLOW = 0.5  # deg/s: a motor without power that is slower has all but run down
 BLIND = 0.8  # s for which a state may say Standstill while the plant moves
-UNCONFIRMED = 4.0  # s for which ErrorStop may leave an axis moving: all rungs of its ladder
+UNCONFIRMED = 6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder
 ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
+_STANDS = "stands"  # what an error says of a stop that came otherwise than it was asked for
 RESTS = 1.0  # s after which an axis at rest is taken at its word
 
 
@@ -52,7 +54,7 @@ class Rest:
             return
         self._facts.worst = max(self._facts.worst, self._facts.now - asked.since)
         for name in asked.names:
-            if error is None or not self._facts.is_told(name, f"{name}:{error}"):
+            if error is None or (_STANDS in error.message and name in error.message):
                 self._promised(name, asked)
 
     def _is_energised(self, name: str, enable: Asked) -> None:
@@ -131,7 +133,8 @@ class Rest:
             self._resting.pop(name, None)
             return
         since = self._resting.setdefault(name, facts.now)
-        if name not in self._stood and facts.now - since > RESTS and not facts.moves(name):
+        slow = abs(facts.drive[name].axis.motor.velocity / facts.scale[name]) < SLOW
+        if name not in self._stood and facts.now - since > RESTS and slow:
             self._stood[name] = facts.where(name), f"it rested in {state.value} at {facts.now:.2f} s"
 
     def _rests(self, name: str) -> bool:

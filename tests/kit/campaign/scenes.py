@@ -118,7 +118,11 @@ def plant_of(name: str) -> Plant:
 
 SCENES: Mapping[str, Scene] = {
     "usual": Scene(_usual, plants=_STIFF, weight=4),
-    "ranged": Scene(partial(_usual, limits="position_limits = [-150.0, 150.0]"), weight=3),
+    "ranged": Scene(
+        partial(_usual, limits="position_limits = [-150.0, 150.0]"),
+        plants=("stiff", "lagging", "coasting"),
+        weight=3,
+    ),
     "example": Scene(_example, names="xyz", period=0.004),
     "free-running": Scene(partial(_usual, bus="sync = false"), plants=("stiff", "lagging")),
     "on-change": Scene(partial(_by_port, port=_ON_CHANGE)),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from kit.campaign.facts import Asked, Facts
+from kit.campaign.facts import Asked, Facts, Trouble
 from kit.campaign.orders import PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
 _TORQUE_MODES = (4, 10)
+_LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters"})
+_OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 4.0  # scan periods in which a guard can do nothing: its look, the way there and back, the drive's own step
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
 _CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
@@ -44,9 +46,11 @@ class Travel:
         if drive.mode_display in _TORQUE_MODES or drive.mode in _TORQUE_MODES:
             self._pushed[name] = self._facts.now
         samples = self._facts.cell.record(name).since(self._seen[name])
-        calm = not any(True for _ in self._facts.troubled(name, _CALM)) and self._facts.scene.exact
-        if calm:
+        exact = self._facts.scene.exact
+        calm = exact and not any(True for _ in self._facts.troubled(name, _CALM))
+        if exact and not any(self._leads_astray(trouble) for trouble in self._facts.troubled(name, _CALM)):
             self._inside_limits(name)
+            self._not_too_fast(name)
         else:
             self._outside.pop(name, None)
         if len(samples) < 4:
@@ -54,6 +58,9 @@ class Travel:
         self._seen[name] = samples[-3].time
         if calm:
             self._smooth(name, samples)
+
+    def _leads_astray(self, trouble: Trouble) -> bool:
+        return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE
 
     # -- limits ----------------------------------------------------------------------------------------------------------
 
@@ -77,6 +84,26 @@ class Travel:
             text = f"{facts.cell.told(name)}, {beyond:g} deg beyond {limits}"
             facts.must(beyond <= self.reaction(name), "never beyond a limit", text)
 
+    def _not_too_fast(self, name: str) -> None:
+        """Nor is it faster than max_velocity by more than what a torque adds before it is seen (see ``reaction``)."""
+        facts = self._facts
+        limit = facts.core[name].parameters.limits.velocity
+        if limit is None or facts.stage(name) in OFF:
+            return
+        speed = abs(facts.drive[name].axis.motor.velocity / facts.scale[name])
+        allowed = _OVERSPEED * limit + self._blind_speed(name)
+        text = f"{speed:g} deg/s where {limit:g} is max_velocity"
+        facts.must(speed <= allowed, "never faster than max_velocity", text)
+
+    def _blind_speed(self, name: str) -> float:
+        """What an unknown torque adds to the speed, in deg/s, before a stop can act."""
+        drive, facts = self._facts.drive[name], self._facts
+        if drive.mode_display not in _TORQUE_MODES and drive.mode not in _TORQUE_MODES:
+            return 0.0
+        torque = max(0.0, abs(drive.target_torque) - drive.params.friction)
+        per_second = torque / 1000.0 * drive.params.rated_acceleration / abs(facts.scale[name])
+        return per_second * _CYCLES * facts.scene.period
+
     def reaction(self, name: str) -> float:
         """Degrees that an axis may be beyond a limit by a command.
 
@@ -87,14 +114,10 @@ class Travel:
         ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to brake with the deceleration ``d``
         of the quick stop. ``a`` is the torque that is commanded, less friction, times what one torque accelerates.
         """
-        drive, facts = self._facts.cell.drive(name), self._facts
-        if drive.mode_display not in _TORQUE_MODES and drive.mode not in _TORQUE_MODES:
-            return _ROUNDING
-        scale, params = facts.cell.scale_of(name), drive.params
-        torque = max(0.0, abs(drive.target_torque) - params.friction)
-        time = _CYCLES * facts.scene.period
-        speed = torque / 1000.0 * params.rated_acceleration / abs(scale) * time
-        braking = drive.settings.quick_stop_deceleration / params.acceleration_unit / abs(scale)
+        drive, facts = self._facts.drive[name], self._facts
+        speed, time = self._blind_speed(name), _CYCLES * facts.scene.period
+        unit = drive.params.acceleration_unit * abs(facts.scale[name])
+        braking = drive.settings.quick_stop_deceleration / unit
         return _ROUNDING + speed * time / 2 + speed * speed / (2 * max(braking, 1.0))
 
     # -- jolts -----------------------------------------------------------------------------------------------------------
