@@ -1,0 +1,70 @@
+"""Which mutants are tried, and with which tests each."""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from mutation.equivalent import Equivalent
+from mutation.linemap import LineMap
+from mutation.mutant import Mutant
+from mutation.operators import mutants
+
+ENOUGH = 75.0  # seconds of tests, by their measured times, that a mutant has to get through
+
+
+def every(root: Path, packages: tuple[Path, ...]) -> Iterator[Mutant]:
+    """Yield all mutants of the packages, always in the same order."""
+    for package in packages:
+        for file in sorted(package.glob("*.py")):
+            yield from mutants(str(file.relative_to(root)), file.read_text())
+
+
+def select(found: list[Mutant], only: str) -> list[Mutant]:
+    """Return those of a file, or of one line or some lines of it: ``FILE``, ``FILE:LINE``, ``FILE:FIRST-LAST``."""
+    file, _, lines = only.partition(":")
+    first, _, last = lines.partition("-")
+    chosen = [mutant for mutant in found if mutant.file.endswith(file)]
+    if lines:
+        chosen = [mutant for mutant in chosen if int(first) <= mutant.line <= int(last or first)]
+    if not chosen:
+        raise SystemExit(f"no mutant is in {only}: give a file, FILE:LINE or FILE:FIRST-LAST")
+    return chosen
+
+
+def draw(found: list[Mutant], count: int, seed: int) -> list[Mutant]:
+    """Return ``count`` of them, the same for the same seed."""
+    return sorted(random.Random(seed).sample(found, min(count, len(found))))
+
+
+def without(found: list[Mutant], equivalents: list[Equivalent], texts: dict[str, str]) -> list[Mutant]:
+    """Return those that are not known to change nothing."""
+    return [m for m in found if not any(entry.matches(m, texts[m.file]) for entry in equivalents)]
+
+
+def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
+    """Return the tests that concern a mutant, the fastest first, as many as fit into the time.
+
+    They are those that execute its statement; what is executed at import concerns those that execute a line with its name.
+    """
+    found = known.tests(mutant.file, *mutant.lines)
+    if not found and mutant.names:
+        found = _users(mutant.names[-1], mutant, known) or _users(mutant.names[0], mutant, known)
+    total, chosen = 0.0, []
+    for test in found:
+        total += known.times[test]
+        if chosen and total > enough:
+            break
+        chosen.append(test)
+    return chosen
+
+
+def _users(name: str, mutant: Mutant, known: LineMap) -> list[str]:
+    word, tests = re.compile(rf"\b{re.escape(name)}\b"), set()
+    for file, text in known.texts.items():
+        for number, line in enumerate(text.splitlines(), 1):
+            if word.search(line):
+                tests.update(known.tests(file, number, number))
+    return sorted(tests, key=lambda test: (known.times[test], test))
