@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import random
 import re
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from mutation.equivalent import Equivalent
 from mutation.linemap import LineMap
 from mutation.mutant import Mutant
 from mutation.operators import mutants
+from mutation.places import names_of
 
 ENOUGH = 75.0  # seconds of tests, by their measured times, that a mutant has to get through
 
@@ -47,11 +49,14 @@ def without(found: list[Mutant], equivalents: list[Equivalent], texts: dict[str,
 def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     """Return the tests that concern a mutant, the fastest first, as many as fit into the time.
 
-    They are those that execute its statement; what is executed at import concerns those that execute a line with its name.
+    They are those that execute its statement. What is executed at import only concerns those that execute a line with its name, or
+    with that of a constant made of it, and the tests that import its module.
     """
     found = known.tests(mutant.file, *mutant.lines)
-    if not found and mutant.names:
-        found = _users(mutant.names[-1], mutant, known) or _users(mutant.names[0], mutant, known)
+    if not found:
+        tests = _users(_made_of(mutant.names[-1:], known.texts.get(mutant.file, "")), known)
+        tests |= _importers(mutant.file, known) or _users(set(mutant.names), known)
+        found = sorted(tests, key=lambda test: (known.times[test], test))
     total, chosen = 0.0, []
     for test in found:
         total += known.times[test]
@@ -61,10 +66,38 @@ def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     return chosen
 
 
-def _users(name: str, mutant: Mutant, known: LineMap) -> list[str]:
-    word, tests = re.compile(rf"\b{re.escape(name)}\b"), set()
+def _made_of(names: tuple[str, ...], text: str) -> set[str]:
+    """Return these names and those of the module's constants that are made of them, one of the other."""
+    found, statements = set(names), ast.parse(text).body
+    for _ in statements:
+        more = {
+            name for statement in statements for name in names_of(statement) if found & _mentioned(statement)
+        } - found
+        if not more:
+            break
+        found |= more
+    return found
+
+
+def _mentioned(statement: ast.stmt) -> set[str]:
+    return {node.id for node in ast.walk(statement) if isinstance(node, ast.Name)}
+
+
+def _users(names: set[str], known: LineMap) -> set[str]:
+    """Return the tests that execute a line with one of these names."""
+    if not names:
+        return set()
+    word, tests = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})\b"), set()
     for file, text in known.texts.items():
         for number, line in enumerate(text.splitlines(), 1):
             if word.search(line):
                 tests.update(known.tests(file, number, number))
-    return sorted(tests, key=lambda test: (known.times[test], test))
+    return tests
+
+
+def _importers(file: str, known: LineMap) -> set[str]:
+    """Return the tests of the files that import the module themselves."""
+    package, module = re.escape(".".join(Path(file).parts[1:-1])), Path(file).stem
+    names = rf"from {package} import (?:\([^)]*|[^\n]*)\b{module}\b|{package}\.{module}\b"
+    files = {name for name, text in known.test_texts.items() if re.search(names, text)}
+    return {test for test in known.times if test.split("::")[0] in files}

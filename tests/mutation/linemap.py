@@ -27,6 +27,7 @@ class LineMap:
     texts: dict[str, str] = field(default_factory=dict)  # file -> the text that was measured
     lines: dict[str, dict[int, set[str]]] = field(default_factory=dict)  # "" as a test: at import
     files: dict[str, str] = field(default_factory=dict)  # test file -> hash
+    test_texts: dict[str, str] = field(default_factory=dict)  # test file -> its text of today
 
     def tests(self, file: str, line: int, last: int) -> list[str]:
         """Return the tests that execute one of these lines, the fastest first."""
@@ -118,6 +119,7 @@ def up_to_date(
         print(f"measuring which lines the tests of {len(changed)} files execute ...", flush=True)
         _measure(known, root, packages, changed)
     known.files.update(hashes)
+    known.test_texts = {str(file.relative_to(root)): file.read_text() for file in test_files}
     known.save(path)
     return known
 

@@ -78,7 +78,7 @@ def _statement(node: ast.stmt, around: Place) -> Iterator[Place]:
     lines = (node.lineno, max(node.lineno, last - 1) if body else node.end_lineno or node.lineno)
     here = replace(around, node=node, lines=lines)
     if around.function is None:
-        here = replace(here, names=around.names + _names(node))
+        here = replace(here, names=around.names + names_of(node))
     if isinstance(node, Function):
         lines = (node.body[0].lineno, node.end_lineno or node.lineno)
         yield from _expressions(node.args, replace(here, lines=lines))
@@ -124,7 +124,8 @@ def _says_nothing(node: ast.stmt) -> bool:
     return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
 
 
-def _names(node: ast.stmt) -> tuple[str, ...]:
+def names_of(node: ast.stmt) -> tuple[str, ...]:
+    """Return the names that a statement gives."""
     if isinstance(node, Function | ast.ClassDef):
         return (node.name,)
     targets = (

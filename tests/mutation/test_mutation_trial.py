@@ -116,6 +116,22 @@ def test_a_constant_concerns_the_tests_of_those_who_use_it() -> None:
     assert choosing.tests_for(mutant, known, 75.0) == ["b"]
 
 
+def test_a_constant_concerns_the_tests_of_what_is_made_of_it_and_of_its_module() -> None:
+    source = "LIMIT = 3\n_WAYS = {LIMIT: 1}\n_ALL = [*_WAYS]\nOTHER = 1\n"
+    file = "src/axisbus/cia402/f.py"
+    mutant = mutants(file, source)[0]
+    tests = {"test_a.py::a": 1.0, "test_a.py::b": 2.0, "test_c.py::c": 3.0, "test_d.py::d": 4.0}
+    known = LineMap(tests, {file: source, "g.py": "_ALL\nOTHER\n"})
+    known.lines = {"g.py": {1: {"test_c.py::c"}, 2: {"test_d.py::d"}}}
+    known.test_texts = {
+        "test_a.py": "from axisbus.cia402 import (\n    e,\n    f,\n)",
+        "test_d.py": "from axisbus.cia402 import ff",
+    }
+    assert choosing.tests_for(mutant, known, 90.0) == ["test_a.py::a", "test_a.py::b", "test_c.py::c"]
+    known.test_texts["test_d.py"] = "import axisbus.cia402.f"
+    assert choosing.tests_for(mutant, known, 90.0)[-1] == "test_d.py::d"
+
+
 def test_only_the_changed_function_is_swapped(tmp_path: Path) -> None:
     path = str(tmp_path / "f.py")
     text = "A = 1\ndef f(a):\n    for b in a:\n        a()\n    return [c for c in a]\ndef g(a=A):\n    return a\n"
