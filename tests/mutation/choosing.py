@@ -54,9 +54,9 @@ def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     """
     found = known.tests(mutant.file, *mutant.lines)
     if not found:
-        tests = _users(_made_of(mutant.names[-1:], known.texts.get(mutant.file, "")), known)
-        tests |= _importers(mutant.file, known) or _users(set(mutant.names), known)
-        found = sorted(tests, key=lambda test: (known.times[test], test))
+        users = _users(_made_of(mutant.names[-1:], known.texts.get(mutant.file, "")), known)
+        importers = _importers(mutant.file, known) or _users(set(mutant.names), known)
+        found = sorted(users | importers, key=lambda test: (test not in importers, known.times[test], test))
     total, chosen = 0.0, []
     for test in found:
         total += known.times[test]

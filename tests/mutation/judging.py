@@ -9,7 +9,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from py_compile import PycInvalidationMode
 
@@ -20,6 +21,8 @@ from mutation.running import Ran, become_quiet, run_items, watch_over
 from mutation.swap import Functions
 
 IMPORT_TIME = 60.0  # seconds that a new Python may take before its first test
+FIRST = 25  # tests of a new Python's first try: the others take longer to collect
+SHORT = 0.3  # seconds of a test that waits for nothing: what it says once it says again
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,16 @@ class Judge:
 
     def judge(self, task: Task) -> Verdict:
         """Run the tests until one notices; one that fails without the mutant, too, or only now and then, has not."""
-        left, ran = task.tests, 0
+        ran = 0
+        for tests in _portions(task):
+            verdict = self._judge(task, tests)
+            ran += verdict.ran
+            if verdict.killed:
+                return replace(verdict, ran=ran)
+        return Verdict(False, ran=ran)
+
+    def _judge(self, task: Task, left: list[str]) -> Verdict:
+        ran = 0
         while left:
             end = self._run(task.mutant, left, anew=task.anew)
             ran += end.count
@@ -81,19 +93,19 @@ class Judge:
     def _notices(self, task: Task, end: Ran) -> bool:
         test = end.failed
         if test not in self._sound:
-            self._sound[test] = self._run(None, [test], anew=task.anew).failed is None
+            self._sound[test] = self._run(None, [test], anew=False).failed is None
         if not self._sound[test]:
             return False
-        return (
-            end.how == "takes too long" or self._run(task.mutant, [test], anew=task.anew).failed is not None
-        )
+        if end.how == "takes too long" or self._times.get(test, 0.0) < SHORT:
+            return True
+        return self._run(task.mutant, [test], anew=task.anew).failed is not None
 
     def _run(self, mutant: Mutant | None, tests: list[str], *, anew: bool) -> Ran:
         scratch = tempfile.mkdtemp(dir=self._folder)
         os.environ["PYTEST_DEBUG_TEMPROOT"] = scratch
         if mutant is None:
             try:
-                return self._anew(tests) if anew else self._forked(None, "", tests)
+                return self._forked(None, "", tests)
             finally:
                 shutil.rmtree(scratch, ignore_errors=True)
         path = self._folder / mutant.file
@@ -145,3 +157,11 @@ class Judge:
         finally:
             process.wait()
             os.close(read)
+
+
+def _portions(task: Task) -> Iterator[list[str]]:
+    if task.anew:
+        yield task.tests[:FIRST]
+        yield task.tests[FIRST:]
+    else:
+        yield task.tests
