@@ -5,6 +5,7 @@ from __future__ import annotations
 from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
+from axisbus.errors import BusError
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import Timing
@@ -29,7 +30,8 @@ class Drive:
         self.now = start
         self._samples: dict[str, Sample | None] = {}
         self._replies: tuple[SdoReply, ...] = ()
-        self.operational = True
+        self.operational, self.nmt = True, 5
+        self.bus: BusError | None = None
 
     def says(self, **values: int | None) -> Drive:
         """The drive sends these values now; None: they are gone."""
@@ -53,6 +55,8 @@ class Drive:
                 self.operational,
                 **{name: self._samples.get(name) for name in names},
                 sdo=self._replies,
+                nmt=self.nmt,
+                bus=self.bus,
             )
         )
         self._replies = ()
