@@ -56,7 +56,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=402, help="which mutants are drawn (%(default)s)")
     parser.add_argument("--count", type=int, default=200, help="how many (%(default)s); 0 for all")
     parser.add_argument(
-        "--only", metavar="FILE[:LINE[-LINE]]", help="only those of a file, a line or some lines"
+        "--only", metavar="FILE[:LINE[-LINE]]", help="only those of a file or folder, a line or some lines"
     )
     parser.add_argument("--kind", help="only those of one kind")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time (%(default)s)")

@@ -25,14 +25,14 @@ def every(root: Path, packages: tuple[Path, ...]) -> Iterator[Mutant]:
 
 
 def select(found: list[Mutant], only: str) -> list[Mutant]:
-    """Return those of a file, or of one line or some lines of it: ``FILE``, ``FILE:LINE``, ``FILE:FIRST-LAST``."""
+    """Return those of a file or folder, or of some lines of a file: ``FILE``, ``FILE:LINE``, ``FILE:FIRST-LAST``."""
     file, _, lines = only.partition(":")
     first, _, last = lines.partition("-")
-    chosen = [mutant for mutant in found if mutant.file.endswith(file)]
+    chosen = [mutant for mutant in found if file in mutant.file]
     if lines:
         chosen = [mutant for mutant in chosen if int(first) <= mutant.line <= int(last or first)]
     if not chosen:
-        raise SystemExit(f"no mutant is in {only}: give a file, FILE:LINE or FILE:FIRST-LAST")
+        raise SystemExit(f"no mutant is in {only}: give a part of a path, FILE:LINE or FILE:FIRST-LAST")
     return chosen
 
 
