@@ -1,4 +1,4 @@
-"""Each command in each situation, by a table: how its handle ends, in which state the axis and the power stage are then, what moves.
+"""Each command in each situation, by a table: how its handle ends, in which state the axis is then, and what moves.
 
 The table is ``commands_by_state.csv``; with ``AXISBUS_UPDATE_GOLDEN=1`` it is written anew, to be read before it is kept.
 """
@@ -15,8 +15,9 @@ from rig import Rig, rig
 from watch import Watch
 
 from axisbus.errors import DriveError
-from axisbus.motion.parameters import HoldsLoad
+from axisbus.motion.parameters import HoldsLoad, Homing
 from axisbus.motion.trajectory import Trapezoid
+from axisbus.sim.motor import MotorParams
 
 TABLE = Path(__file__).parent / "commands_by_state.csv"
 COLUMNS = ["situation", "command", "ends", "because", "axis", "transitions", "modes", "moves"]
@@ -93,6 +94,59 @@ def _enabling() -> Rig:
     return r
 
 
+def _disabling() -> Rig:
+    r = _turning()
+    r.axis.disable()
+    r.run(0.05)
+    return r
+
+
+def _coasting() -> Rig:
+    r = _turning()
+    r.axis.disable(coast=True)
+    r.run(0.05)
+    return r
+
+
+def _found_turning() -> Rig:
+    r = rig()
+    r.drive.target_velocity = 50_000
+    r.drive.start_enabled(3)
+    r.run(0.5)
+    return r
+
+
+def _homing() -> Rig:
+    switches = MotorParams(limit_switches=(-40_000.0, 30_000.0), increments_per_turn=16_384)
+    search = Homing(method=37, speed_switch=30.0, speed_zero=5.0, acceleration=100.0)
+    r = rig(motor=switches, homing=search).enabled()
+    r.axis.home(17)
+    r.run(0.3)
+    return r
+
+
+def _following() -> Rig:
+    r = _standing()
+    r.axis.follow(Trapezoid(0.0, 40.0, 50.0, 200.0))
+    r.run(0.3)
+    return r
+
+
+def _jogging() -> Rig:
+    r = _standing()
+    r.axis.jog(30.0)
+    r.run(0.1)
+    return r
+
+
+def _resetting() -> Rig:
+    r = _in_fault()
+    r.drive.dials.fault_persists = True
+    r.axis.reset()
+    r.run(0.02)
+    return r
+
+
 def _in_fault() -> Rig:
     r = _turning()
     r.drive.fault(0x2310)
@@ -144,6 +198,13 @@ SITUATIONS: dict[str, Callable[[], Rig]] = {
     "loaded": _loaded,
     "found enabled": _found_enabled,
     "held": _held,
+    "disabling": _disabling,
+    "coasting": _coasting,
+    "found turning": _found_turning,
+    "homing": _homing,
+    "following": _following,
+    "jogging": _jogging,
+    "resetting": _resetting,
 }
 COMMANDS: dict[str, Callable] = {
     "enable": lambda x: x.enable(),
@@ -174,7 +235,7 @@ def tried(situation: str, command: str) -> dict[str, str]:
     r.run(2.0)
     error = None if handle.busy else handle.exception()
     moved = watch.displacement / 1000.0
-    row = {
+    return {
         "situation": situation,
         "command": command,
         "ends": handle.status.name.lower(),
@@ -184,7 +245,6 @@ def tried(situation: str, command: str) -> dict[str, str]:
         "modes": " ".join(map(str, watch.modes)),
         "moves": f"{moved:.0f}",
     }
-    return row
 
 
 def rows() -> list[dict[str, str]]:
@@ -205,9 +265,11 @@ def write() -> None:
     """Write the table anew."""
     with TABLE.open("w", newline="") as file:
         file.write(
-            "# What each command does in each situation, within 2 s: its handle's end, the axis's state, the power stage's transitions,\n"
+            "# What each command does in each situation, within 2 s: its handle's end, the axis's state, the transitions\n"
         )
-        file.write("# the modes that were asked for, and how far the motor goes (degrees).\n")
+        file.write(
+            "# of the power stage, the modes that were asked for, and how far the motor goes (degrees).\n"
+        )
         table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         table.writeheader()
         table.writerows(tried(situation, command) for situation in SITUATIONS for command in COMMANDS)
