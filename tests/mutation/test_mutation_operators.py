@@ -51,6 +51,7 @@ CASES = [
     ("stamp", "return since is None", set()),
     ("stamp", "return time.time()", {"return 0.0.time()"}),
     ("boolean", "return a(b=True)", {"return a(b=False)"}),
+    ("boolean", "return zip(a, b, strict=True)", set()),
     ("boolean", "if a: b()", {"if (not (a)): b()"}),
     ("boolean", "return b if a else c", {"return b if (not (a)) else c"}),
     ("not", "return not a", {"return a"}),
