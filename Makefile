@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 
-.PHONY: demo test test-socketcan check bench campaign flaky explore format clean
+.PHONY: demo test test-socketcan check bench campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -33,6 +33,9 @@ flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 explore: $(READY)         ## the tests of properties with fresh examples, others in each run
 	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 4 --dist loadfile -m hypothesis
 
+mutants: $(READY)         ## small wrong changes of the source: at least 90 % must be noticed by a test
+	$(BIN)/python tests/mutants.py
+
 format: $(READY)
 	$(BIN)/ruff check --fix src tests examples
 	$(BIN)/ruff format src tests examples
@@ -43,4 +46,4 @@ $(READY): pyproject.toml
 	touch $(READY)
 
 clean:
-	rm -rf $(VENV) demo-output .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) demo-output .mutants-map .pytest_cache .mypy_cache .ruff_cache .hypothesis

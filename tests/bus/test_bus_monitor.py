@@ -1,0 +1,213 @@
+"""What a node says of itself, by a clock of our own: states, boot-ups, overdue heartbeats, guarding and its toggle bit."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from axisbus.bus import nmt
+from axisbus.bus.nmt import NodeMonitor
+from axisbus.cia301.nmt import NmtState
+from axisbus.errors import AdapterError, BusOff
+
+HEARTBEAT, NMT = 0x705, 0x000
+
+
+class Line:
+    """A channel without a bus: who listens to what, and what goes wrong."""
+
+    def __init__(self) -> None:
+        self.receivers: dict[int, list] = {}
+        self.on_failure: list = []
+        self.in_receive_thread = False
+
+    def subscribe(self, can_id: int, receiver) -> None:
+        self.receivers.setdefault(can_id, []).append(receiver)
+
+    def unsubscribe(self, can_id: int, receiver) -> None:
+        self.receivers[can_id].remove(receiver)
+
+    def brings(self, can_id: int, data: str, stamp: float = 0.0) -> None:
+        for receiver in self.receivers.get(can_id, []):
+            receiver(bytes.fromhex(data), stamp)
+
+    def check(self) -> None:
+        """Nothing has failed."""
+
+    def fails(self, error: Exception) -> None:
+        for told in self.on_failure:
+            told(error)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    made = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(nmt, "time", SimpleNamespace(monotonic=lambda: made.now))
+    return made
+
+
+@pytest.fixture
+def line() -> Line:
+    return Line()
+
+
+@pytest.fixture
+def node(line: Line, clock: SimpleNamespace) -> NodeMonitor:
+    return NodeMonitor(line, 5)
+
+
+@pytest.mark.parametrize(
+    ("byte", "state"),
+    [
+        ("04", NmtState.STOPPED),
+        ("05", NmtState.OPERATIONAL),
+        ("7F", NmtState.PRE_OPERATIONAL),
+        ("85", NmtState.OPERATIONAL),
+        ("00", NmtState.PRE_OPERATIONAL),  # a node enters it by itself after its boot-up
+    ],
+)
+def test_a_report_is_kept_with_its_time(node: NodeMonitor, line: Line, byte: str, state: NmtState) -> None:
+    assert (node.state, node.stamp, node.reports, node.has_heartbeat) == (NmtState.UNKNOWN, None, 0, False)
+    line.brings(HEARTBEAT, byte, 7.0)
+    assert (node.state, node.stamp, node.reports, node.assumed) == (state, 7.0, 1, False)
+    assert node.has_heartbeat is (byte != "00")
+    assert (node.bootups, node.bootup_stamp) == ((1, 7.0) if byte == "00" else (0, None))
+    line.brings(HEARTBEAT, "", 8.0)
+    line.brings(0x706, "04", 8.0)
+    assert (node.state, node.stamp, node.reports) == (state, 7.0, 1)
+
+
+def test_boot_ups_are_counted_and_heartbeats_begin_anew(node: NodeMonitor, line: Line) -> None:
+    for byte, stamp in (("05", 1.0), ("00", 2.0), ("00", 3.0)):
+        line.brings(HEARTBEAT, byte, stamp)
+    assert (node.bootups, node.bootup_stamp, node.reports, node.has_heartbeat) == (2, 3.0, 3, False)
+    line.brings(HEARTBEAT, "7F", 4.0)
+    assert node.has_heartbeat
+    node.wait_bootup(0.0, after=1)
+
+
+def test_a_heartbeat_is_overdue_after_its_time_from_the_last_one_or_from_the_beginning(
+    node: NodeMonitor, line: Line, clock: SimpleNamespace
+) -> None:
+    line.brings(HEARTBEAT, "05", 50.0)
+    assert (node.watched, node.deadline, node.overdue(1e9), node.operational(1e9)) == (
+        None,
+        math.inf,
+        False,
+        True,
+    )
+    node.watch(0.5)
+    assert (node.watched, node.deadline) == (0.5, 100.5)
+    assert [node.overdue(now) for now in (100.25, 100.5, 100.75)] == [False, False, True]
+    line.brings(HEARTBEAT, "05", 101.0)
+    assert node.deadline == 101.5
+    assert [node.operational(now) for now in (101.5, 101.75)] == [True, False]
+    line.brings(HEARTBEAT, "7F", 102.0)
+    assert not node.operational(102.0)
+    node.watch(None)
+    assert not node.overdue(1e9)
+
+
+def test_one_that_was_never_heard_is_overdue_from_the_beginning_of_the_watch(node: NodeMonitor) -> None:
+    node.watch(0.25)
+    assert node.deadline == 100.25
+
+
+def test_guarding_is_a_watch_and_its_answers_are_no_heartbeats(node: NodeMonitor, line: Line) -> None:
+    node.guard(0.5)
+    assert (node.guarded, node.asking, node.watched) == (True, True, 0.5)
+    line.brings(HEARTBEAT, "05", 101.0)
+    line.brings(HEARTBEAT, "85", 101.25)
+    assert (node.reports, node.has_heartbeat, node.toggle_errors) == (2, False, 0)
+    line.brings(HEARTBEAT, "84", 101.5)  # the toggle bit has not changed: that is no answer
+    assert (node.reports, node.state, node.stamp, node.toggle_errors) == (2, NmtState.OPERATIONAL, 101.25, 1)
+    line.brings(HEARTBEAT, "04", 101.75)
+    assert (node.reports, node.state) == (3, NmtState.STOPPED)
+    line.brings(HEARTBEAT, "00", 102.0)  # a boot-up begins the toggle anew
+    line.brings(HEARTBEAT, "7F", 102.25)
+    assert (node.reports, node.bootups, node.toggle_errors) == (5, 1, 1)
+
+
+def test_a_heartbeat_has_no_toggle_bit(node: NodeMonitor, line: Line) -> None:
+    for _ in range(3):
+        line.brings(HEARTBEAT, "05", 1.0)
+    assert (node.reports, node.toggle_errors) == (3, 0)
+    node.guard(1.0)
+    line.brings(HEARTBEAT, "05", 2.0)  # the first answer, whatever a heartbeat had
+    assert node.reports == 4
+
+
+@pytest.mark.parametrize(
+    ("data", "state"),
+    [
+        ("01 05", NmtState.OPERATIONAL),
+        ("02 00", NmtState.STOPPED),
+        ("80 05", NmtState.PRE_OPERATIONAL),
+        ("81 05", NmtState.INITIALISING),
+        ("82 05", NmtState.INITIALISING),
+        ("01 06", NmtState.UNKNOWN),
+        ("01", NmtState.UNKNOWN),
+        ("", NmtState.UNKNOWN),
+        ("03 05", NmtState.UNKNOWN),
+    ],
+)
+def test_what_another_master_commands_is_assumed_of_a_node_without_heartbeat(
+    node: NodeMonitor, line: Line, data: str, state: NmtState
+) -> None:
+    line.brings(NMT, data)
+    assert (node.state, node.assumed) == (state, state is not NmtState.UNKNOWN)
+    assert node.reports == 0
+
+
+def test_of_one_with_a_heartbeat_nothing_is_assumed(node: NodeMonitor, line: Line) -> None:
+    line.brings(HEARTBEAT, "05", 1.0)
+    line.brings(NMT, "02 05")
+    assert (node.state, node.assumed) == (NmtState.OPERATIONAL, False)
+
+
+def test_an_assumed_state_is_not_a_reported_one(node: NodeMonitor, line: Line) -> None:
+    node.assume(NmtState.OPERATIONAL)
+    assert node.operational(0.0)
+    assert not node.wait_state(NmtState.OPERATIONAL, 0.0)
+    assert not node.wait_report(0, 0.0)
+    line.brings(HEARTBEAT, "05", 1.0)
+    assert not node.wait_state(NmtState.OPERATIONAL, 0.0, after=1)
+    assert node.wait_state(NmtState.OPERATIONAL, 0.0, after=0)
+    assert not node.wait_state(NmtState.STOPPED, 0.0)
+    assert node.wait_report(0, 0.0)
+    line.brings(HEARTBEAT, "05", 1.0)
+    assert not node.assumed
+
+
+def test_state_and_age_in_words(node: NodeMonitor, line: Line) -> None:
+    assert node.describe(5.0) == "it has never reported its NMT state"
+    line.brings(HEARTBEAT, "00", 1.0)
+    line.brings(HEARTBEAT, "05", 2.0)
+    assert node.describe(4.5) == "NMT state operational (last reported 2.50 s ago), 1 boot-ups seen"
+    node.assume(NmtState.STOPPED)
+    assert node.describe(4.5) == "NMT state stopped (assumed), 1 boot-ups seen"
+
+
+def test_at_a_bus_off_nothing_is_known_any_more_and_at_other_failures_it_is(
+    node: NodeMonitor, line: Line
+) -> None:
+    node.guard(1.0)
+    line.brings(HEARTBEAT, "05", 1.0)
+    line.fails(AdapterError("gone"))
+    assert node.state is NmtState.OPERATIONAL
+    node.assume(NmtState.OPERATIONAL)
+    line.fails(BusOff("off"))
+    assert (node.state, node.assumed) == (NmtState.UNKNOWN, False)
+    line.brings(HEARTBEAT, "05", 2.0)  # the same toggle bit as before: it may have been asked in between
+    assert (node.state, node.toggle_errors) == (NmtState.OPERATIONAL, 0)
+
+
+def test_one_that_is_closed_hears_nothing(node: NodeMonitor, line: Line) -> None:
+    node.close()
+    line.brings(HEARTBEAT, "05", 1.0)
+    line.brings(NMT, "01 05", 1.0)
+    assert (node.state, node.reports) == (NmtState.UNKNOWN, 0)
+    assert line.on_failure == []
+    assert not any(line.receivers.values())

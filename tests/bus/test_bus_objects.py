@@ -1,0 +1,564 @@
+"""What is read from and written to a device's objects, against a store of bytes: PDOs, SDO channels, skeletons; error frames."""
+
+from __future__ import annotations
+
+import zlib
+from datetime import datetime
+
+import pytest
+
+from axisbus.bus import errorframe
+from axisbus.bus.errorframe import Condition
+from axisbus.bus.from_device import as_file, skeleton, stored_eds
+from axisbus.bus.pdo import set_pdo
+from axisbus.bus.pdo_read import read_pdo, read_pdos
+from axisbus.bus.sdo_channels import (
+    SdoChannel,
+    open_channel,
+    read_client,
+    read_server,
+    set_client,
+    set_server,
+)
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.pdo import MappedObject
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds, Object, ObjectType, Variable
+from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, StateError
+
+MISSING, NO_SUB, WRITE_ONLY, NOT_MAPPABLE = 0x06020000, 0x06090011, 0x06010001, 0x06040041
+INVALID, NO_RTR = 1 << 31, 1 << 30
+
+
+class Store:
+    """A device as its bytes; ``refuse`` holds abort codes by (index, sub-index, value or None), ``deaf`` what is not kept."""
+
+    node_id = 5
+
+    def __init__(self, objects: dict[tuple[int, int], bytes], eds: Eds | None = None) -> None:
+        self.objects = dict(objects)
+        self.dictionary = Dictionary(eds)
+        self.refuse: dict[tuple[int, int, int | None], int] = {}
+        self.deaf: set[tuple[int, int]] = set()
+        self.written: list[tuple[str, int]] = []
+        self.opened: list[tuple[int, int]] = []
+
+    def upload(self, index: int, subindex: int = 0, progress=None) -> bytes:
+        code = self.refuse.get((index, subindex, None))
+        if code is None and (index, subindex) not in self.objects:
+            code = MISSING if not any(one == index for one, _ in self.objects) else NO_SUB
+        if code is not None:
+            raise SdoAbort("refused", node=5, index=index, subindex=subindex, code=code)
+        return self.objects[index, subindex]
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        value = int.from_bytes(data, "little")
+        code = self.refuse.get((index, subindex, value))
+        if code is not None:
+            raise SdoAbort("refused", node=5, index=index, subindex=subindex, code=code)
+        self.written.append((f"{index:04X}:{subindex}", value))
+        if (index, subindex) not in self.deaf:
+            self.objects[index, subindex] = data
+
+    def write(self, index: int, subindex: int, value: int, *, data_type: DataType) -> None:
+        self.download(index, subindex, value.to_bytes(data_type.bits // 8, "little"))
+
+    def beside(self, pair: tuple[int, int]) -> Store:
+        self.opened.append(pair)
+        return self
+
+
+def little(value: int, size: int) -> bytes:
+    return value.to_bytes(size, "little")
+
+
+def pdo(
+    receive: bool, number: int, cob_id: int, kind: int, *mapped: str, **more: int
+) -> dict[tuple[int, int], bytes]:
+    """The objects of one PDO; ``more``: inhibit, event, start."""
+    communication = (0x1400 if receive else 0x1800) + number - 1
+    found = {
+        (communication, 0): b"\5",
+        (communication, 1): little(cob_id, 4),
+        (communication, 2): little(kind, 1),
+    }
+    for name, sub, size in (("inhibit", 3, 2), ("event", 5, 2), ("start", 6, 1)):
+        if name in more:
+            found[communication, sub] = little(more[name], size)
+    at = communication + 0x200
+    found[at, 0] = little(len(mapped), 1)
+    return found | {(at, sub): little(int(text, 16), 4) for sub, text in enumerate(mapped, 1)}
+
+
+def drive() -> Store:
+    return Store(
+        pdo(True, 1, 0x205, 255, "60400010", "60600008")
+        | pdo(False, 1, 0x185 | NO_RTR, 1, "60410010", "60640020", inhibit=10, event=100, start=3)
+    )
+
+
+# PDO parameters.
+
+
+def test_a_pdo_is_read_with_all_that_it_has():
+    found = read_pdo(drive(), False, 1)
+    assert (found.number, found.cob_id, found.valid, found.transmission_type) == (1, 0x185, True, 1)
+    assert found.mapping == (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32))
+    assert (found.inhibit_time, found.event_timer, found.sync_start) == (10, 100, 3)
+    received = read_pdo(drive(), True, 1)
+    assert (received.cob_id, received.inhibit_time, received.event_timer, received.sync_start) == (
+        0x205,
+        None,
+        None,
+        None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("raw", "cob_id", "valid"),
+    [
+        (0x185, 0x185, True),
+        (0x185 | INVALID, 0x185, False),
+        (0x185 | 0x40000000, 0x185, True),
+        (0x2000_0000 | 0x1ABCDE5, 0x1ABCDE5, True),
+        (0xFFFF_F985 & ~0x20000000, 0x185, False),
+    ],
+)
+def test_a_cob_id_has_11_bits_or_29_where_bit_29_says_so(raw, cob_id, valid):
+    device = drive()
+    device.objects[0x1800, 1] = little(raw, 4)
+    found = read_pdo(device, False, 1)
+    assert (found.cob_id, found.valid) == (cob_id, valid)
+
+
+@pytest.mark.parametrize("missing", [1, 2])
+def test_a_pdo_without_cob_id_or_transmission_type_is_not_there(missing):
+    device = drive()
+    del device.objects[0x1800, missing]
+    assert read_pdo(device, False, 1) is None
+    assert read_pdos(device).tpdos == ()
+    assert len(read_pdos(device).rpdos) == 1
+
+
+@pytest.mark.parametrize(
+    ("count", "entries"), [(0, 0), (1, 1), (2, 2), (3, 2), (0xFD, 2), (0xFE, 0), (0xFF, 0)]
+)
+def test_a_mapping_has_as_many_entries_as_it_counts_and_has(count, entries):
+    device = drive()
+    device.objects[0x1A00, 0] = little(count, 1)
+    assert len(read_pdo(device, False, 1).mapping) == entries
+
+
+def with_pdos(*numbers: int) -> Eds:
+    """An EDS with these TPDOs."""
+
+    def entry(index: int) -> Object:
+        return Object(
+            index, "p", ObjectType.RECORD, {1: Variable(index, 1, "c", DataType.UNSIGNED32, "rw", None)}
+        )
+
+    return Eds("x", {0x1800 + n - 1: entry(0x1800 + n - 1) for n in numbers}, {})
+
+
+def test_of_many_pdos_the_first_eight_of_each_axis_are_read_and_those_that_are_named():
+    numbers = [*range(1, 13), *range(60, 76), 128, 129, 512]
+    device = Store({}, with_pdos(*numbers))
+    for number in numbers:
+        device.objects |= pdo(False, number, 0x185, 1)
+    found = [one.number for one in read_pdos(device).tpdos]
+    assert found == [*range(1, 9), *range(65, 73), 129, 512]
+    more = [one.number for one in read_pdos(device, [(False, 12), (True, 11), (False, 13)]).tpdos]
+    assert more == [*range(1, 9), 12, *range(65, 73), 129, 512]
+
+
+def test_where_no_eds_tells_the_usual_ones_are_tried():
+    device = Store({})
+    for number in (1, 8, 9, 64, 65, 68, 69):
+        device.objects |= pdo(False, number, 0x185, 1)
+    assert [one.number for one in read_pdos(device).tpdos] == [1, 8, 65, 68]
+
+
+def test_setting_a_pdo_switches_it_off_first_and_on_last_with_its_own_bits():
+    device = drive()
+    mapping = (MappedObject(0x6041, 0, 16), MappedObject(0x606C, 0, 32))
+    found = set_pdo(
+        device,
+        False,
+        1,
+        mapping=mapping,
+        transmission_type=255,
+        event_timer=50,
+        inhibit_time=20,
+        sync_start=0,
+        cob_id=0x1C5,
+    )
+    assert device.written == [
+        ("1800:1", 0x185 | NO_RTR | INVALID),
+        ("1A00:0", 0),
+        ("1A00:1", 0x60410010),
+        ("1A00:2", 0x606C0020),
+        ("1A00:0", 2),
+        ("1800:2", 255),
+        ("1800:6", 0),
+        ("1800:3", 20),
+        ("1800:5", 50),
+        ("1800:1", 0x1C5 | NO_RTR),
+    ]
+    assert (found.cob_id, found.mapping, found.transmission_type) == (0x1C5, mapping, 255)
+    assert (found.event_timer, found.inhibit_time, found.sync_start) == (50, 20, 0)
+
+
+def test_what_is_so_already_is_not_written():
+    device = drive()
+    before = read_pdo(device, False, 1)
+    assert (
+        set_pdo(device, False, 1, transmission_type=1, mapping=before.mapping, cob_id=0x185, rtr=False)
+        == before
+    )
+    assert device.written == []
+    set_pdo(device, False, 1, transmission_type=2)
+    assert device.written == [("1800:1", 0x185 | NO_RTR | INVALID), ("1800:2", 2), ("1800:1", 0x185 | NO_RTR)]
+
+
+def test_whether_a_pdo_answers_remote_frames_is_its_bit_30():
+    device = drive()
+    set_pdo(device, False, 1, rtr=True)
+    assert device.written == [("1800:1", 0x185 | NO_RTR | INVALID), ("1800:1", 0x185)]
+    device.written.clear()
+    set_pdo(device, False, 1, rtr=True)
+    assert device.written == []
+    set_pdo(device, False, 1, rtr=False)
+    assert device.written[-1] == ("1800:1", 0x185 | NO_RTR)
+
+
+def test_a_pdo_with_29_bits_says_so():
+    device = drive()
+    set_pdo(device, True, 1, cob_id=0x12345)
+    assert device.written[-1] == ("1400:1", 0x12345 | 1 << 29)
+    set_pdo(device, True, 1, cob_id=0x7FF)
+    assert device.written[-1] == ("1400:1", 0x7FF)
+
+
+def test_one_that_was_off_is_switched_on():
+    device = drive()
+    device.objects[0x1400, 1] = little(0x205 | INVALID, 4)
+    assert set_pdo(device, True, 1).valid
+    assert device.written[-1] == ("1400:1", 0x205)
+
+
+def test_a_timer_that_is_refused_is_no_failure_and_anything_else_has_back_what_it_had():
+    device = drive()
+    device.refuse[0x1800, 5, 50] = 0x06090030
+    assert set_pdo(device, False, 1, event_timer=50, inhibit_time=20).event_timer == 100
+    before = dict(device.objects)
+    device.refuse[0x1A00, 2, 0x606C0020] = NOT_MAPPABLE
+    with pytest.raises(BootError, match="606Ch cannot be mapped into TPDO1") as caught:
+        set_pdo(
+            device,
+            False,
+            1,
+            mapping=(MappedObject(0x6041, 0, 16), MappedObject(0x606C, 0, 32)),
+            transmission_type=7,
+        )
+    assert (caught.value.index, caught.value.subindex) == (0x1A00, 2)
+    assert device.objects == before
+
+
+@pytest.mark.parametrize(
+    ("deaf", "value", "message", "seen"),
+    [
+        ((0x1800, 2), None, "its transmission type", "written 7h, read back 1h"),
+        ((0x1800, 6), None, "its SYNC start value", "written 9h, read back 3h"),
+        ((0x1A00, 2), None, "its mapping", "606C:00/32, read back"),
+    ],
+)
+def test_what_reads_back_as_another_value_is_told(deaf, value, message, seen):
+    device = drive()
+    device.deaf.add(deaf)
+    with pytest.raises(BootError, match=f"TPDO1 took {message}") as caught:
+        set_pdo(
+            device,
+            False,
+            1,
+            mapping=(MappedObject(0x6041, 0, 16), MappedObject(0x606C, 0, 32)),
+            transmission_type=7,
+            sync_start=9,
+        )
+    assert seen in caught.value.observed
+    assert caught.value.index == (0x1A00 if "mapping" in message else 0x1800)
+
+
+def test_a_pdo_that_is_not_there_cannot_be_set():
+    with pytest.raises(BootError, match="the drive has no TPDO2") as caught:
+        set_pdo(drive(), False, 2)
+    assert caught.value.index == 0x1801
+    with pytest.raises(BootError, match="the drive has no RPDO2"):
+        set_pdo(drive(), True, 2)
+
+
+# SDO channels.
+
+
+def channel_objects(index: int, request: int, answer: int, partner: int | None = None) -> Store:
+    count = 3 if partner is not None else 2
+    objects = {(index, 0): bytes([count]), (index, 1): little(request, 4), (index, 2): little(answer, 4)}
+    return Store(objects | ({(index, 3): bytes([partner])} if partner is not None else {}))
+
+
+@pytest.mark.parametrize(
+    ("request_id", "answer_id", "valid"),
+    [
+        (0x640, 0x5C0, True),
+        (0x640 | INVALID, 0x5C0, False),
+        (0x640, 0x5C0 | INVALID, False),
+        (0, 0x5C0, False),
+        (0x640, 0, False),
+    ],
+)
+def test_an_sdo_channel_is_valid_with_both_its_identifiers(request_id, answer_id, valid):
+    device = channel_objects(0x1201, request_id, answer_id, 9)
+    assert read_server(device, 1) == SdoChannel(request_id & 0x7FF, answer_id & 0x7FF, 9, valid)
+    if valid:
+        open_channel(device, 1)
+        assert device.opened == [(0x640, 0x5C0)]
+    else:
+        with pytest.raises(StateError, match="1201h is not in use"):
+            open_channel(device, 1)
+    assert read_client(channel_objects(0x1280, 0x640, 0x5C0), 0).partner is None
+
+
+@pytest.mark.parametrize(
+    ("read", "number", "fits"),
+    [
+        (read_server, 0, False),
+        (read_server, 1, True),
+        (read_server, 127, True),
+        (read_server, 128, False),
+        (read_client, 0, True),
+        (read_client, 127, True),
+        (read_client, 128, False),
+        (read_client, -1, False),
+    ],
+)
+def test_sdo_channels_are_counted(read, number, fits):
+    base = 0x1200 if read is read_server else 0x1280
+    device = channel_objects(base + number, 0x640, 0x5C0)
+    if fits:
+        assert read(device, number).valid
+    else:
+        with pytest.raises(ArgumentError, match="is no SDO channel"):
+            read(device, number)
+
+
+def test_setting_an_sdo_channel_makes_it_invalid_first():
+    device = channel_objects(0x1201, 0, 0, 0)
+    made = set_server(device, 1, SdoChannel(0x641, 0x5C1, 9))
+    assert made == SdoChannel(0x641, 0x5C1, 9, True)
+    assert device.written == [
+        *(
+            ("1201:1", 0x641 | INVALID),
+            ("1201:2", 0x5C1 | INVALID),
+            ("1201:3", 9),
+            ("1201:1", 0x641),
+            ("1201:2", 0x5C1),
+        ),
+    ]
+    off = channel_objects(0x1281, 0x640, 0x5C0)
+    assert not set_client(off, 1, SdoChannel(0x641, 0x5C1, 9, valid=False)).valid
+    assert off.written == [("1281:1", 0x641 | INVALID), ("1281:2", 0x5C1 | INVALID)]
+
+
+@pytest.mark.parametrize(
+    ("request_id", "answer_id", "fits"),
+    [(0x7FF, 1, True), (0x800, 1, False), (1, 0, False), (0, 1, False), (5, 5, False), (-1, 5, False)],
+)
+def test_identifiers_of_an_sdo_channel_are_two_of_11_bits(request_id, answer_id, fits):
+    device = channel_objects(0x1201, 0, 0)
+    if fits:
+        assert set_server(device, 1, SdoChannel(request_id, answer_id)).valid
+        return
+    with pytest.raises(ArgumentError, match="cannot be an identifier"):
+        set_server(device, 1, SdoChannel(request_id, answer_id))
+    assert device.written == []
+
+
+@pytest.mark.parametrize("deaf", [1, 2])
+def test_an_sdo_channel_that_reads_back_otherwise_is_told(deaf):
+    device = channel_objects(0x1201, 0x640, 0x5C0)
+    device.deaf.add((0x1201, deaf))
+    with pytest.raises(SdoError, match="1201h reads back something else"):
+        set_server(device, 1, SdoChannel(0x641, 0x5C1))
+
+
+# An EDS from the device.
+
+
+def test_the_stored_eds_is_plain_or_zipped():
+    assert stored_eds(Store({})) is None
+    plain = Store({(0x1021, 0): b"text"})
+    assert stored_eds(plain) == b"text"
+    plain.objects[0x1022, 0] = b"\0"
+    assert stored_eds(plain) == b"text"
+    assert stored_eds(Store({(0x1021, 0): zlib.compress(b"text"), (0x1022, 0): b"\1"})) == b"text"
+    with pytest.raises(EdsError, match="a format of its own") as caught:
+        stored_eds(Store({(0x1021, 0): b"text", (0x1022, 0): b"\2"}))
+    assert "is 2" in caught.value.observed
+
+
+def answering(**more: bytes) -> Store:
+    objects = {
+        (0x1000, 0): little(0x00020192, 4),
+        (0x1018, 0): b"\2",
+        (0x1018, 1): little(0x29C, 4),
+        (0x1018, 2): little(7, 4),
+        (0x1010, 0): b"\1",
+        (0x1010, 1): little(1, 4),
+        (0x1400, 0): b"\2",
+        (0x1400, 1): little(0x205, 4),
+        (0x1400, 2): b"\xff",
+        (0x140F, 0): b"\0",
+        (0x1600, 0): b"\x00",
+        (0x1800, 0): b"\xc8",
+        (0x1801, 0): b"",
+        (0x6041, 0): b"\x37\2",
+        (0x6064, 0): b"\1\2",  # two bytes of an INTEGER32
+        (0x6502, 0): little(1, 4),
+    }
+    return Store(objects)
+
+
+def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_change():
+    seen = []
+    device = answering()
+    device.refuse[0x607A, 0, None] = WRITE_ONLY
+    device.refuse[0x1018, 2, None] = WRITE_ONLY
+    made = skeleton(device, lambda done, of: seen.append((done, of)))
+    assert sorted(made.objects) == [
+        0x1000,
+        0x1010,
+        0x1018,
+        0x1400,
+        0x140F,
+        0x1600,
+        0x1800,
+        0x1801,
+        0x6041,
+        0x6064,
+        0x607A,
+        0x6502,
+    ]
+    assert [done for done, _ in seen] == list(range(1, seen[0][1] + 1))
+    assert {of for _, of in seen} == {len(seen)}
+    assert made.get(0x1000).default.value == 0x00020192
+    assert made.get(0x6502).default.value == 1
+    assert made.get(0x6041).default is None
+    assert made.get(0x6064).data_type is DataType.UNSIGNED16
+    assert made.get(0x607A).data_type is DataType.INTEGER32
+    assert sorted(made.objects[0x1018].subs) == [0, 1, 2]
+    assert made.get(0x1018, 2).default is None
+    assert made.get(0x1018, 0).default.value == 2
+    assert sorted(made.objects[0x1801].subs) == [0]
+    assert made.get(0x1800, 0).default.value == 64
+    assert made.get(0x1010, 1).object_flags == 1
+    assert made.get(0x1000).object_flags == 0
+    names = [made.objects[index].name for index in (0x1400, 0x140F, 0x1800, 0x1801)]
+    assert [name.rsplit(" ", 1)[1] for name in names] == ["1", "16", "1", "2"]
+    assert made.info["deviceinfo"] == {"vendornumber": str(0x29C), "nrofrxpdo": "2", "nroftxpdo": "2"}
+    assert "node 5" in made.info["fileinfo"]["description"]
+
+
+def test_a_skeleton_becomes_a_file_with_its_time_and_rate():
+    made = as_file(skeleton(answering()), "a.eds", datetime(2024, 3, 25, 14, 38), 500_000)
+    info = made.info["fileinfo"]
+    assert (info["filename"], info["creationtime"], info["creationdate"]) == (
+        "a.eds",
+        "02:38PM",
+        "03-25-2024",
+    )
+    assert (info["fileversion"], info["filerevision"], info["edsversion"], info["createdby"]) == (
+        "1",
+        "0",
+        "4.0",
+        "axisbus",
+    )
+    rates = {key: value for key, value in made.info["deviceinfo"].items() if key.startswith("baudrate")}
+    assert rates == {"baudrate_500": "1"}
+    none = as_file(skeleton(answering()), "a.eds", datetime(2024, 3, 25, 14, 38))
+    assert not any(key.startswith("baudrate") for key in none.info["deviceinfo"])
+
+
+# Error frames (Linux can/error.h).
+
+
+@pytest.mark.parametrize(
+    ("error_class", "data", "words"),
+    [
+        (0x40, "00" * 8, "bus-off"),
+        (0x20, "00" * 8, "no acknowledge: no other node listens at this bitrate"),
+        (0x01, "00" * 8, "transmit time-out"),
+        (0x02, "00" * 8, "lost arbitration"),
+        (0x08, "00" * 8, "protocol violation: another bitrate on the bus, or bad wiring"),
+        (0x10, "00" * 8, "transceiver: a line is broken or shorted"),
+        (0x80, "00" * 8, "bus error"),
+        (0x100, "00" * 8, "controller restarted"),
+        (0x00, "00" * 8, "error frame"),
+        (0x04, "0001000000000000", "receive buffer overflow"),
+        (0x04, "0002000000000000", "transmit buffer overflow"),
+        (0x04, "0004000000000000", "receive errors (warning)"),
+        (0x04, "0008000000000000", "transmit errors (warning)"),
+        (0x04, "0010000000000000", "receive errors (passive)"),
+        (0x04, "0020000000000000", "transmit errors (passive)"),
+        (0x04, "0040000000000000", "back to error active"),
+        (0x04, "00", "error frame"),
+        (
+            0x0C,
+            "0030000000000000",
+            "protocol violation: another bitrate on the bus, or bad wiring, receive errors (passive), transmit errors (passive)",
+        ),
+    ],
+)
+def test_an_error_frame_in_words(error_class, data, words):
+    assert errorframe.kind(error_class, bytes.fromhex(data)) == words
+    assert errorframe.describe(error_class, bytes.fromhex(data)) == words
+
+
+@pytest.mark.parametrize(
+    ("error_class", "status", "expected"),
+    [
+        (0x40, 0x40, Condition.OFF),
+        (0x04, 0x10, Condition.PASSIVE),
+        (0x04, 0x20, Condition.PASSIVE),
+        (0x04, 0x2C, Condition.PASSIVE),
+        (0x04, 0x04, Condition.WARNING),
+        (0x04, 0x08, Condition.WARNING),
+        (0x04, 0x48, Condition.WARNING),
+        (0x04, 0x40, Condition.ACTIVE),
+        (0x04, 0x03, None),
+        (0x08, 0x30, None),
+        (0x100, 0x00, Condition.ACTIVE),
+        (0x104, 0x10, Condition.PASSIVE),
+        (0x104, 0x01, Condition.ACTIVE),
+    ],
+)
+def test_what_a_controller_is_in(error_class, status, expected):
+    assert errorframe.condition(error_class, bytes([0, status, 0, 0, 0, 0, 0, 0])) is expected
+    assert errorframe.is_restart(error_class) is bool(error_class & 0x100)
+
+
+@pytest.mark.parametrize(
+    ("error_class", "data", "counters"),
+    [
+        (0x200, "0000000000000000", (0, 0)),
+        (0x200, "000000000000605F", (0x60, 0x5F)),
+        (0x004, "000000000000605F", (0x60, 0x5F)),
+        (0x004, "0000000000000000", None),
+        (0x004, "0000000000000001", (0, 1)),
+        (0x008, "000000000000605F", None),
+        (0x200, "00000000000060", None),
+    ],
+)
+def test_the_error_counters_of_a_frame(error_class, data, counters):
+    found = errorframe.error_counters(error_class, bytes.fromhex(data))
+    assert (None if found is None else tuple(found)) == counters
+    text = errorframe.describe(error_class, bytes.fromhex(data))
+    assert ("transmit errors" in text.split("(")[-1]) is (counters is not None)

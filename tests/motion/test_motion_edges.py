@@ -1,0 +1,536 @@
+"""Paths, paces, remedies and stops by numbers worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from rig import GENERIC, dictionary_of, parameters, rig
+from steps import Drive, T
+
+from axisbus.cia402.state import State
+from axisbus.errors import LimitError
+from axisbus.motion import handle as handles
+from axisbus.motion.diagnosis import remedy
+from axisbus.motion.handle import Handle, Status
+from axisbus.motion.ladder import Rung, Then
+from axisbus.motion.lookahead import excess, widened
+from axisbus.motion.numbers import number, told
+from axisbus.motion.onward import Onward, Start
+from axisbus.motion.pace import Pace, Step, brakes_smoothly, pace_of
+from axisbus.motion.parameters import Defaults, Limits
+from axisbus.motion.path import plan_line
+from axisbus.motion.profile import braking_distance, duration
+from axisbus.motion.ramped import RampedWay
+from axisbus.motion.scan import Scan
+from axisbus.motion.stopping import StopKind, Stopping, stop_error
+from axisbus.motion.takeover import resting_target
+from axisbus.motion.track import Track
+from axisbus.motion.trajectory import Sampled, Trapezoid
+
+# What is to be told of a stop.
+
+
+def ladder(**changes) -> SimpleNamespace:
+    """A ladder that has come to its end as it was asked to."""
+    base = {
+        "confirmed": True,
+        "late": [],
+        "blind": False,
+        "spared": False,
+        "held": False,
+        "takes_power": False,
+        "seen": State.OPERATION_ENABLED,
+        "path": [Rung.HALT],
+        "unseen": "",
+        "running_down": "",
+    }
+    made = SimpleNamespace(**(base | changes))
+    made.descended = bool(made.late) or made.blind or made.spared or made.held
+    return made
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({}, None),
+        ({"blind": True}, None),
+        ({"confirmed": False}, "could not be confirmed as stopped"),
+        ({"confirmed": False, "late": ["halt_time"]}, "could not be confirmed as stopped"),
+        ({"late": ["halt_time"]}, "stopped only by a harder stop than was asked for"),
+        ({"spared": True}, "stands, but its drive did not do the quick stop"),
+        ({"held": True}, "something holds it in the middle of a move"),
+        ({"held": True, "spared": True}, "stands, but its drive did not do the quick stop"),
+        ({"late": ["disable_time"], "takes_power": True}, "stands, but could not be switched off"),
+        (
+            {"late": ["disable_time"], "takes_power": True, "seen": State.UNKNOWN},
+            "stands, but could not be switched off",
+        ),
+        (
+            {"late": ["disable_time"], "takes_power": True, "seen": State.SWITCHED_ON},
+            "stopped only by a harder stop than was asked for",
+        ),
+        ({"takes_power": True, "seen": State.SWITCH_ON_DISABLED}, None),
+    ],
+)
+def test_what_is_told_of_a_stop(changes, message):
+    error = stop_error(ladder(**changes), "x")
+    assert (None if error is None else error.message.removeprefix("x: ")) == message
+
+
+def test_what_was_seen_of_a_stop_is_told_in_order():
+    made = ladder(
+        confirmed=False,
+        late=["halt_time", "quick_stop_time"],
+        path=[Rung.HALT, Rung.QUICK_STOP, Rung.NMT_STOP],
+        unseen="a",
+        running_down="b",
+        spared=True,
+        seen=State.FAULT,
+    )
+    assert stop_error(made, "x").observed == (
+        "stop ladder: halt > quick stop > NMT stop; passed: halt_time, quick_stop_time; a; b; "
+        "its power was left on because it holds a load; state 'fault', standstill not seen"
+    )
+    late = stop_error(ladder(late=["halt_time", "quick_stop_time"]), "x")
+    assert "halt in time (605Dh, 6084h) and did not" in late.remedy
+    assert "raise halt_time and quick_stop_time in [axes.x.stop]" in late.remedy
+
+
+def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
+    stopping = Stopping(Drive().parameters)
+    assert stopping.interruptible
+    first, second = (Handle(name, SimpleNamespace()) for name in ("a", "b"))
+    stopping.ask(StopKind.STOP, Then.HOLD, Rung.HALT, "first", first, None)
+    assert (stopping.locks, stopping.interruptible, stopping.name, first.status) == (
+        True,
+        False,
+        "a",
+        Status.ACTIVE,
+    )
+    stopping.ask(StopKind.HALT, Then.HOLD, Rung.HALT, "second", second, None)
+    assert (stopping.kind, stopping.reason, stopping.locks) == (StopKind.STOP, "first", True)
+    stopping.ask(StopKind.STOP, Then.DISABLE, Rung.QUICK_STOP, "third", None, None)
+    assert (stopping.reason, stopping.ladder.rung, stopping.ladder.takes_power) == (
+        "third",
+        Rung.QUICK_STOP,
+        True,
+    )
+    assert stopping.drop() == [first, second]
+    assert (stopping.ladder, stopping.locks, stopping.interruptible) == (None, False, True)
+    assert stopping.drop() == []
+    stopping.ask(StopKind.HALT, Then.HOLD, Rung.HALT, "again", None, None)
+    assert stopping.interruptible
+    assert not stopping.locks
+    assert stopping.name == "x's stop"
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (None, "error history (1003h)"),
+        (0, "error history (1003h)"),
+        (0x2310, "short circuit"),
+        (0x3210, "measure the supply"),
+        (0x4310, "cool down"),
+        (0x5100, "hardware fault"),
+        (0x6320, "drive's parameters"),
+        (0x7305, "motor, encoder and brake"),
+        (0x8000, "load, tuning and limits"),
+        (0x9000, "external fault input"),
+        (0xF000, "drive's manual for this error code"),
+        (0x1000, "drive's manual for this error code"),
+        (0x8130, "missed our heartbeat"),
+        (0x8140, "the bus went off"),
+        (0x8611, "does not follow its demand"),
+        (0x8612, "limit switch or software limit"),
+        (0x7121, "the motor is blocked"),
+    ],
+)
+def test_what_to_check_first(code, words):
+    assert words in remedy(code)
+
+
+# Targets of a drive that is taken over.
+
+
+@pytest.mark.parametrize(
+    ("found", "offset", "position", "demand", "target"),
+    [
+        (1000, 0, 1000, 1000, 1000),
+        (1000, 500, 1500, 1500, 1000),
+        (1000, 500, 1520, None, 1000),
+        (1000, 500, 1521, None, 1021),
+        (1000, 500, 3000, 1520, 1000),
+        (1000, 500, 3000, 1521, 2500),
+        (1000, 500, 1450, 1000, 1000),  # a demand that leaves the offset out
+        (1000, 500, 1250, 1000, 750),  # halted half-way: nobody knows
+        (1000, 500, 1251, 1000, 1000),
+        (1000, 500, 1249, 1000, 749),
+        (1000, 500, 1450, 1021, 950),
+        (None, 500, 1450, 1021, 950),
+        (None, 0, 1450, 1021, 1021),
+        (5000, 0, 1450, 1021, 1021),
+        (5000, 0, 1450, None, 1450),
+        (1000, 500, None, None, None),
+    ],
+)
+def test_the_target_with_which_a_drive_that_adds_an_offset_stays_where_it_is(
+    found, offset, position, demand, target
+):
+    drive = Drive()
+    drive.cycle(statusword=0x0237, mode=8, position=position, demand=demand)
+    assert resting_target(drive.image, found, offset) == target
+
+
+# Distances, durations, and what goes on from a speed.
+
+
+@pytest.mark.parametrize(
+    ("distance", "speed", "ramp", "seconds"),
+    [
+        (8.0, 4.0, 2.0, 4.0),
+        (-8.0, 4.0, 2.0, 4.0),
+        (12.0, 4.0, 2.0, 5.0),
+        (2.0, 4.0, 2.0, 2.0),
+        (0.0, 4.0, 2.0, 0.0),
+    ],
+)
+def test_the_seconds_of_a_trapezoid(distance, speed, ramp, seconds):
+    assert duration(distance, speed, ramp) == seconds
+    assert braking_distance(4.0, 2.0) == 4.0
+
+
+@pytest.mark.parametrize(
+    ("velocity", "end", "top", "up", "down", "times", "positions"),
+    [
+        # from rest: 1 s up, 1 s at 4, 2 s down
+        (0.0, 10.0, 4.0, 4.0, 2.0, [0.5, 1.0, 1.5, 2.0, 3.0, 4.0], [0.5, 2.0, 4.0, 6.0, 9.0, 10.0]),
+        # already at 4
+        (4.0, 12.0, 4.0, 4.0, 2.0, [1.0, 2.0, 3.0, 4.0], [4.0, 8.0, 11.0, 12.0]),
+        # faster than it may be: 1 s down to 2, then on
+        (4.0, 9.0, 2.0, 4.0, 2.0, [1.0, 2.0, 3.0, 4.0, 4.5], [3.0, 5.0, 7.0, 8.75, 9.0]),
+        # too fast to stop at the end: 2 s to rest at 4, and 1 back
+        (
+            4.0,
+            3.0,
+            4.0,
+            2.0,
+            2.0,
+            [2.0, 2.5, 3.0, 2.0 + math.sqrt(2.0)],
+            [4.0, 3.75, 3.1715728752538097, 3.0],
+        ),
+        # the other way
+        (-4.0, -4.0, 4.0, 4.0, 2.0, [1.0, 2.0, 9.0], [-3.0, -4.0, -4.0]),
+        (-4.0, 4.0, 4.0, 4.0, 2.0, [2.0, 2.5], [-4.0, -3.5]),
+    ],
+)
+def test_a_move_goes_on_from_the_speed_that_the_axis_has(velocity, end, top, up, down, times, positions):
+    way = Onward(Start(0.0, velocity), end, top, up, down)
+    assert [way.position(t) for t in times] == pytest.approx(positions)
+    assert way.position(-1.0) == 0.0
+    assert way.position(way.duration) == end
+    assert way.span == (min(0.0, end, *positions), max(0.0, end, *positions))
+    assert way.top_acceleration == max(up, down)
+
+
+def test_a_move_to_where_the_axis_stands_takes_no_time():
+    way = Onward(Start(5.0, 0.0), 5.0, 1.0, 1.0, 1.0)
+    assert (way.duration, way.position(0.0), way.position(1.0), way.span) == (0.0, 5.0, 5.0, (5.0, 5.0))
+
+
+# The pace of a path.
+
+PACE = Pace("deg", 4.0, 8.0, "max_acceleration", 0.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("before", "position", "told"),
+    [
+        (Step(0.0, 4.0), 2.0, None),
+        (Step(0.0, 4.0), 2.001, "faster than max_velocity"),
+        (Step(0.0, -4.0), -2.001, "faster than max_velocity"),
+        (Step(0.0, 0.0), 2.0, None),
+        (Step(0.0, -0.01), 2.0, "harder than max_acceleration"),
+        (Step(0.0, 4.0), 0.0, None),
+        (Step(0.0, 4.0), -0.01, "harder than max_acceleration"),
+    ],
+)
+def test_a_step_is_held_against_velocity_and_acceleration(before, position, told):
+    found = PACE.excess(before, PACE.next(before, position))
+    assert (None if found is None else found.what) == told
+
+
+def test_what_a_path_is_allowed_in_any_case():
+    before = Step(0.0, 4.0)
+    after = PACE.next(before, -1.0)
+    assert PACE.excess(before, after, 11.0).what == "harder than max_acceleration"
+    assert PACE.excess(before, after, 12.0) is None
+    assert replace(PACE, acceleration=None).excess(before, after) is None
+    assert replace(PACE, velocity=None).excess(before, PACE.next(before, 3.5)) is None
+    # an increment of rounding in a period: 0.25 / 0.5 / 0.5
+    coarse = replace(PACE, increment=0.25)
+    assert coarse.excess(before, PACE.next(before, -0.25)) is None
+    assert coarse.excess(before, PACE.next(before, -0.26)) is not None
+
+
+def test_numbers_far_from_0_are_as_exact_as_they_can_be():
+    far = 2.0**40  # its last place is 2**-12: 8 of them in half a second are 1/256 per s
+    before = Step(far, 4.0)
+    assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 1024)) is None
+    assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 256)) is not None
+
+
+@pytest.mark.parametrize(
+    ("limits", "defaults", "trajectory", "expected"),
+    [
+        (
+            Limits(velocity=4.0, acceleration=8.0),
+            Defaults(acceleration=5.0),
+            Sampled([0.0, 1.0], 1.0),
+            (4.0, 8.0),
+        ),
+        (Limits(velocity=4.0), Defaults(acceleration=5.0), Sampled([0.0, 1.0], 1.0), (4.0, None)),
+        (Limits(), Defaults(acceleration=5.0), Sampled([0.0, 1.0], 1.0), (None, 5.0)),
+        (Limits(), Defaults(acceleration=5.0), Trapezoid(0.0, 1.0, 1.0, 3.0), (None, 3.0)),
+        (Limits(), Defaults(), Sampled([0.0, 1.0], 1.0), (None, None)),
+        (Limits(acceleration=8.0), Defaults(acceleration=5.0), Trapezoid(0.0, 1.0, 1.0, 3.0), (None, 8.0)),
+    ],
+)
+def test_what_a_path_may_ask_for(limits, defaults, trajectory, expected):
+    base = parameters("x", dictionary_of(GENERIC), limits=limits, defaults=defaults)
+    found = pace_of(base, trajectory)
+    assert (found.velocity, found.acceleration) == expected
+    assert (found.unit, found.period, found.increment) == ("deg", 0.01, 0.001)
+
+
+@pytest.mark.parametrize(
+    ("path", "speed", "deceleration", "smooth"),
+    [
+        (lambda t: 4.0 * t, 4.0, 2.0, True),
+        (lambda t: -4.0 * t, -4.0, 2.0, True),
+        (lambda t: 4.0 * t, 0.0, 2.0, True),
+        (lambda _: 7.0, 4.0, 2.0, False),  # it stops dead
+        (lambda t: -4.0 * t, 4.0, 2.0, False),  # it turns round
+        (lambda t: 4.0 * t, 0.5, 2.0, True),  # slower than one period brakes
+        (lambda t: 2.5 * t, 4.0, 2.0, True),  # half of what braking allows is still no jolt
+        (lambda t: 2.4 * t, 4.0, 2.0, False),
+    ],
+)
+def test_which_path_can_be_slowed_down_without_a_jolt(path, speed, deceleration, smooth):
+    assert brakes_smoothly(path, 1.0, 0.5, speed, deceleration) is smooth
+
+
+@pytest.mark.parametrize(
+    ("start", "speed", "found"),
+    [
+        (0.0, 4.0, None),  # 2 in the period and 4 to brake
+        (4.0, 4.0, None),
+        (4.25, 4.0, (4.25, 4.0, 10.25, 10.25, 1.5)),
+        (-4.0, -4.0, None),
+        (-4.25, -4.0, (-4.25, 4.0, -10.25, -10.25, 1.5)),
+        (9.0, 4.0, (9.0, 4.0, 15.0, 11.0, 0.5)),
+        (9.0, 0.0, None),
+    ],
+)
+def test_a_path_is_looked_at_as_far_ahead_as_braking_takes(start, speed, found):
+    seen = excess(lambda t: start + speed * t, 0.0, 0.5, (-10.0, 10.0), 2.0)
+    assert (None if seen is None else tuple(seen)) == found
+
+
+def test_one_from_outside_may_come_back():
+    assert widened((-1.0, 1.0), 0.0, 0.5) == (-1.5, 1.5)
+    assert widened((-1.0, 1.0), 3.0, 0.5) == (-1.5, 3.5)
+    assert widened((-1.0, 1.0), -3.0, 0.5) == (-3.5, 1.5)
+
+
+# Straight lines.
+
+
+def line(ends: dict[str, float], velocity: float = 5.0, acceleration: float = 10.0, **limits):
+    axes = {
+        name: parameters(name, dictionary_of(GENERIC), limits=limits.get(name, Limits())) for name in ends
+    }
+    return plan_line(dict.fromkeys(ends, 0.0), ends, axes, velocity, acceleration)
+
+
+def test_a_line_has_the_speed_of_its_length_and_no_axis_is_faster_than_it_may_be():
+    shares, way = line({"x": 30.0, "y": -40.0})
+    assert way.velocity * 50.0 == pytest.approx(5.0)
+    assert way.acceleration * 50.0 == pytest.approx(10.0)
+    assert [shares[name].position(way.duration) for name in "xy"] == [30.0, -40.0]
+    assert (shares["x"].top_speed, shares["y"].top_speed) == pytest.approx((3.0, 4.0))
+    assert (shares["x"].top_acceleration, shares["y"].top_acceleration) == pytest.approx((6.0, 8.0))
+    assert (shares["y"].span, shares["x"].duration) == ((-40.0, 0.0), way.duration)
+    slow, _ = line({"x": 30.0, "y": -40.0}, y=Limits(velocity=2.0))
+    assert (slow["x"].top_speed, slow["y"].top_speed) == pytest.approx((1.5, 2.0))
+    soft, _ = line({"x": 30.0, "y": -40.0}, x=Limits(acceleration=3.0))
+    assert (soft["x"].top_acceleration, soft["y"].top_acceleration) == pytest.approx((3.0, 4.0))
+
+
+def test_a_line_of_more_than_a_year_was_not_meant():
+    year = 366 * 86_400.0
+    line({"x": 1.0}, velocity=1.0 / (year - 1.0), acceleration=1.0)
+    with pytest.raises(LimitError):
+        line({"x": 1.0}, velocity=1.0 / (year + 1.0), acceleration=1.0)
+
+
+# Numbers, tracks, ways.
+
+
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [
+        (1, 1.0),
+        (0.5, 0.5),
+        (True, None),
+        (math.nan, None),
+        (-math.inf, None),
+        ("1", None),
+        (None, None),
+        (10**400, None),
+        (1 + 0j, None),
+    ],
+)
+def test_what_counts_as_a_number(value, found):
+    assert number(value) == found
+
+
+def test_a_value_is_told_in_a_line():
+    assert told("a" * 38) == "'" + "a" * 38 + "'"
+    assert told("a" * 39) == "'" + "a" * 39 + "... (41 characters)"
+
+
+def test_three_speeds_have_a_median_already():
+    speeds = Track()
+    for stamp, value in ((0.0, 0), (1.0, 10), (2.0, 40), (3.0, 60)):
+        speeds.take(value, stamp)
+    assert speeds.motion == (20.0, 0.0)
+
+
+def test_a_way_that_nobody_asked_for_is_forgotten_within_a_minute():
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    way = RampedWay(0, 1.0, 1.0, 1.0, 1.0)
+    way.step(drive.cycle(position=0, velocity=0)[0])
+    way.step(drive.cycle(position=-6000)[0])
+    assert way.behind == 6000.0
+    way.step(drive.later(1.0 - T).cycle(position=-6000)[0])
+    assert way.behind == pytest.approx(5900.0)
+
+
+# The grid of the scan, and waiting for several.
+
+
+class Grid:
+    """A cycle that begins when it is told to; ``sync``: where another device's SYNC is the grid, when it came."""
+
+    def __init__(self) -> None:
+        self.time, self.late, self.sync = 10.0, 0.0, None
+        self.asked: list[float] = []
+
+    def now(self) -> float:
+        return self.time
+
+    def wait_until(self, t: float) -> float | None:
+        self.asked.append(t)
+        self.time = max(self.time, t) + self.late
+        self.late = 0.0
+        return self.sync
+
+
+@pytest.mark.parametrize(
+    ("late", "next_", "skipped"),
+    [
+        (0.0, 11.0, 0),
+        (0.125, 11.0, 0),
+        (0.1875, 11.0, 0),
+        (0.25, 11.5, 1),
+        (0.5, 11.5, 1),
+        (0.6875, 11.5, 1),
+        (0.75, 12.0, 2),
+        (1.5, 12.5, 3),
+    ],
+)
+def test_a_late_cycle_skips_the_points_that_have_passed_or_are_less_than_half_a_period_ahead(
+    late, next_, skipped
+):
+    cycle = Grid()
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    scan._wait(cycle)
+    assert cycle.asked == [10.0]
+    cycle.late = late
+    scan._wait(cycle)
+    scan._wait(cycle)
+    assert cycle.asked == [10.0, 10.5, next_]
+    assert scan.lateness.skipped == skipped
+    assert scan.starvation.missing(cycle.time) == (0.0 if not skipped else min(late, 2.0))
+
+
+@pytest.mark.parametrize(("came", "skipped"), [(10.5, 0), (10.6875, 0), (10.75, 1), (11.5, 2)])
+def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
+    cycle = Grid()
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    scan._wait(cycle)
+    cycle.sync, cycle.time = came, came
+    scan._wait(cycle)
+    cycle.sync = None
+    scan._wait(cycle)
+    assert scan.lateness.skipped == skipped
+    assert cycle.asked[-1] == came + 0.5
+
+
+def test_several_waiters_share_the_time_of_a_wait(monkeypatch):
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(handles, "time", SimpleNamespace(monotonic=lambda: clock.now))
+
+    class Waiter:
+        def __init__(self, takes: float) -> None:
+            self.takes, self.given = takes, []
+
+        def wait(self, done, timeout):
+            self.given.append(timeout)
+            clock.now += self.takes
+            return done()
+
+    first, second, third = Waiter(0.25), Waiter(1.0), Waiter(0.0)
+    waiting = [Handle(f"h{n}", waiter) for n, waiter in enumerate((first, first, second, third))]
+    with pytest.raises(TimeoutError, match=r"h0, h1, h2, h3: not ended after 1 s"):
+        handles.wait(waiting, timeout=1.0)
+    assert (first.given, second.given, third.given) == ([1.0], [0.75], [0.0])
+    for each in waiting:
+        each.finish(Status.DONE, None)
+    assert handles.wait(waiting[:2], waiting[2]) == waiting[:3]
+    assert first.given[-1] is None
+
+
+# On the plant.
+
+
+def test_a_drive_that_falls_out_of_a_velocity_mode_does_not_go_to_an_old_target():
+    r = rig().enabled()
+    r.axis.move_velocity(50.0).wait(3)
+    r.run(1.0)
+    before = r.drive.axis.motor.position
+    r.drive.dials.mode_slips_to = 1
+    r.run(2.0)
+    assert abs(r.drive.axis.motor.position - before) < 20_000
+    assert r.axis.error is not None
+
+
+@pytest.mark.parametrize(("distance", "fits"), [(5.0, True), (5.001, False), (-5.0, True), (-5.001, False)])
+def test_a_relative_move_may_end_at_its_limit(distance, fits):
+    r = rig(limits=Limits(position=(-5.0, 5.0), velocity=400.0)).enabled()
+    r.axis.home(37).wait(3)
+    moved = r.axis.move_relative(distance)
+    r.run(1.0)
+    assert (moved.exception() is None) is fits
+    assert r.axis.position == pytest.approx(distance if fits else 0.0, abs=0.01)
+
+
+def test_a_snapshot_tells_when_its_position_was_received():
+    r = rig()
+    r.run(0.2)
+    snapshot = r.axis.snapshot
+    assert snapshot.position_stamp == pytest.approx(snapshot.now, abs=0.02)

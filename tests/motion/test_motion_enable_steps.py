@@ -1,0 +1,324 @@
+"""Enabling step by step: what each target is preloaded with, what is waited for and how long, and what is never done twice."""
+
+from __future__ import annotations
+
+import pytest
+from steps import Drive, T
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import State
+from axisbus.errors import AxisbusError, DriveError, ModeError, StaleError, StateError, TransitionError
+from axisbus.motion.enable import RESTING_MODES, Enable
+from axisbus.motion.gate import Gate
+from axisbus.motion.walk import StateWalk
+
+MODE = ModeOfOperation
+DISABLED, READY, SWITCHED_ON, ENABLED, QUICK, FAULT = 0x0250, 0x0231, 0x0233, 0x0237, 0x0217, 0x0218
+WORDS = {0x06: READY, 0x07: SWITCHED_ON, 0x0F: ENABLED, 0x00: DISABLED}
+PP, CSP, PV = MODE.PROFILE_POSITION, MODE.CYCLIC_SYNC_POSITION, MODE.PROFILE_VELOCITY
+
+
+def enable(drive: Drive, modes=(PP,), **options) -> Enable:
+    return Enable(drive.parameters, modes, **options)
+
+
+def obey(
+    drive: Drive, activity: Enable, cycles: int = 400, word: int = DISABLED, **values: int
+) -> list[tuple[int, int | None]]:
+    """Let the drive take each controlword and answer each transfer at once; return the statuswords with what was sent."""
+    seen = []
+    for _ in range(cycles):
+        for request in drive.order.sdo:
+            drive.answers(request.id, 0)
+        ended = activity.step(*drive.cycle(statusword=word, **values))
+        sent = drive.order.controlword(drive.image.state)
+        seen.append((word, sent))
+        if ended:
+            return seen
+        if drive.order.mode is not None and "mode" in values:
+            values["mode"] = int(drive.order.mode)
+        word = WORDS.get(sent, word)
+    raise AssertionError(f"not enabled: {seen[-1]}")
+
+
+def steps(seen: list[tuple[int, int | None]]) -> list[tuple[int, int | None]]:
+    """Without repetitions."""
+    return [pair for number, pair in enumerate(seen) if number == 0 or seen[number - 1] != pair]
+
+
+def test_from_disabled_the_mode_comes_first_then_rest_then_one_step_after_the_other():
+    drive = Drive()
+    seen = obey(drive, enable(drive), mode=0, position=700, demand=200)
+    assert steps(seen) == [
+        (DISABLED, 0x00),
+        (DISABLED, 0x06),
+        (READY, 0x07),
+        (SWITCHED_ON, 0x0F),
+        (ENABLED, 0x0F),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("word", "demand", "target"),
+    [
+        (DISABLED, 200, 700),  # without power 6062h is of long ago
+        (READY, 200, 700),
+        (SWITCHED_ON, 200, 700),
+        (ENABLED, 690, 690),  # with power the axis is held there: its load does not sag
+        (ENABLED, None, 700),
+        (QUICK, 690, 690),
+    ],
+)
+def test_the_position_that_is_preloaded_moves_nothing(word, demand, target):
+    drive = Drive()
+    for _ in range(10):
+        drive.cycle(statusword=word, mode=1, position=700, demand=demand)
+    activity = enable(drive)
+    for _ in range(10):
+        activity.step(*drive.cycle(statusword=word, position=700, demand=demand))
+    order = drive.order
+    assert (order.target_position, order.target_velocity, order.target_torque) == (target, 0, 0)
+
+
+@pytest.mark.parametrize("word", [FAULT, 0x021F])
+def test_a_drive_in_fault_is_not_enabled(word):
+    drive = Drive()
+    with pytest.raises(StateError, match="cannot be enabled, the drive is in state 'fault") as caught:
+        enable(drive).step(*drive.cycle(statusword=word, mode=1, position=0))
+    assert "reset first" in caught.value.remedy
+
+
+def test_a_position_that_is_late_is_awaited_without_a_step_towards_power():
+    drive = Drive()
+    activity = enable(drive)
+    for _ in range(128):
+        assert not activity.step(*drive.cycle(statusword=SWITCHED_ON, mode=1))
+        assert drive.order.controlword(drive.image.state) == 0x07  # it stays where it is
+        assert drive.order.target_position is None
+    assert not activity.step(*drive.cycle())
+    with pytest.raises(StaleError, match="enabling needs it"):
+        activity.step(*drive.cycle())
+
+
+def test_a_position_that_comes_in_time_begins_the_wait_anew():
+    drive = Drive()
+    activity = enable(drive)
+    activity.step(*drive.cycle(statusword=DISABLED, mode=1))
+    drive.later(1.9)
+    activity.step(*drive.cycle(position=5))
+    for _ in range(2):
+        drive.later(1.0)
+        assert not activity.step(*drive.cycle(position=None))
+
+
+def test_an_axis_that_still_moves_without_power_is_not_caught_unless_that_is_asked_for():
+    drive = Drive()
+    activity, position = enable(drive), 0
+    with pytest.raises(StateError, match="not enabled, because it moves"):
+        for _ in range(140):
+            position += 10
+            assert not activity.step(*drive.cycle(statusword=READY, mode=1, position=position))
+            assert drive.order.controlword(drive.image.state) == 0x06
+            assert drive.order.target_position is None
+    assert position == 10 * 130  # two seconds after the first look
+    caught = Drive()
+    activity = enable(caught, moving=True)
+    for position in range(0, 40, 10):
+        activity.step(*caught.cycle(statusword=READY, mode=1, position=position))
+    assert caught.order.controlword(caught.image.state) == 0x07
+
+
+def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_told():
+    drive = Drive()
+    activity = enable(drive, moving=True)
+    position = 0
+    with pytest.raises(AxisbusError, match="is enabled, but does not stand"):
+        for _ in range(140):
+            position += 10
+            assert not activity.step(*drive.cycle(statusword=ENABLED, mode=1, position=position))
+    assert position == 10 * 130
+
+
+def test_the_first_mode_that_the_drive_takes_is_used_and_all_that_were_tried_are_named():
+    drive = Drive()
+    activity = enable(drive, (PP, CSP, PV))
+    asked = []
+    with pytest.raises(ModeError, match="takes none") as caught:
+        for _ in range(300):
+            activity.step(*drive.cycle(statusword=DISABLED, mode=4, position=0))
+            asked.append(int(drive.order.mode or 0))
+    assert "6060h was set to 1 (pp), 8 (csp), 3 (pv); 6061h stays at 4 (tq)" in caught.value.observed
+    assert [asked.count(mode) for mode in (1, 8, 3)] == pytest.approx([66, 66, 66], abs=5)  # a second each
+    assert sorted(asked[5:]) != asked[5:]  # one after the other, as they were given
+
+
+@pytest.mark.parametrize("shown", [0, None])
+def test_a_drive_that_shows_its_mode_only_with_power_is_enabled_after_a_second(shown):
+    drive = Drive()
+    activity, word, ended, began = enable(drive), DISABLED, False, drive.now
+    while word != READY:
+        activity.step(*drive.cycle(statusword=word, mode=shown, position=0))
+        word = WORDS[drive.order.controlword(drive.image.state)]
+        assert drive.now < began + 2.0
+    assert drive.now - began == pytest.approx(1.0 + 6 * T, abs=2 * T)
+    while not ended:
+        ended = activity.step(*drive.cycle(statusword=word, mode=1 if word == ENABLED else shown, position=0))
+        word = WORDS[drive.order.controlword(drive.image.state)]
+        assert drive.now < began + 9.0
+
+
+def test_a_drive_that_shows_another_mode_once_it_has_power_is_told_after_a_second():
+    drive = Drive()
+    activity = enable(drive)
+    obeyed = 0
+    word = DISABLED
+    with pytest.raises(ModeError, match="takes none"):
+        for _ in range(300):
+            assert not activity.step(
+                *drive.cycle(statusword=word, mode=3 if word == ENABLED else 1, position=0)
+            )
+            word = WORDS[drive.order.controlword(drive.image.state)]
+            obeyed += word == ENABLED
+    assert obeyed * T == pytest.approx(1.0, abs=3 * T)
+
+
+@pytest.mark.parametrize("fallen", [SWITCHED_ON, DISABLED, READY])
+def test_power_that_is_lost_while_the_mode_is_awaited_is_not_switched_on_again(fallen):
+    drive = Drive()
+    activity = enable(drive)
+    word = DISABLED
+    while word != ENABLED:
+        activity.step(*drive.cycle(statusword=word, mode=1, position=0))
+        word = WORDS[drive.order.controlword(drive.image.state)]
+    assert not activity.step(*drive.cycle(statusword=ENABLED, position=0))
+    drive.cycle(statusword=None, position=0)
+    assert not activity.step(drive.image, drive.order)  # a word that is late says nothing of the power
+    with pytest.raises(DriveError, match="left operation enabled right after"):
+        activity.step(*drive.cycle(statusword=fallen, position=0))
+
+
+def test_out_of_a_quick_stop_it_is_enabled_only_once_it_stands():
+    drive = Drive()
+    activity, position = enable(drive), 0
+    for _ in range(20):
+        position += 10
+        assert not activity.step(*drive.cycle(statusword=QUICK, mode=1, position=position))
+        assert drive.order.goal is State.QUICK_STOP_ACTIVE
+        assert drive.order.controlword(drive.image.state) == 0x02
+    while drive.order.goal is State.QUICK_STOP_ACTIVE:
+        activity.step(*drive.cycle(position=position))
+        assert drive.now < 20.0
+    assert drive.image.standstill
+    assert drive.order.controlword(drive.image.state) == 0x0F  # transition 16
+
+
+def test_a_quick_stop_that_does_not_come_to_rest_has_the_time_of_its_rung():
+    drive = Drive()
+    activity, position, cycles = enable(drive), 0, 0
+    with pytest.raises(StateError, match="still moves in quick stop active"):
+        for _ in range(200):
+            position += 10
+            activity.step(*drive.cycle(statusword=QUICK, mode=1, position=position))
+            cycles += 1
+    assert cycles == 65  # one second
+
+
+def test_a_drive_without_a_position_decides_itself_when_its_quick_stop_is_over():
+    objects = frozenset({0x6040, 0x6041, 0x6060, 0x6061})
+    drive = Drive(objects=objects)
+    activity = enable(drive, (PV,))
+    activity.step(*drive.cycle(statusword=QUICK, mode=3))
+    assert drive.order.controlword(drive.image.state) == 0x0F
+
+
+def test_several_wait_for_each_other_in_switched_on():
+    drive, other = Drive(), Drive()
+    gate = Gate()
+    first, second = enable(drive, gate=gate), enable(other, gate=gate)
+    word = DISABLED
+    for _ in range(200):  # more than the two seconds of a transition
+        first.step(*drive.cycle(statusword=word, mode=1, position=0))
+        gate.update(2)
+        word = WORDS[drive.order.controlword(drive.image.state)]
+    assert word == SWITCHED_ON
+    theirs = DISABLED
+    while ENABLED not in (word, theirs):
+        first.step(*drive.cycle(statusword=word, mode=1, position=0))
+        second.step(*other.cycle(statusword=theirs, mode=1, position=0))
+        gate.update(2)
+        word = WORDS[drive.order.controlword(drive.image.state)]
+        theirs = WORDS[other.order.controlword(other.image.state)]
+        assert drive.now < 20.0
+    first.step(*drive.cycle(statusword=word, mode=1, position=0))
+    assert drive.order.controlword(drive.image.state) == 0x0F
+
+
+def test_a_cyclic_mode_has_its_offsets_taken_back_before_there_is_power():
+    drive = Drive()
+    activity = enable(drive, (CSP,))
+    written, words = [], []
+    word = DISABLED
+    for _ in range(40):
+        for request in drive.order.sdo:
+            written.append((f"{request.index:04X}", request.value))
+            drive.answers(request.id)
+            assert word == DISABLED
+        activity.step(*drive.cycle(statusword=word, mode=8, position=0))
+        words.append(word)
+        word = WORDS[drive.order.controlword(drive.image.state)]
+    assert written == [("60B0", 0), ("60B1", 0), ("60B2", 0)]
+    assert ENABLED in words
+
+
+def test_the_resting_modes_stand_still_most_surely_first():
+    assert [int(mode) for mode in RESTING_MODES] == [1, 8, 3, 9, 4]
+
+
+# The walk of the power stage.
+
+
+def test_each_new_state_has_its_time_and_one_seen_before_has_none():
+    drive = Drive()
+    walk = StateWalk(drive.parameters)
+    for word in (DISABLED, READY, SWITCHED_ON):
+        drive.later(1.75)
+        assert not walk.step(*drive.cycle(statusword=word), State.OPERATION_ENABLED)
+    since = drive.now
+    for word in (READY, SWITCHED_ON, READY):
+        drive.later(0.5)
+        assert not walk.step(*drive.cycle(statusword=word), State.OPERATION_ENABLED)
+    drive.later(since + 2.0 - drive.now - T)
+    assert not walk.step(*drive.cycle(), State.OPERATION_ENABLED)
+    with pytest.raises(
+        TransitionError, match="does not go on from 'ready to switch on' to 'operation enabled'"
+    ) as caught:
+        walk.step(*drive.cycle(), State.OPERATION_ENABLED)
+    assert caught.value.observed.startswith(
+        "controlword 0x0007 (switch on / disable operation) was sent, statusword 0x0231 for 2 s; "
+    )
+    assert caught.value.observed.endswith(
+        "switched on > ready to switch on > switched on > ready to switch on"
+    )
+
+
+def test_a_walk_that_is_held_has_its_time_again():
+    drive = Drive()
+    walk = StateWalk(drive.parameters)
+    walk.step(*drive.cycle(statusword=READY), State.SWITCHED_ON)
+    drive.later(1.75)
+    walk.hold(drive.cycle()[0])
+    drive.later(2.0 - T)
+    assert not walk.step(*drive.cycle(), State.SWITCHED_ON)
+    with pytest.raises(TransitionError):
+        walk.step(*drive.cycle(), State.SWITCHED_ON)
+
+
+def test_a_walk_without_a_statusword_sends_nothing_and_says_so():
+    drive = Drive()
+    walk = StateWalk(drive.parameters)
+    walk.step(*drive.cycle(statusword=None), State.SWITCHED_ON)
+    assert drive.order.controlword(drive.image.state) is None
+    drive.later(2.0)
+    with pytest.raises(StaleError, match="its statusword") as caught:
+        walk.step(*drive.cycle(), State.SWITCHED_ON)
+    assert "2 s" in caught.value.observed

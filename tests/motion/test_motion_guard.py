@@ -1,0 +1,363 @@
+"""Danger seen in time to brake, by numbers that can be added up by hand: limits of position and velocity, and lag."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+from steps import Drive, T
+
+from axisbus.cia402.options import Ramp
+from axisbus.errors import LimitError, StaleError
+from axisbus.motion.braking import Braking, Course
+from axisbus.motion.following import Following, Peak
+from axisbus.motion.guard import Guard, stop_of
+from axisbus.motion.ladder import Rung
+from axisbus.motion.parameters import HoldsLoad, Limits
+from axisbus.motion.states import AxisState
+
+FREE, MOVE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
+LIMITS = Limits(position=(0.0, 100.0), velocity=400.0)  # deg of 1000 increments
+DOWN = 640_000.0  # increments per s²
+
+
+class Bounded:
+    """A guard over an axis between 0 and 100 deg that goes so many increments in each cycle."""
+
+    def __init__(self, step: float, limits: Limits = LIMITS, **changes) -> None:
+        self.drive = Drive(limits=limits, **changes)
+        self.guard = Guard(self.drive.parameters)
+        self.step = step
+
+    def to(self, last: float, *, demand: float | None = None, cycles: int = 8, **values) -> Bounded:
+        """Go on until ``last``, with the demand so far ahead."""
+        for left in range(cycles - 1, -1, -1):
+            here = last - left * self.step
+            ahead = None if demand is None else round(here + demand)
+            self.drive.cycle(statusword=0x0237, position=round(here), demand=ahead, **values)
+            self.guard.look(self.drive.image)
+        return self
+
+    def rest(self, state: AxisState = FREE, course: Course | None = None, **options) -> float | None:
+        """Return where it could come to rest, by the error's text; None where there is no danger."""
+        error = self.guard.danger(self.drive.image, state, course=course, **options)
+        return None if error is None else float(error.observed.split("rest at ")[1].split(";")[0])
+
+
+def turning(step: float, down: float = DOWN) -> Course:
+    return Course(speed=step / T, up=1.0, down=down)
+
+
+# 1000 increments per cycle are 64 000 per s: 3000 pass in three cycles before a stop acts, and 3200 on its ramp.
+
+
+@pytest.mark.parametrize(
+    ("step", "last", "rest"),
+    [
+        (1000, 93_800, None),
+        (1000, 93_801, 100.001),
+        (1000, 99_000, 105.2),
+        (-1000, 6200, None),
+        (-1000, 6199, -0.001),
+        (-1000, 93_801, None),  # on its way back from there
+        (1000, 6199, None),
+        (0, 100_000, None),
+    ],
+)
+def test_a_free_motion_is_stopped_where_it_would_come_to_rest_beyond_its_limits(step, last, rest):
+    assert Bounded(step).to(last).rest(course=turning(step)) == rest
+
+
+def test_an_older_position_counts_with_what_has_passed_since():
+    late = Bounded(1000).to(92_801)
+    assert late.rest(course=turning(1000)) is None
+    late.drive.cycle()
+    late.guard.look(late.drive.image)
+    assert late.rest(course=turning(1000)) == 100.001
+
+
+def test_a_drive_that_cannot_brake_counts_with_its_way_until_a_stop_acts():
+    unknown = Course(speed=64_000.0, up=1.0)
+    parameters = {"defaults": replace(Drive().parameters.defaults, acceleration=None)}
+    assert Bounded(1000, **parameters).to(97_000).rest(course=unknown) is None
+    assert Bounded(1000, **parameters).to(97_001).rest(course=unknown) == 100.001
+
+
+def test_where_the_limits_do_not_hold_or_are_not_set_nothing_is_stopped():
+    assert Bounded(1000).to(99_000).rest(course=turning(1000), bounded=False) is None
+    assert Bounded(1000, limits=Limits()).to(999_000).guard.danger(Bounded(0).drive.image, FREE) is None
+    for state in (
+        AxisState.STANDSTILL,
+        AxisState.STOPPING,
+        AxisState.ERRORSTOP,
+        AxisState.SYNCHRONIZED_MOTION,
+    ):
+        assert Bounded(1000).to(99_000).rest(state, course=turning(1000)) is None
+
+
+def test_the_limits_count_from_where_the_user_has_set_0():
+    moved = Bounded(1000).to(93_801)
+    moved.drive.image.origin = 1
+    assert moved.rest(course=turning(1000)) is None
+    moved.drive.image.origin = -1
+    assert moved.rest(course=turning(1000)) == 100.002
+
+
+def test_a_command_that_speeds_up_counts_with_the_speed_that_it_may_have_by_then():
+    """From 64 000/s with 64 000/s² for 4.5 cycles: 68 500/s."""
+    faster = Course(speed=128_000.0, up=64_000.0, down=DOWN)
+    # 3210.9375 until a stop acts and 3665.8203 on the ramp
+    assert Bounded(1000).to(100_000 - 6877).rest(course=faster) is None
+    assert Bounded(1000).to(100_000 - 6876).rest(course=faster) == pytest.approx(100.0, abs=0.002)
+    slower = Course(speed=64_000.0, up=64_000.0, down=DOWN)
+    assert Bounded(1000).to(100_000 - 6876).rest(course=slower) is None
+
+
+def test_an_axis_that_stands_and_may_move_counts_only_since_then():
+    still = Bounded(0).to(99_999)
+    for _ in range(20):
+        still.drive.cycle()  # it sends on change
+        still.guard.look(still.drive.image)
+    course = Course(speed=64_000.0, up=640_000.0, down=DOWN)
+    # from now on: 3 cycles until a stop acts, 4.5 to speed up: 45 000/s, 2109 and 1582 increments
+    assert still.rest(course=course) == pytest.approx(99.999 + 2.109 + 1.582, abs=0.01)
+    still.drive.cycle()
+    still.guard.look(still.drive.image)
+    # a cycle later: 4 and 5.5, 55 000/s, 3437 and 2363
+    assert still.rest(course=course) == pytest.approx(99.999 + 3.437 + 2.363, abs=0.01)
+
+
+def test_without_a_command_the_acceleration_that_is_seen_counts():
+    """Positions 16 k²: 131 072/s², seen at 1024 (2 n - 3) per s; 576 * 16 more until a stop acts."""
+    drive = Drive(limits=LIMITS)
+    guard = Guard(drive.parameters)
+    for k in range(20):
+        drive.cycle(statusword=0x0237, position=91_000 + 16 * k * k)
+        guard.look(drive.image)
+    speed = 1024 * (2 * 19 - 3) + 576 * 16
+    rest = 91_000 + 16 * 19 * 19 + speed * 3 / 64 + speed**2 / (2 * 500_000)
+    error = guard.danger(drive.image, FREE)
+    assert isinstance(error, LimitError)
+    assert float(error.observed.split("rest at ")[1].split(";")[0]) == pytest.approx(rest / 1000, abs=0.001)
+    assert "allowed are 0 to 100" in error.observed
+
+
+def test_a_demand_ahead_of_the_position_counts_where_it_is_one_of_this_motion():
+    course = turning(1000)
+    assert Bounded(1000).to(90_000, demand=4000).rest(course=course) == 100.2
+    assert Bounded(1000).to(90_000, demand=3800).rest(course=course) is None
+    # more than a quarter of a second ahead is no demand of this motion
+    assert Bounded(1000).to(80_000, demand=16_000).rest(course=course) == 102.2
+    assert Bounded(1000).to(80_000, demand=16_001).rest(course=course) is None
+    assert Bounded(1000).to(93_000, demand=0).rest(course=course) is None
+
+
+def test_two_positions_say_nothing_yet():
+    assert Bounded(1000).to(99_900, cycles=2).rest(course=turning(1000)) is None
+    assert Bounded(1000).to(99_900, cycles=3).rest(course=turning(1000)) is not None
+
+
+def test_a_position_that_is_not_known_any_more_is_a_danger_where_limits_hold():
+    for limits, bounded, told in (
+        (LIMITS, True, True),
+        (LIMITS, False, False),
+        (Limits(velocity=400.0), True, False),
+    ):
+        blind = Bounded(1000, limits=limits).to(50_000)
+        blind.drive.cycle(position=None)
+        blind.guard.look(blind.drive.image)
+        error = blind.guard.danger(blind.drive.image, FREE, bounded=bounded)
+        assert isinstance(error, StaleError) is told
+
+
+# Velocity: 10 % more than the limit, and three increments in a cycle.
+
+
+@pytest.mark.parametrize(("step", "told"), [(6877, False), (6879, True), (-6877, False), (-6879, True)])
+def test_a_free_motion_is_stopped_where_it_is_a_tenth_too_fast(step, told):
+    fast = Bounded(step, limits=Limits(velocity=400.0)).to(0)
+    error = fast.guard.danger(fast.drive.image, FREE, course=turning(step))
+    assert (error is not None) is told
+    assert not told or error.message == "x: faster than max_velocity"
+
+
+@pytest.mark.parametrize(("count", "told"), [(192, False), (193, True)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_axis_that_is_pushed_is_stopped_before_it_is_too_fast(count, told, sign):
+    """16 k²: 1024 (2 n - 3) + 9216 per s by the time that a stop acts; 400 192 are allowed."""
+    drive = Drive(limits=Limits(velocity=400.0))
+    guard = Guard(drive.parameters)
+    for k in range(count - 8, count + 1):
+        drive.cycle(statusword=0x0237, position=sign * 16 * k * k)
+        guard.look(drive.image)
+    error = guard.danger(drive.image, FREE, course=Course(by_torque=True))
+    assert (error is not None) is told
+    assert not told or error.message == "x: about to be faster than max_velocity"
+    braking = guard.danger(drive.image, FREE, course=Course())
+    assert braking is None
+
+
+# Moves to a position.
+
+
+def test_a_move_that_begins_too_fast_for_its_ramp_is_stopped():
+    course = Course(down=DOWN, by_target=True)
+    # 64 000/s: 3200 to brake, less 20 and 2000 that it may be off
+    assert Bounded(1000).to(98_820).rest(MOVE, course=course) is None
+    assert Bounded(1000).to(98_821).rest(MOVE, course=course) == 100.001
+    assert Bounded(-1000).to(1180).rest(MOVE, course=course) is None
+    assert Bounded(-1000).to(1179).rest(MOVE, course=course) == -0.001
+    assert Bounded(1000).to(98_821).rest(MOVE, course=course, bounded=False) is None
+    assert Bounded(1000).to(98_821).rest(MOVE) is None
+    assert Bounded(1000).to(98_821).rest(MOVE, course=Course(by_target=True)) is None
+    assert Bounded(1000, position_window=21).to(98_821).rest(MOVE, course=course) is None
+    assert Bounded(1000, position_window=19).to(98_821).rest(MOVE, course=course) == 100.001
+
+
+def test_the_way_that_braking_would_take_beyond_the_limits():
+    over = Bounded(1000).to(94_000)
+    assert over.guard.overrun(over.drive.image, DOWN) == 100.2
+    assert Bounded(1000).to(93_000).guard.overrun(over.drive.image, DOWN) is None
+    pushed = Bounded(1000).to(94_000)
+    # a motor that is pushed is seized 20 ms later
+    assert pushed.guard.overrun(pushed.drive.image, DOWN, Course(by_torque=True)) == pytest.approx(101.48)
+    assert Bounded(1000).to(94_000, cycles=2).guard.overrun(over.drive.image, DOWN) is None
+
+
+# What brakes.
+
+QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "course", "expected"),
+    [
+        ({}, Course(), (Rung.HALT, 500_000.0)),
+        ({}, Course(down=7.0), (Rung.HALT, 7.0)),
+        ({"braking": Braking(halt=Ramp.QUICK, quick=9.0)}, Course(down=7.0), (Rung.HALT, 9.0)),
+        ({"braking": Braking(halt=Ramp.QUICK)}, Course(down=7.0), (Rung.HALT, 7.0)),
+        ({"braking": Braking(halt=Ramp.LIMIT, quick=9.0)}, Course(down=7.0), (Rung.HALT, 7.0)),
+        ({"braking": replace(QUICK, halt=Ramp.COAST)}, Course(down=7.0), (Rung.QUICK_STOP, 2000.0)),
+        ({"braking": Braking(halt=Ramp.COAST)}, Course(down=7.0), (Rung.HALT, 7.0)),
+        ({"braking": QUICK}, Course(down=7.0), (Rung.HALT, 7.0)),
+        # a move to a target: the harder of both
+        ({"braking": QUICK}, Course(down=7.0, by_target=True), (Rung.QUICK_STOP, 2000.0)),
+        ({"braking": QUICK}, Course(down=2000.0, by_target=True), (Rung.HALT, 2000.0)),
+        ({"braking": QUICK}, Course(down=3000.0, by_target=True), (Rung.HALT, 3000.0)),
+        (
+            {"braking": Braking(quick_stop=Ramp.COAST, quick=2000.0)},
+            Course(down=7.0, by_target=True),
+            (Rung.HALT, 7.0),
+        ),
+        # a torque: a halt would only let it go
+        ({"braking": QUICK}, Course(down=7.0, by_torque=True), (Rung.QUICK_STOP, 2000.0)),
+        (
+            {"braking": QUICK, "holds_load": HoldsLoad.BRAKE},
+            Course(down=7.0, by_torque=True),
+            (Rung.HALT, 7.0),
+        ),
+        ({}, Course(down=7.0, by_torque=True), (Rung.HALT, 7.0)),
+    ],
+)
+def test_which_stop_brakes_and_how_hard(changes, course, expected):
+    assert stop_of(Drive(**changes).parameters, course) == expected
+
+
+# Lag.
+
+
+def test_the_highest_speed_of_the_last_half_to_whole_second():
+    peak = Peak()
+    seen = [
+        peak.note(value, now)
+        for now, value in [
+            (0.0, 5.0),
+            (0.25, 9.0),
+            (0.5, 2.0),
+            (0.75, 1.0),
+            (1.0, 1.0),
+            (1.25, 0.0),
+            (2.0, 0.5),
+            (4.0, 0.25),
+        ]
+    ]
+    assert seen == [5.0, 9.0, 9.0, 9.0, 2.0, 2.0, 0.5, 0.25]
+
+
+def lag(behind: list[float], speed: float = 0.0, **changes) -> list[bool]:
+    """Return in which cycles an axis that is so far behind is given up."""
+    drive = Drive(**changes)
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=speed, mode=3)
+    told = []
+    for number, way in enumerate(behind):
+        activity.behind = way
+        drive.cycle(statusword=0x0237, mode=3, position=number)
+        told.append(watch.error(drive.image, activity) is not None)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("behind", "speed", "changes", "told"),
+    [
+        ([4000.0] * 4, 0.0, {}, [False] * 4),  # the window: 10 ms at 400 deg/s
+        ([4001.0] * 3, 0.0, {}, [False, True, True]),  # two positions in a row
+        ([-4001.0] * 2, 0.0, {}, [False, True]),
+        ([4001.0, 0.0, 4001.0, 4001.0], 0.0, {}, [False, False, False, True]),
+        ([4250.0] * 3, 1000.0, {}, [False] * 3),  # a quarter of a second at the speed that it is led with
+        ([4251.0] * 2, 1000.0, {}, [False, True]),
+        ([4001.0, 4001.0], 0.0, {"following_error": 1}, [False, False]),
+        ([4002.0, 4002.0], 0.0, {"following_error": 1}, [False, True]),
+        ([4002.0, 4002.0], 0.0, {"drive_following_error": 9}, [False, True]),  # not led by positions
+        ([4001.0] * 6, 0.0, {"drive_following_time": 4 * T}, [False] * 4 + [True, True]),
+        (
+            [4001.0, 4001.0, 0.0, 4001.0, 4001.0, 4001.0, 4001.0],
+            0.0,
+            {"drive_following_time": 3 * T},
+            [False] * 6 + [True],
+        ),
+    ],
+)
+def test_an_axis_that_is_too_far_behind_is_given_up(behind, speed, changes, told):
+    assert lag(behind, speed, **changes) == told
+
+
+def test_only_positions_that_are_new_count_for_the_lag():
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    assert watch.error(drive.cycle(mode=3, position=0)[0], activity) is None
+    for _ in range(5):
+        assert watch.error(drive.cycle()[0], activity) is None
+    error = watch.error(drive.cycle(position=0)[0], activity)
+    assert "at 0 deg it is 5 deg from where it should be by now; 4 are allowed" in error.observed
+    other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    assert watch.error(drive.cycle(position=1)[0], other) is None  # another command begins anew
+    assert watch.error(drive.cycle(position=2)[0], None) is None
+    assert watch.error(drive.cycle(position=None)[0], other) is None
+
+
+def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int = 1, **changes) -> list[bool]:
+    """The same for a position mode: positions with the demand."""
+    drive = Drive(**changes)
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=mode)
+    told = []
+    for position, demand in pairs:
+        drive.cycle(statusword=0x0237, mode=shown, position=position, demand=demand)
+        told.append(watch.error(drive.image, activity) is not None)
+    return told
+
+
+def test_in_a_position_mode_the_demand_leads():
+    assert led([(0, 4000)] * 3) == [False] * 3
+    assert led([(0, 4001)] * 3) == [False, True, True]
+    assert led([(0, 9000)] * 3, shown=3) == [False] * 3  # the drive is not there yet
+    assert led([(0, 9000)] * 3, mode=3, shown=3) == [False] * 3
+    assert led([(0, 4001)] * 2, drive_following_error=1) == [False, False]
+    assert led([(0, 4002)] * 2, drive_following_error=1) == [False, True]
+    # 64 per cycle are 4096 per s: 1024 more
+    moving = [(64 * k, 64 * k + 5024) for k in range(8)]
+    assert led(moving) == [False] + [False] * 7
+    assert led([(a, b + 1) for a, b in moving])[2:] == [True] * 6

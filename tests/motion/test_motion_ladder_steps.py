@@ -1,0 +1,514 @@
+"""The stop ladder and what an axis is known to do, step by step: ages of values, rungs, loads, what is blind, the way out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from rig import rig
+from steps import Drive, T
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.port import Source
+from axisbus.cia402.state import State
+from axisbus.errors import ArgumentError, LimitError, StaleError
+from axisbus.motion.follow import Follow
+from axisbus.motion.gate import OPEN
+from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.leaving import AxisLeaving, ladder_time
+from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
+from axisbus.motion.pathclock import PathClock
+from axisbus.motion.rundown import RunDown
+from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
+
+ENABLED, QUICK, DISABLED, READY, SWITCHED_ON, FAULT = 0x0237, 0x0217, 0x0250, 0x0231, 0x0233, 0x0218
+NAMES = ("statusword", "mode", "position", "velocity", "torque", "demand")
+
+# How old a value may be.
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_value_is_known_up_to_its_own_age(name):
+    ages = dict.fromkeys(NAMES, 100.0) | {name: 0.25}
+    drive = Drive(ages=ages)
+    first = dict(zip(NAMES, (ENABLED, 1, 5, 6, 7, 8), strict=True))
+    drive.cycle(**first)
+    began = drive.now
+    image = drive.image
+    while drive.now + T - began <= 0.25:
+        drive.cycle()
+        assert [getattr(image, each) for each in NAMES] == list(first.values())
+    drive.cycle()
+    unknown = [each for each in NAMES if getattr(image, each) is None]
+    # without the position nothing is known of how the demand lies to it
+    assert unknown == (["position", "demand"] if name == "position" else [name])
+    assert (image.state is State.UNKNOWN) is (name == "statusword")
+    drive.cycle(**{name: 9})
+    assert getattr(image, name) == 9
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_a_late_cycle_makes_old_is_not_the_drive_s_silence(name):
+    """No SYNC went out meanwhile: being late by less than the age is taken off."""
+    drive = Drive(ages={name: 0.25})
+    first = dict(zip(NAMES, (ENABLED, 1, 5, 6, 7, 8), strict=True))
+    drive.cycle(**first)
+    drive.later(1.0)
+    drive.cycle()
+    assert getattr(drive.image, name) is not None
+    assert drive.image.gap == 1.0 + T
+    drive.cycle()
+    assert getattr(drive.image, name) is None
+
+
+def test_only_a_gap_of_two_periods_is_time_that_this_program_did_not_run():
+    drive = Drive()
+    drive.cycle()
+    drive.later(T - 2**-20)
+    for _ in range(60):
+        drive.cycle()
+        drive.later(T - 2**-20)
+    assert drive.image.starvation.missing(drive.now) == 0.0
+    late = Drive()
+    late.cycle()
+    late.later(0.5).cycle()
+    assert late.image.starvation.missing(late.now) == 0.5
+
+
+def test_half_the_count_may_pass_unseen_only_at_the_highest_speed():
+    drive = Drive(ages={"position": 100.0})
+    drive.image.fastest = float(2**31)  # in a second
+    drive.cycle(position=0)
+    drive.later(1.0 - 2 * T).cycle(position=10)
+    assert not drive.image.lost_count
+    drive.later(1.0 - T).cycle(position=10)
+    assert drive.image.lost_count
+    drive.cycle(position=10)
+    assert not drive.image.lost_count
+
+
+# The rungs.
+
+TIMES = StopTimes(halt=0.5, quick_stop=0.25, disable=1.0)
+
+
+class Stop:
+    """A ladder on a drive that is told what to say; notes each cycle's word, mode and NMT stop."""
+
+    def __init__(
+        self, then: Then = Then.HOLD, start: Rung = Rung.HALT, by_event: bool = False, **changes
+    ) -> None:
+        self.drive = Drive(by_event=by_event, **({"stop_times": TIMES} | changes))
+        self.ladder = StopLadder(self.drive.parameters, then, start=start)
+        self.run_down = RunDown(self.drive.parameters)
+        self.drive.order.goal = State.OPERATION_ENABLED
+        self.place = 0
+        self.done = False
+        self.sent: list[tuple[int | None, bool]] = []
+
+    def before(self, cycles: int, moving: bool, **values: int | None) -> Stop:
+        """What was seen before the stop."""
+        for _ in range(cycles):
+            self.place += 100 * moving
+            self.drive.cycle(position=self.place, **values)
+            self.run_down.look(self.drive.image, True)
+        return self
+
+    def run(self, cycles: int, moving: bool, position: bool = True, **values: int | None) -> Stop:
+        """Step it until it ends, or so many cycles."""
+        for _ in range(cycles):
+            self.place += 100 * moving
+            image, order = self.drive.cycle(**({"position": self.place} if position else {}), **values)
+            self.run_down.look(image, True)
+            self.done = self.ladder.step(image, order, self.run_down)
+            self.sent.append((order.controlword(image.state), order.nmt_stop))
+            if self.done:
+                break
+        return self
+
+    @property
+    def words(self) -> list[int | None]:
+        """The controlwords, without repetitions."""
+        words = [word for word, _ in self.sent]
+        return [word for number, word in enumerate(words) if number == 0 or words[number - 1] != word]
+
+
+@pytest.mark.parametrize("holds", [HoldsLoad.NO, HoldsLoad.BRAKE, HoldsLoad.TORQUE])
+@pytest.mark.parametrize("moving", [True, False])
+def test_the_power_of_an_axis_with_a_load_is_not_cut_while_that_would_let_it_fall(holds, moving):
+    """A drive that obeys nothing: a brake holds only what stands, a motor only as long as it has power."""
+    stop = Stop(start=Rung.QUICK_STOP, holds_load=holds).run(400, moving, statusword=ENABLED, mode=1)
+    cut = 0x00 in [word & 0x0F for word in stop.words]
+    assert stop.done
+    assert cut is (holds is HoldsLoad.NO or (holds is HoldsLoad.BRAKE and not moving))
+    assert stop.ladder.spared is not cut
+    if not cut:
+        assert len(stop.sent) == 16 + 2
+        assert stop.ladder.confirmed is not moving
+        assert stop.ladder.descended
+
+
+def test_each_rung_has_its_own_time():
+    stop = Stop().run(400, True, statusword=ENABLED, mode=3)
+    words = [word & 0x0F for word, _ in stop.sent]
+    # the cycle in which a time has passed still has the old word
+    assert [words.count(word) for word in (0x0F, 0x02)] == [34, 17]
+    assert stop.ladder.path == [Rung.HALT, Rung.QUICK_STOP, Rung.DISABLE_VOLTAGE, Rung.NMT_STOP]
+    assert stop.ladder.late == ["halt_time", "quick_stop_time", "disable_time"]
+    nmt = [nmt for _, nmt in stop.sent]
+    assert nmt.index(True) == 34 + 17 + 65
+    assert nmt.count(True) == 7  # a tenth of a second
+    assert not stop.ladder.confirmed
+    assert "still moving" in stop.ladder.unseen
+
+
+@pytest.mark.parametrize(
+    ("holds", "leaves", "done"),
+    [(False, False, False), (True, False, True)],
+)
+def test_a_quick_stop_that_the_drive_itself_will_leave_is_over_when_it_has_left(holds, leaves, done):
+    stop = Stop(start=Rung.QUICK_STOP, quick_stop_holds=holds, stop_times=StopTimes(quick_stop=2.0))
+    stop.run(40, False, statusword=QUICK, mode=1)
+    assert stop.done is done
+    if not done:
+        stop.run(3, False, statusword=DISABLED)
+        assert stop.done or stop.run(10, False, statusword=DISABLED).done
+    assert stop.ladder.confirmed
+
+
+def test_a_quick_stop_seen_during_a_halt_is_gone_along_with():
+    stop = Stop().run(1, True, statusword=QUICK, mode=1)
+    assert stop.ladder.rung is Rung.QUICK_STOP
+    assert stop.words == [0x02]
+    assert not stop.ladder.descended
+
+
+def test_a_drive_that_is_not_heard_is_stopped_by_what_is_safe_in_every_state():
+    stop = Stop().run(1, True, statusword=None, mode=1)
+    assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (Rung.QUICK_STOP, True, True)
+    assert stop.words == [0x02]
+
+
+@pytest.mark.parametrize(
+    ("start", "word", "first", "rung", "last"),
+    [
+        (Rung.HALT, ENABLED, [0x10F, 0x107], Rung.QUICK_STOP, 0x02),
+        (Rung.QUICK_STOP, QUICK, [0x02, 0x00], Rung.DISABLE_VOLTAGE, 0x00),
+    ],
+)
+def test_while_it_is_being_taken_down_an_unknown_state_gets_a_word_that_is_safe_in_every_one(
+    start, word, first, rung, last
+):
+    stop = Stop(Then.DISABLE, start).run(8, False, statusword=word, mode=1)
+    assert stop.words[:2] == first
+    stop.run(1, False, statusword=None)
+    assert stop.ladder.rung is rung
+    stop.run(1, False, statusword=None)
+    assert stop.words[-1] == last
+
+
+def test_being_taken_down_has_its_time_and_then_the_power_is_cut():
+    stop = Stop(Then.DISABLE).run(6, False, statusword=ENABLED, mode=1)
+    stood = len(stop.sent)
+    stop.run(60, False, statusword=SWITCHED_ON)
+    assert not stop.done
+    assert stop.ladder.late == []
+    stop.run(10, False, statusword=ENABLED)
+    assert stop.ladder.late == ["disable_time"]
+    assert len(stop.sent) - stood >= 64
+    assert stop.words[-1] & 0x0F == 0x00
+
+
+def test_without_power_the_motor_must_be_seen_to_stand_in_the_time_that_it_has():
+    stop = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, True, statusword=READY)
+    assert stop.done
+    assert not stop.ladder.confirmed
+    assert stop.ladder.running_down.startswith("its power is off, at ")
+    assert len(stop.sent) == 64 + 2  # one second
+    standing = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, False, statusword=READY)
+    assert (standing.done, standing.ladder.confirmed, standing.ladder.running_down) == (True, True, "")
+    assert len(standing.sent) < 10
+    fell = Stop(Then.DISABLE).before(3, True, statusword=ENABLED, mode=1).run(10, False, statusword=READY)
+    assert fell.ladder.confirmed
+    assert not fell.done  # it still has to be taken down
+    assert fell.run(1, False, statusword=DISABLED).done
+
+
+def test_what_was_confirmed_with_power_is_not_where_the_motor_moves_without():
+    stop = Stop(Then.DISABLE).before(3, False, statusword=ENABLED, mode=1).run(8, False, statusword=ENABLED)
+    assert stop.ladder.confirmed
+    stop.run(3, True, statusword=READY)
+    assert not stop.ladder.confirmed
+    assert stop.run(200, True, statusword=DISABLED).done
+    assert not stop.ladder.confirmed
+
+
+@pytest.mark.parametrize(
+    ("asked", "then", "rung", "goes"),
+    [
+        (Rung.QUICK_STOP, Then.HOLD, Rung.QUICK_STOP, True),
+        (Rung.HALT, Then.HOLD, Rung.HALT, False),
+        (Rung.HALT, Then.DISABLE, Rung.HALT, False),
+    ],
+)
+def test_what_is_asked_for_again_makes_it_harder_and_never_softer(asked, then, rung, goes):
+    stop = Stop().run(3, True, statusword=ENABLED, mode=1)
+    assert not stop.ladder.takes_power
+    stop.ladder.harden(then, asked)
+    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is Then.DISABLE)
+    assert (len(stop.ladder.path) == 2) is goes
+    stop.ladder.harden(Then.HOLD, Rung.HALT)
+    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is Then.DISABLE)
+    down = Stop(Then.DISABLE).run(8, False, statusword=ENABLED, mode=1)
+    down.ladder.harden(Then.HOLD, Rung.QUICK_STOP)  # it stands, and is being taken down
+    assert down.ladder.rung is Rung.HALT
+
+
+def edge(stop: Stop, target: int) -> Stop:
+    """A set-point far away has been given before, by what nobody sees leading it (no 6062h)."""
+    led = stop.drive.image.led
+    led.note(stop.drive.now, 1, None, target, True)
+    return stop
+
+
+@pytest.mark.parametrize(
+    ("waited", "moving", "held"),
+    [(30, False, True), (10, False, False), (30, True, False)],
+)
+def test_an_axis_that_stood_in_the_middle_of_its_move_was_held_and_loses_its_power_only_then(
+    waited, moving, held
+):
+    """Three tenths of a second after its set-point a free axis moves; where nobody sees what pulls it, it is not let go softly."""
+    stop = Stop().before(10, False, statusword=ENABLED, mode=1)
+    edge(stop, 90_000).before(waited, moving)
+    stop.run(12, False, statusword=ENABLED)
+    assert stop.ladder.held is held
+    assert (stop.ladder.rung is Rung.QUICK_STOP) is held
+    assert ("nobody sees" in stop.ladder.unseen) is held
+    taken = edge(Stop(Then.DISABLE).before(10, False, statusword=ENABLED, mode=1), 90_000).before(
+        waited, moving
+    )
+    taken.run(12, False, statusword=ENABLED)
+    assert not taken.ladder.held
+    assert taken.ladder.rung is Rung.HALT
+    again = edge(Stop().before(10, False, statusword=ENABLED, mode=1), 90_000).before(waited, moving)
+    again.ladder.harden(Then.HOLD, Rung.QUICK_STOP)
+    again.run(2, False, statusword=ENABLED)
+    assert not again.ladder.held
+
+
+def test_a_pull_that_is_seen_keeps_a_halted_axis_from_counting_as_stopped():
+    stop = Stop().run(400, False, statusword=ENABLED, mode=1, demand=5000)
+    assert stop.ladder.path[:2] == [Rung.HALT, Rung.QUICK_STOP]
+    assert stop.ladder.held
+    assert "leaps" in stop.ladder.unseen or "pulls" in stop.ladder.unseen
+    near = Stop().run(400, False, statusword=ENABLED, mode=1, demand=4000)
+    assert near.ladder.path == [Rung.HALT]
+    assert not near.ladder.held
+
+
+@pytest.mark.parametrize(
+    ("mode", "holds", "wanted", "torque"),
+    [
+        (4, HoldsLoad.TORQUE, 1, None),
+        (10, HoldsLoad.BRAKE, 1, None),
+        (4, HoldsLoad.NO, 3, 0),
+        (3, HoldsLoad.TORQUE, None, 0),
+    ],
+)
+def test_a_torque_is_halted_by_a_mode_that_brakes_or_holds(mode, holds, wanted, torque):
+    stop = Stop(holds_load=holds).run(1, True, statusword=ENABLED, mode=mode, demand=50)
+    order = stop.drive.order
+    assert (order.mode, order.target_torque) == (wanted, torque)
+    assert order.halt is (wanted is None)
+    if wanted is not None:
+        assert (order.target_position, order.target_velocity) == (50, 0)
+
+
+def test_a_load_is_held_by_the_first_mode_that_the_drive_has():
+    for has, wanted in (({8, 3}, 8), ({3}, 3), ({9}, 1)):
+        modes = frozenset(ModeOfOperation(mode) for mode in has)
+        stop = Stop(holds_load=HoldsLoad.TORQUE, modes=modes).run(1, True, statusword=ENABLED, mode=4)
+        assert stop.drive.order.mode == wanted
+
+
+@pytest.mark.parametrize(
+    ("holds", "torque"), [(HoldsLoad.NO, 0), (HoldsLoad.BRAKE, None), (HoldsLoad.TORQUE, None)]
+)
+def test_a_quick_stop_takes_no_torque_from_a_load(holds, torque):
+    stop = Stop(start=Rung.QUICK_STOP, holds_load=holds).run(1, True, statusword=ENABLED, mode=4)
+    assert (stop.drive.order.target_torque, stop.drive.order.target_velocity) == (torque, 0)
+
+
+def test_names_of_rungs():
+    assert [rung.text for rung in Rung] == ["halt", "quick stop", "disable voltage", "NMT stop"]
+
+
+# Along a path.
+
+
+def path(drive: Drive, end: float = 40.0) -> Follow:
+    return Follow(Trapezoid(0.0, end, 20.0, 40.0), drive.parameters, OPEN)
+
+
+def test_a_path_is_braked_only_where_it_runs_and_something_is_known_to_do_it_with():
+    drive = Drive(scan_period=0.01)
+    follow = path(drive)
+    drive.cycle(statusword=ENABLED, mode=8, position=0)
+    assert not follow.begin_braking()
+    assert follow.at_rest
+    for _ in range(60):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        follow.step(*drive.cycle(statusword=ENABLED, mode=8, position=0))
+    assert not follow.at_rest
+    assert follow.begin_braking()
+    assert follow.clock.braking
+    for _ in range(60):
+        follow.step(*drive.cycle(statusword=ENABLED, mode=8, position=0))
+    assert follow.at_rest
+    none = Drive(scan_period=0.01, defaults=Defaults(), limits=Limits(velocity=400.0))
+    unknown = path(none)
+    for _ in range(60):
+        for request in none.order.sdo:
+            none.answers(request.id)
+        unknown.step(*none.cycle(statusword=ENABLED, mode=8, position=0))
+    assert not unknown.begin_braking()
+
+
+def test_a_path_that_is_over_is_at_rest():
+    drive = Drive(scan_period=0.01)
+    follow = path(drive, 0.5)
+    for _ in range(60):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        follow.step(*drive.cycle(statusword=ENABLED, mode=8, position=0))
+    assert drive.order.target_position == 500
+    assert follow.at_rest
+    assert follow.take_stepped()
+    assert not follow.take_stepped()
+    assert isinstance(follow.clock, PathClock)
+
+
+@pytest.mark.parametrize(("start", "begins"), [(0.0, True), (90.0, False)])
+def test_a_trajectory_begins_where_the_axis_stands(start, begins):
+    drive = Drive(scan_period=0.01)
+    follow = Follow(Trapezoid(start, start + 1.0, 20.0, 40.0), drive.parameters, OPEN)
+
+    def run() -> None:
+        for _ in range(20):
+            for request in drive.order.sdo:
+                drive.answers(request.id)
+            follow.step(*drive.cycle(statusword=ENABLED, mode=8, position=0))
+
+    if begins:
+        run()
+        return
+    with pytest.raises(LimitError, match="does not begin where the axis stands") as caught:
+        run()
+    assert caught.value.observed == "it begins at 90 deg, the axis stands at 0 deg"
+
+
+def test_a_path_without_a_position_is_refused():
+    drive = Drive(scan_period=0.01)
+    with pytest.raises(StaleError, match="cyclic synchronous position mode needs it"):
+        path(drive).step(*drive.cycle(statusword=ENABLED, mode=8))
+
+
+# The way out.
+
+
+def test_the_way_out_has_the_time_of_all_rungs():
+    assert ladder_time(TIMES) == 0.5 + 0.25 + 2.0
+
+
+def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
+    """An axis whose own stop is over, and what is looked at after it."""
+    image = SimpleNamespace(
+        state=State.SWITCH_ON_DISABLED, position=0, velocity=None, standstill=False, position_stamp=99.0
+    )
+    core = SimpleNamespace(
+        touched=True, stopped_for_sure=False, image=image, parameters=Drive(stop_times=TIMES).parameters
+    )
+    for name, value in changes.items():
+        setattr(image if hasattr(image, name) else core, name, value)
+    axis = AxisLeaving.__new__(AxisLeaving)
+    axis.over, axis.error, axis._core = False, None, core
+    axis._since, axis._until = 100.0, 102.75
+    axis._handle = SimpleNamespace(busy=False, exception=lambda: None)
+    return core, axis
+
+
+@pytest.mark.parametrize(
+    ("changes", "over"),
+    [
+        ({"touched": False}, True),
+        ({}, False),
+        ({"standstill": True}, False),  # a position of before says nothing
+        ({"standstill": True, "position_stamp": 100.0}, True),
+        ({"standstill": True, "stopped_for_sure": True}, True),
+        ({"stopped_for_sure": True}, False),
+        ({"standstill": True, "position_stamp": 100.0, "state": State.OPERATION_ENABLED}, False),
+        ({"standstill": True, "state": State.OPERATION_ENABLED, "stopped_for_sure": True}, True),
+        ({"standstill": True, "position_stamp": 100.0, "state": State.UNKNOWN}, False),
+        ({"position": None}, True),
+        ({"position": None, "velocity": 5}, False),
+        ({"position": None, "velocity": 0}, True),
+    ],
+)
+def test_an_axis_has_left_when_it_is_seen_at_rest(changes, over):
+    _, axis = leaving(**changes)
+    axis.step(102.75)
+    assert axis.over is over
+    assert axis.error is None
+    axis.step(102.75 + T)
+    assert axis.over
+    assert (axis.error is None) is over
+    if not over:
+        assert axis.error.message == "x: could not be confirmed as stopped"
+        assert "TREAT THE AXIS AS MOVING" in axis.error.remedy
+        assert axis.told is axis.error
+    assert axis.verdict is axis.error
+
+
+def test_a_stop_that_is_under_way_is_not_over():
+    _, axis = leaving(touched=False)
+    axis._handle.busy = True
+    axis.step(1000.0)
+    assert not axis.over
+    assert axis.verdict is None
+    _, moving = leaving()
+    assert "could not be confirmed" in moving.verdict.message
+    assert moving.told is None
+
+
+# Calls to several axes, and values that are not known.
+
+
+def test_a_group_needs_one_position_for_each_of_its_axes():
+    r = rig("xy").enabled()
+    for call in (
+        lambda: r.groups["all"].move_direct((1.0,)),
+        lambda: r.groups["all"].move_direct((1.0, 2.0, 3.0)),
+        lambda: r.groups["all"].move_linear((1.0,), velocity=1.0),
+    ):
+        with pytest.raises(ArgumentError, match="positions for 2 axes"):
+            call()
+    assert repr(r.groups["all"]) == "<Group all: x, y>"
+    bounded = rig("xy", limits=Limits(position=(-5.0, 5.0))).enabled()
+    with pytest.raises(LimitError):
+        bounded.groups["all"].move_direct((1.0, 6.0))
+    for velocity in (0.0, -1.0, float("nan")):
+        with pytest.raises(LimitError, match="must be a finite number above 0"):
+            r.groups["all"].move_linear((1.0, 2.0), velocity=velocity)
+
+
+def test_why_a_value_is_not_known_is_told():
+    r = rig(port={"inputs": {"velocity": Source.NONE}})
+    r.run(0.1)
+    with pytest.raises(StaleError) as caught:
+        _ = r.axis.velocity
+    assert caught.value.observed == "it does not travel: no TPDO holds it, and it is not polled"
+    assert r.axis.position == 0.0
+    assert r.axis.state is AxisState.DISABLED

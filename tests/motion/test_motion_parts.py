@@ -1,0 +1,887 @@
+"""The pure parts one by one, step by step: what each sends and when each ends, by the clock and by what the drive has said."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from steps import Drive, T
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.options import Ramp
+from axisbus.cia402.port import Sample
+from axisbus.cia402.state import State
+from axisbus.errors import (
+    ArgumentError,
+    DriveError,
+    HomingError,
+    ModeError,
+    SetPointError,
+    StaleError,
+    TransitionError,
+)
+from axisbus.motion.activity import ModeSwitch, Transfers, age_text, object_text, require_position, where_text
+from axisbus.motion.braking import Braking
+from axisbus.motion.homing import HomingJob, HomingRun
+from axisbus.motion.parameters import HoldsLoad, Limits, pull_window
+from axisbus.motion.pathclock import PathClock
+from axisbus.motion.power import Coast, Reset
+from axisbus.motion.ramped import RampedWay
+from axisbus.motion.sdo_path import SdoPath
+from axisbus.motion.setpoint import Phase, SetPoint
+from axisbus.motion.standing import Standing
+from axisbus.motion.still import Still
+from axisbus.motion.track import Track
+from axisbus.motion.trajectory import Sampled, Trapezoid
+
+ENABLED, READY, FAULT = 0x0237, 0x0231, 0x0218
+NO_TIME = 0x05040000
+
+
+# The set-point handshake.
+
+
+def set_point(drive: Drive, timeout: float = 1.0) -> SetPoint:
+    return SetPoint(5000, drive.parameters.name, timeout)
+
+
+def test_a_set_point_is_offered_when_bit_12_is_low_and_taken_when_it_has_fallen_again():
+    drive = Drive()
+    point = set_point(drive)
+    sent = []
+    for word, phase in [
+        (ENABLED | 0x1000, Phase.CLEAR),  # the acknowledge of a former one
+        (None, Phase.CLEAR),
+        (ENABLED, Phase.OFFER),
+        (ENABLED, Phase.OFFER),
+        (ENABLED | 0x1000, Phase.RELEASE),
+        (ENABLED | 0x1000, Phase.RELEASE),
+        (ENABLED, Phase.TAKEN),
+        (ENABLED | 0x1000, Phase.TAKEN),
+    ]:
+        taken = point.step(*drive.cycle(statusword=word))
+        assert (point.phase, taken) == (phase, phase is Phase.TAKEN)
+        assert point.begun == (phase in (Phase.OFFER, Phase.RELEASE))
+        sent.append((drive.order.target_position, drive.order.bits))
+    nothing, offer = (None, 0), (5000, 0x30)
+    assert sent == [nothing, nothing, offer, offer, nothing, nothing, nothing, nothing]
+
+
+def test_a_word_received_before_bit_4_fell_does_not_end_the_handshake():
+    drive = Drive()
+    point = set_point(drive)
+    point.step(*drive.cycle(statusword=ENABLED))
+    point.step(*drive.cycle(statusword=ENABLED | 0x1000))
+    released = drive.now
+    drive._samples["statusword"] = Sample(ENABLED, released)  # came in the very cycle in which bit 4 fell
+    assert not point.step(*drive.cycle())
+    assert point.step(*drive.cycle(statusword=ENABLED))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([ENABLED | 0x1000], "does not end the set-point handshake"),
+        ([ENABLED], "does not take the set-point"),
+        ([ENABLED, ENABLED | 0x1000], "does not end the set-point handshake"),
+    ],
+)
+def test_each_wait_of_the_handshake_has_the_whole_time(words, message):
+    drive = Drive()
+    point = set_point(drive, 0.5)
+    for word in words:
+        drive.later(0.4)
+        point.step(*drive.cycle(statusword=word))
+    began = point.since or drive.now
+    drive.later(began + 0.5 - drive.now - T)
+    point.step(*drive.cycle())
+    with pytest.raises(SetPointError, match=message) as caught:
+        point.step(*drive.cycle())
+    bit = 1 if "take" in message else 0
+    assert f"bit 4 (new set-point) was {bit} for 0.5 s" in caught.value.observed
+    assert f"acknowledge) stayed {1 - bit}" in caught.value.observed
+
+
+# Homing.
+
+JOB = HomingJob(17, 500, 100, 2000, 5.0)
+
+
+def searching(drive: Drive, job: HomingJob = JOB) -> HomingRun:
+    """A homing whose edge has been given."""
+    run = HomingRun(job, drive.parameters)
+    run.step(*drive.cycle(statusword=ENABLED, mode=6))
+    for request in drive.order.sdo:
+        drive.answers(request.id)
+    run.step(*drive.cycle())
+    for _ in range(3):
+        run.step(*drive.cycle(statusword=ENABLED))
+        if drive.order.bits:
+            return run
+    raise AssertionError("no edge")
+
+
+def test_homing_writes_what_it_was_given_and_only_objects_that_the_drive_has():
+    drive = Drive()
+    assert JOB.writes(drive.parameters) == [
+        (0x6098, 0, 17),
+        (0x6099, 1, 500),
+        (0x6099, 2, 100),
+        (0x609A, 0, 2000),
+    ]
+    assert replace(JOB, speed_zero=None).writes(drive.parameters) == [
+        (0x6098, 0, 17),
+        (0x6099, 1, 500),
+        (0x609A, 0, 2000),
+    ]
+    few = replace(drive.parameters, objects=frozenset({0x6098}))
+    assert JOB.writes(few) == [(0x6098, 0, 17)]
+
+
+def test_bit_4_rises_two_cycles_after_the_mode_is_shown_and_stays():
+    drive = Drive()
+    run = HomingRun(JOB, drive.parameters)
+    bits = []
+    for number in range(8):
+        assert not run.step(*drive.cycle(statusword=ENABLED, mode=1 if number < 3 else 6))
+        bits.append(drive.order.bits)
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        assert not (drive.order.bits and drive.order.halt)
+    assert bits == [0, 0, 0, 0, 0, 0x10, 0x10, 0x10]
+
+
+@pytest.mark.parametrize(
+    ("word", "done"),
+    [(0x1400, True), (0x1000, False), (0x0400, False), (0x0000, False)],
+)
+def test_home_is_found_when_attained_and_reached_come_after_attained_was_low(word, done):
+    drive = Drive()
+    run = searching(drive)
+    assert not run.step(*drive.cycle(statusword=ENABLED))
+    assert run.step(*drive.cycle(statusword=ENABLED | word)) is done
+
+
+def test_a_homing_error_that_was_low_since_the_edge_counts_at_once():
+    drive = Drive()
+    run = searching(drive)
+    run.step(*drive.cycle(statusword=ENABLED))
+    with pytest.raises(HomingError, match=r"method 17 \(negative limit switch\)") as caught:
+        run.step(*drive.cycle(statusword=ENABLED | 0x3000))
+    assert "bit 13" in caught.value.observed
+    assert "attained (bit 12) 1, reached (bit 10) 0" in caught.value.observed
+
+
+@pytest.mark.parametrize("word", [0x1400, 0x2000])
+def test_bits_that_still_stand_from_a_former_homing_count_only_after_the_settling_time(word):
+    """Home in place: attained may never be seen low; then a second word, received well after the edge, says it."""
+    drive = Drive()
+    run = HomingRun(JOB, drive.parameters)
+    edge = None
+    for _ in range(40):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        try:
+            done = run.step(*drive.cycle(statusword=ENABLED | word, mode=6))
+        except HomingError:
+            done = True
+        edge = drive.now if edge is None and drive.order.bits else edge
+        if done:
+            break
+    assert drive.now - edge == 0.125 + T
+
+
+def test_one_late_word_alone_does_not_say_that_home_is_found():
+    """It may have been on its way when the drive saw the edge."""
+    drive = Drive()
+    run = HomingRun(JOB, drive.parameters)
+    while not drive.order.bits:
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        run.step(*drive.cycle(statusword=ENABLED | 0x1400, mode=6))
+    drive.later(0.2)
+    assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+    assert not run.step(*drive.cycle())  # the same word seen again is no second one
+    assert run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+
+
+def test_a_drive_that_sends_its_word_on_change_needs_no_second_one():
+    drive = Drive(by_event=True)
+    run = HomingRun(JOB, drive.parameters)
+    while not drive.order.bits:
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        run.step(*drive.cycle(statusword=ENABLED | 0x1400, mode=6))
+    edge = drive.now
+    assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+    while not run.step(*drive.cycle()):
+        assert drive.now < edge + 1.0
+    assert drive.now - edge == 0.125 + T
+
+
+def test_homing_has_its_time_and_no_more():
+    drive = Drive()
+    run = searching(drive)
+    edge = drive.now
+    drive.later(5.0 - 2 * T)
+    assert not run.step(*drive.cycle(statusword=ENABLED))
+    drive.later(edge + 5.0 - drive.now - T)
+    assert not run.step(*drive.cycle(statusword=ENABLED))
+    with pytest.raises(HomingError) as caught:
+        run.step(*drive.cycle(statusword=ENABLED))
+    assert "not found within 5 s" in caught.value.observed
+
+
+def test_an_interrupted_homing_takes_its_transfers_back():
+    drive = Drive()
+    run = HomingRun(JOB, drive.parameters)
+    run.step(*drive.cycle(statusword=ENABLED, mode=6))
+    asked = [request.id for request in drive.order.sdo]
+    assert len(asked) == 4
+    run.cancel(drive.order)
+    assert sorted(drive.order.cancel) == sorted(asked)
+
+
+# The way by SDO.
+
+
+def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_positions_are_the_same():
+    drive = Drive()
+    path = SdoPath(drive.parameters)
+    path.look(*drive.cycle(statusword=None))
+    assert [(request.index, request.value) for request in drive.order.sdo] == [(0x6041, None), (0x6064, None)]
+    assert (path.state, path.stands, path.may_turn) == (None, False, True)
+    asked = [request.id for request in drive.order.sdo]
+    drive.later(0.5)
+    path.look(*drive.cycle())
+    assert drive.order.sdo == []  # the answers are still out
+    drive.answers(asked[0], 0x0237).answers(asked[1], 1000)
+    path.look(*drive.cycle())
+    assert (path.state, path.stands) == (State.OPERATION_ENABLED, False)
+    first = drive.now
+    for position, stands in [
+        (1003, False),
+        (1005, True),
+        (1005, True),
+        (1002, False),
+        (None, False),
+        (1002, False),
+        (1001, True),
+    ]:
+        asked = [request.id for request in drive.order.sdo]
+        drive.answers(asked[0], 0x0007).answers(asked[1], position)
+        path.look(*drive.cycle())
+        assert (path.state, path.stands) == (State.QUICK_STOP_ACTIVE, stands), position
+        assert path.may_turn is not stands
+        assert drive.order.sdo == []
+        while not drive.order.sdo:
+            path.look(*drive.cycle())
+            assert drive.now < first + 0.2
+        assert drive.now - first == 7 * T  # the first cycle after 0.1 s
+        first = drive.now
+    path.look(*drive.cycle(statusword=READY))
+    assert (path.state, path.stands, path.may_turn) == (None, False, True)
+
+
+def test_a_look_that_is_under_way_is_taken_back():
+    drive = Drive()
+    path = SdoPath(drive.parameters)
+    path.look(*drive.cycle(statusword=None))
+    asked = [request.id for request in drive.order.sdo]
+    path.cancel(drive.order)
+    assert drive.order.cancel == asked
+    drive.cycle()
+    path.cancel(drive.order)
+    assert drive.order.cancel == []
+
+
+def test_a_word_goes_by_sdo_once_and_only_where_no_pdo_brings_it():
+    drive = Drive()
+    path = SdoPath(drive.parameters)
+    for operational, word, command, sent in [
+        (True, ENABLED, 2, []),
+        (False, ENABLED, 2, [(0x6040, 0, 2)]),
+        (False, ENABLED, 2, []),
+        (False, ENABLED, 0, [(0x6040, 0, 0)]),
+        (True, None, 0, []),
+        (True, None, 2, [(0x6040, 0, 2)]),
+    ]:
+        drive.operational = operational
+        drive.cycle(statusword=word)
+        path.send(command, drive.image, drive.order)
+        assert [(r.index, r.subindex, r.value) for r in drive.order.sdo] == sent
+
+
+def test_a_drive_without_a_position_cannot_be_said_to_turn():
+    drive = Drive(objects=frozenset({0x6040, 0x6041}))
+    path = SdoPath(drive.parameters)
+    path.look(*drive.cycle(statusword=None))
+    assert [request.index for request in drive.order.sdo] == [0x6041]
+    assert not path.may_turn
+
+
+# Transfers.
+
+
+def test_transfers_are_asked_for_together_and_end_with_the_last_answer():
+    drive = Drive()
+    both = Transfers([(0x6081, 0, 500), (0x6083, 0, None)], drive.parameters)
+    assert not both.step(*drive.cycle())
+    first, second = drive.order.sdo
+    assert (first.index, first.value, second.index, second.value) == (0x6081, 500, 0x6083, None)
+    assert not both.step(*drive.answers(second.id, 77).cycle())
+    assert drive.order.sdo == []
+    assert both.step(*drive.answers(first.id).cycle())
+    assert both.values == {(0x6083, 0): 77}
+    assert both.step(*drive.cycle())
+
+
+def test_nothing_to_transfer_has_ended_already():
+    assert Transfers([], Drive().parameters).step(*Drive().cycle())
+
+
+@pytest.mark.parametrize(
+    ("optional", "code", "passes"),
+    [
+        (True, 0x06020000, True),
+        (True, 0x06090011, True),
+        (True, 0x06010002, True),
+        (False, 0x06020000, False),
+        (True, 0x06090030, False),
+        (True, NO_TIME, False),
+    ],
+)
+def test_only_an_object_that_is_not_needed_may_be_refused(optional, code, passes):
+    drive = Drive()
+    items = frozenset({0x6084}) if optional else frozenset()
+    one = Transfers([(0x6084, 0, 5)], drive.parameters, items)
+    one.step(*drive.cycle())
+    drive.answers(drive.order.sdo[0].id, abort=code)
+    if passes:
+        assert one.step(*drive.cycle())
+        return
+    with pytest.raises(DriveError, match="6084h profile deceleration") as caught:
+        one.step(*drive.cycle())
+    assert ("broke off" in caught.value.message) == (code == NO_TIME)
+    assert f"{code:08X}" in caught.value.observed.upper()
+
+
+def test_transfers_have_three_seconds_and_are_taken_back_after_that():
+    drive = Drive()
+    two = Transfers([(0x6099, 2, 5), (0x6084, 0, 5)], drive.parameters)
+    two.step(*drive.cycle())
+    asked = [request.id for request in drive.order.sdo]
+    drive.later(3.0 - 2 * T)
+    assert not two.step(*drive.cycle())
+    assert not two.step(*drive.cycle())
+    with pytest.raises(DriveError, match=r"6099h:02 .*did not answer"):
+        two.step(*drive.cycle())
+    assert drive.order.cancel == asked
+
+
+# A change of mode.
+
+
+def test_a_mode_is_asked_for_with_targets_that_move_nothing_until_it_is_shown():
+    drive = Drive()
+    switch = ModeSwitch(ModeOfOperation.PROFILE_VELOCITY, drive.parameters)
+    assert switch.reference is None
+    assert not switch.step(*drive.cycle(statusword=ENABLED, mode=1, position=400, demand=410))
+    order = drive.order
+    assert (order.mode, order.target_position, order.target_velocity, order.target_torque) == (3, 410, 0, 0)
+    assert not switch.step(*drive.cycle(position=420, demand=430))
+    assert (drive.order.target_position, switch.reference) == (
+        410,
+        410,
+    )  # where it was led when the change began
+    assert switch.step(*drive.cycle(mode=3))
+    assert drive.order.mode is None
+
+
+@pytest.mark.parametrize("mode", [2, 3, 4, 6, 9, 10, 11])
+def test_out_of_a_mode_that_is_not_led_by_positions_the_axis_stays_where_it_is(mode):
+    drive = Drive()
+    switch = ModeSwitch(ModeOfOperation.PROFILE_POSITION, drive.parameters)
+    for position in (400, 450):
+        switch.step(*drive.cycle(statusword=ENABLED, mode=mode, position=position, demand=7))
+        assert drive.order.target_position == position
+
+
+def test_a_load_is_held_by_the_torque_that_holds_it_now():
+    drive = Drive(holds_load=HoldsLoad.TORQUE)
+    switch = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_TORQUE, drive.parameters)
+    switch.step(*drive.cycle(statusword=ENABLED, mode=1, position=0, torque=-123))
+    assert drive.order.target_torque == -123
+    free = Drive()
+    ModeSwitch(ModeOfOperation.CYCLIC_SYNC_TORQUE, free.parameters).step(
+        *free.cycle(statusword=ENABLED, mode=1, position=0, torque=-123)
+    )
+    assert free.order.target_torque == 0
+
+
+def test_a_mode_shown_while_another_was_asked_for_is_not_believed_for_two_and_a_half_periods():
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, mode=1, position=0)
+    drive.order.mode = ModeOfOperation.PROFILE_VELOCITY  # a change that is given up
+    switch = ModeSwitch(ModeOfOperation.PROFILE_POSITION, drive.parameters)
+    steps = [switch.step(*drive.cycle()) for _ in range(5)]
+    assert steps == [False, False, False, True, True]
+
+
+def test_a_mode_that_does_not_come_is_not_left_to_come_later():
+    drive = Drive()
+    switch = ModeSwitch(ModeOfOperation.PROFILE_VELOCITY, drive.parameters)
+    switch.step(*drive.cycle(statusword=ENABLED, mode=1, position=0))
+    drive.later(1.0 - 2 * T)
+    switch.step(*drive.cycle())
+    switch.step(*drive.cycle())
+    with pytest.raises(ModeError, match=r"does not take mode 3 \(pv\)") as caught:
+        switch.step(*drive.cycle())
+    assert drive.order.mode == 1
+    assert "stays at 1 (pp) after 1 s" in caught.value.observed
+
+
+def test_a_drive_without_6061h_has_one_mode():
+    drive = Drive(objects=frozenset({0x6060}))
+    assert ModeSwitch(ModeOfOperation.PROFILE_VELOCITY, drive.parameters).step(*drive.cycle())
+
+
+# Reset and coast.
+
+
+def test_a_fault_is_reset_by_a_rising_edge_and_by_another_one_where_it_stays():
+    drive, words = Drive(), []
+    reset = Reset(drive.parameters, "too hot")
+
+    def cycles() -> None:
+        while not reset.step(*drive.cycle(statusword=FAULT)):
+            words.append(drive.order.controlword(State.FAULT))
+
+    with pytest.raises(TransitionError, match="does not go away") as caught:
+        cycles()
+    assert "too hot" in caught.value.observed
+    assert words[:5] == [0x00, 0x00, 0x80, 0x80, 0x80]
+    edges = [number for number, pair in enumerate(pairwise(words), 1) if pair == (0, 0x80)]
+    # one second high (half the time of a transition), the cycle in which it is left, two cycles low
+    assert edges == [2, 2 + 64 + 3]
+    assert words.count(0x80) == 128 - 5 + 1
+    assert len(words) == 128 + 1  # two seconds
+
+
+def test_a_reset_without_a_fault_sends_nothing_and_one_that_worked_asks_for_no_power():
+    drive = Drive()
+    assert Reset(drive.parameters).step(*drive.cycle(statusword=ENABLED))
+    assert drive.order.goal is None
+    reset = Reset(drive.parameters)
+    for _ in range(4):
+        reset.step(*drive.cycle(statusword=FAULT))
+    assert reset.step(*drive.cycle(statusword=0x0250))
+    assert drive.order.goal is State.SWITCH_ON_DISABLED
+
+
+def test_a_drive_that_is_not_heard_cannot_be_reset():
+    drive = Drive()
+    reset = Reset(drive.parameters)
+    reset.step(*drive.cycle(statusword=None))
+    drive.later(2.0)
+    with pytest.raises(StaleError, match="statusword is unknown"):
+        reset.step(*drive.cycle())
+
+
+@pytest.mark.parametrize(
+    ("word", "done", "sent"),
+    [
+        (0x0237, False, 0x00),
+        (0x0217, False, 0x00),
+        (0x0233, False, 0x06),
+        (0x0231, False, 0x00),
+        (0x0250, True, 0x00),
+        (0x0218, True, 0x00),
+    ],
+)
+def test_coasting_takes_the_power_away_at_once_where_there_is_some(word, done, sent):
+    drive = Drive()
+    coast = Coast(drive.parameters)
+    assert coast.step(*drive.cycle(statusword=word)) is done
+    assert drive.order.controlword(drive.image.state) == sent
+    assert drive.order.goal is State.SWITCH_ON_DISABLED
+
+
+# Standing still.
+
+
+def test_still_is_what_stays_within_the_tolerance_of_one_place_for_the_window():
+    still = Still(2.0, 0.5)
+    feeds = [
+        (0.0, 100, False),
+        (0.25, 102, False),
+        (0.5, 98, True),
+        (0.75, 103, False),
+        (1.0, 105, False),
+        (1.25, 101, True),
+        (1.5, 100, False),
+    ]
+    for stamp, value, expected in feeds:
+        assert still.feed(value, stamp) is expected, stamp
+        assert still.feed(value + 50, stamp) is expected  # the same stamp says nothing new
+        assert still.feed(value + 50, stamp - 0.1) is expected
+    assert still.rested_since == 1.5
+
+
+def test_still_since_a_moment_asks_for_a_whole_window_after_it():
+    still = Still(2.0, 0.5)
+    for stamp in (0.0, 0.5, 1.0):
+        still.feed(0.0, stamp)
+    assert [still.since(moment) for moment in (-1.0, 0.0, 0.5, 0.51, 1.0)] == [True, True, True, False, False]
+    still.forget()
+    assert not still.still
+    assert not still.since(0.0)
+    assert not still.feed(0.0, 1.5)
+    assert still.rested_since == 1.5
+
+
+def test_still_from_a_moment_on_ignores_what_came_before():
+    still = Still(0.0, 0.5, since=1.0)
+    assert not still.feed(7.0, 1.0)
+    assert still.rested_since == -math.inf
+    assert not still.feed(7.0, 1.25)
+    assert still.feed(7.0, 1.75)
+
+
+# Speed and acceleration of a count.
+
+
+def track(*samples: tuple[float, int | None]) -> Track:
+    made = Track()
+    for stamp, value in samples:
+        made.take(value, stamp)
+    return made
+
+
+def test_a_speed_is_known_from_the_third_sample_on():
+    assert not track((0.0, 0), (0.5, 10)).is_known
+    three = track((0.0, 0), (0.5, 10), (1.0, 25))
+    assert three.is_known
+    assert (three.mean, three.value, three.spacing) == (25.0, 25, 0.5)
+    assert three.motion == (20.0, 0.0)  # the slower one of two
+
+
+def test_a_sample_seen_again_or_older_changes_nothing():
+    seen = track((0.0, 0), (0.5, 10), (1.0, 20))
+    for stamp in (1.0, 0.75):
+        seen.take(500, stamp)
+        assert (seen.value, seen.motion) == (20, (20.0, 0.0))
+
+
+def test_one_late_sample_does_not_look_like_speed():
+    speeds = track((0.0, 0), (1.0, 10), (2.0, 20), (2.5, 30), (4.0, 40))
+    assert speeds.motion == (10.0, 0.0)
+
+
+def test_speed_and_acceleration_are_medians_of_the_newer_and_the_older_three():
+    squares = track(*((0.5 * k, k * k) for k in range(7)))  # speeds 2, 6, 10, 14, 18, 22
+    assert squares.motion == (18.0, (18.0 - 6.0) / 1.5)
+    squares.take(49, 3.5)  # only the last seven count
+    assert squares.motion == (22.0, 8.0)
+    assert (squares.mean, squares.spacing) == (16.0, 0.5)
+    assert track(*((0.5 * k, k * k) for k in range(6))).motion == (14.0, 0.0)
+
+
+def test_an_unknown_value_ends_the_track():
+    gone = track((0.0, 0), (0.5, 10), (1.0, 20), (1.5, None))
+    assert not gone.is_known
+    for stamp, value in ((2.0, 100), (2.5, 101), (3.0, 102)):
+        gone.take(value, stamp)
+    assert gone.motion == (2.0, 0.0)
+
+
+# The way of a velocity on ramps.
+
+
+def ramped(drive: Drive, target: int, up: float = 640.0, down: float = 320.0) -> RampedWay:
+    way = RampedWay(target, 2.0, up, down, 100.0)
+    way.step(drive.cycle(position=0, velocity=0)[0])
+    return way
+
+
+def test_a_ramp_goes_up_by_the_acceleration_and_down_by_the_deceleration():
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    way = ramped(drive, 100)
+    assert (way.speed, way.behind) == (0.0, 0.0)
+    speeds = []
+    for _ in range(22):
+        way.step(drive.cycle(position=0)[0])
+        speeds.append(round(way.speed, 6))
+    assert speeds == [min(10.0 * (k + 1), 200.0) for k in range(22)]
+    down = RampedWay(50, 2.0, 640.0, 320.0, 100.0)
+    down.step(drive.cycle(position=0, velocity=100)[0])
+    assert down.speed == 200.0
+    for expected in (195.0, 190.0, 185.0):
+        down.step(drive.cycle(position=0)[0])
+        assert down.speed == pytest.approx(expected)
+    turns = RampedWay(-50, 2.0, 640.0, 320.0, 100.0)
+    turns.step(drive.cycle(position=0, velocity=5)[0])
+    for expected in (5.0, 0.0, -10.0, -20.0):
+        turns.step(drive.cycle(position=0)[0])
+        assert turns.speed == pytest.approx(expected)
+
+
+def test_an_axis_that_goes_its_way_is_not_behind_and_one_that_is_held_is():
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    way, position, speed = ramped(drive, 1000, up=6400.0), 0.0, 0.0
+    for _ in range(100):
+        before, speed = speed, min(speed + 100.0, 2000.0)
+        position += 0.5 * (before + speed) * T
+        way.step(drive.cycle(position=math.floor(position))[0])
+        assert abs(way.behind) <= 1.0
+    held = math.floor(position)
+    for cycles in range(1, 11):
+        way.step(drive.cycle(position=held)[0])
+        lost = 2000.0 * T * cycles
+        assert 0.75 * lost < way.behind <= lost + 1.0  # it is forgotten within 2 * (100 / 2000 + 0.25) s
+    assert way.behind == pytest.approx(2000.0 * T * sum((1 - T / 0.6) ** k for k in range(10)), abs=1.0)
+
+
+def test_without_a_position_nothing_is_known_of_the_way():
+    drive = Drive(ages={"position": 10.0, "velocity": 10.0})
+    way = ramped(drive, 100)
+    way.step(drive.cycle(position=-50)[0])
+    behind = way.behind
+    assert behind > 49.0
+    way.step(drive.cycle()[0])
+    assert way.behind == behind  # a position that is seen again says nothing new
+    way.step(drive.cycle(position=None)[0])
+    assert way.behind is None
+    way.step(drive.cycle(position=500, velocity=30)[0])
+    assert (way.behind, way.speed) == (0.0, 60.0)
+    unknown = RampedWay(100, 2.0, 1.0, 1.0, 1.0)
+    unknown.step(Drive().cycle(position=5)[0])
+    assert unknown.behind is None
+
+
+# The time along a path.
+
+
+def test_a_path_is_slowed_down_by_its_deceleration_and_ends_where_it_has_to():
+    clock = PathClock()
+    for _ in range(10):
+        clock.advance(0.5)
+    assert (clock.t, clock.rate, clock.braking, clock.stopped) == (5.0, 1.0, False, False)
+    clock.brake(lambda t: 8.0 * t, 4.0)
+    times = []
+    while not clock.stopped:
+        clock.advance(0.5)
+        times.append(clock.t)
+    # speeds 6, 4, 2 and 0 of 8: three cycles of 0.5 s at 3/4, 1/2 and 1/4 of the time
+    assert times == [5.375, 5.625, 5.75, 5.75]
+    clock.advance(0.5)
+    assert (clock.t, clock.rate) == (5.75, 0.0)
+
+
+def test_a_second_brake_changes_nothing_and_one_at_rest_stops_at_once():
+    clock = PathClock()
+    clock.advance(0.5)
+    clock.brake(lambda t: 8.0 * t, 4.0)
+    clock.brake(lambda t: 8.0 * t, 400.0)
+    clock.advance(0.5)
+    assert clock.rate == 0.75
+    fresh, resting = PathClock(), PathClock()
+    resting.advance(0.5)
+    fresh.brake(lambda t: 8.0 * t, 4.0)
+    resting.brake(lambda _: 3.0, 4.0)
+    assert fresh.stopped
+    assert resting.stopped
+
+
+def test_a_path_that_slows_down_as_fast_by_itself_runs_on():
+    clock = PathClock()
+    clock.advance(0.5)
+    clock.brake(lambda t: 8.0 * min(t, 1.0) - 2.0 * max(0.0, t - 1.0), 100.0)
+    clock.advance(0.5)
+    assert clock.stopped
+    gentle = PathClock()
+    gentle.advance(0.5)
+    gentle.brake(lambda t: 8.0 * t - t * t, 2.0)  # brakes by 2 itself
+    for _ in range(4):
+        gentle.advance(0.5)
+        assert gentle.rate == pytest.approx(1.0, abs=0.1)
+
+
+# Standing, with what less than a position there is.
+
+
+def test_a_stand_needs_positions_of_a_whole_window_after_the_beginning():
+    drive = Drive()
+    for _ in range(20):
+        drive.cycle(statusword=ENABLED, position=0)
+    began = drive.now
+    look = Standing(drive.parameters, began)
+    while not look.seen(drive.cycle(position=1)[0]):
+        assert drive.now < began + 1.0
+    assert drive.now - began == 0.0625 + T
+    assert look.witness == ""
+
+
+@pytest.mark.parametrize(
+    ("demand", "pulls"), [(100, False), (4000, False), (4001, True), (-4000, False), (-4001, True)]
+)
+def test_what_is_led_elsewhere_by_more_than_the_window_does_not_stand(demand, pulls):
+    drive = Drive()  # 10 ms at 400 deg/s of 1000 increments
+    look = Standing(drive.parameters, drive.now)
+    for _ in range(12):
+        drive.cycle(statusword=ENABLED, mode=1, position=0, demand=demand)
+        seen = look.seen(drive.image)
+    assert seen is not pulls
+    assert look.pulls(drive.image) is pulls
+    assert look.is_held(drive.image) is pulls
+    assert ("leaps" in look.why_not(drive.image)) is pulls
+
+
+def test_where_there_is_no_position_the_velocity_says_it_and_else_bit_10():
+    drive = Drive()
+    look = Standing(drive.parameters, drive.now)
+    began = drive.now
+    while not look.seen(drive.cycle(statusword=ENABLED, velocity=0)[0]):
+        assert drive.now < began + 1.0
+    assert drive.now - began == 0.0625 + T
+    assert "606Ch" in look.witness
+    assert not look.seen(drive.cycle(velocity=1)[0])
+    silent = Drive()
+    look = Standing(silent.parameters, silent.now)
+    began = silent.now
+    assert not look.seen(silent.cycle(statusword=ENABLED)[0])
+    while not look.seen(silent.cycle(statusword=ENABLED | 0x0400)[0]):
+        assert silent.now < began + 1.0
+    assert silent.now - began == 0.125 + T
+    assert "bit 10" in look.witness
+    assert look.why_not(silent.image) == "its position (6064h) is not known"
+    assert not look.seen(silent.cycle(statusword=None)[0])
+
+
+def test_what_is_missing_for_a_stand_is_told():
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, position=12_500)
+    look = Standing(drive.parameters, drive.now)
+    drive.later(0.25 - T)
+    drive.cycle()
+    assert look.why_not(drive.image) == (
+        "at 12.5 deg when it was last heard of, 0.25 s ago: no position has come since"
+    )
+    drive.cycle(position=20_000, velocity=3000)
+    look.seen(drive.image)
+    assert look.why_not(drive.image) == "at 20 deg and still moving at 3 deg/s"
+
+
+# Texts and windows.
+
+
+def test_an_object_an_age_and_a_place_in_words():
+    assert object_text(0x6081) == "6081h profile velocity"
+    assert object_text(0x6099, 2).startswith("6099h:02 ")
+    assert object_text(0x2000) == "2000h"
+    assert age_text(0.25) == "the last one is 0.25 s old"
+    assert age_text(math.inf) == "it was never received"
+    drive = Drive()
+    assert where_text(drive.cycle()[0], drive.parameters) == "unknown"
+    drive.cycle(position=12_500)
+    drive.image.origin = 2500
+    assert where_text(drive.image, drive.parameters) == "10 deg"
+
+
+def test_a_position_that_is_needed_and_not_known_is_refused_with_its_age():
+    drive = Drive(ages={"position": 0.1})
+    with pytest.raises(StaleError, match="enabling needs it") as caught:
+        require_position(drive.cycle()[0], "x", "enabling")
+    assert "never received" in caught.value.observed
+    assert "map 6064h" in caught.value.remedy
+    drive.cycle(position=7)
+    assert require_position(drive.image, "x", "enabling") == 7
+    drive.cycle()
+    for _ in range(12):
+        drive.cycle()
+    with pytest.raises(StaleError) as caught:
+        require_position(drive.image, "x", "enabling")
+    assert "0.203 s old" in caught.value.observed
+    assert "check cable" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("own", "position_window", "speed", "expected"),
+    [
+        (7, 500.0, 9e9, 7.0),
+        (0, None, 0.0, 0.0),
+        (None, 1.0, 9e9, 20.0),
+        (None, 3.0, 9e9, 30.0),
+        (None, None, 100.0, 20.0),
+        (None, None, 5000.0, 50.0),
+    ],
+)
+def test_the_window_of_what_pulls(own, position_window, speed, expected):
+    assert pull_window(own, position_window, speed) == expected
+
+
+def test_what_the_parameters_derive():
+    base = Drive().parameters
+    assert base.pull_window == 4000.0  # 10 ms at 400 deg/s
+    assert replace(base, limits=Limits()).pull_window == 1000.0  # at the default velocity
+    assert base.standstill_tolerance == 2.0
+    assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
+    assert base.lag_allowed(1000.0) == 4250.0
+    assert replace(base, following_error=10).lag_allowed(1000.0) == 4010.0
+    theirs = replace(base, drive_following_error=30)
+    assert theirs.lag_allowed(1000.0) == 4030.0
+    assert theirs.lag_allowed(1000.0, by_position=False) == 4250.0
+    assert replace(theirs, following_error=10).lag_allowed(0.0) == 4010.0
+    assert base.path_deceleration == 500.0
+    assert base.slow_ramp == 500_000.0
+    assert base.halts_torque_by_mode  # its velocity is limited, and nothing is known of its quick stop
+    assert not replace(base, limits=Limits()).halts_torque_by_mode
+    assert not replace(base, modes=frozenset()).halts_torque_by_mode
+    assert replace(base, limits=Limits(position=(0.0, 1.0))).halts_torque_by_mode
+    assert not replace(base, braking=Braking(quick_stop=Ramp.QUICK)).halts_torque_by_mode
+    assert replace(base, holds_load=HoldsLoad.BRAKE, limits=Limits(), modes=frozenset()).halts_torque_by_mode
+    assert base.units.torque(-250) == -2.5
+    assert replace(base.units, rated_torque=None).torque(-250) == -0.25
+
+
+def test_nothing_that_is_not_a_number_is_a_trapezoid():
+    for values in (
+        (0.0, 1.0, 0.0, 1.0),
+        (0.0, 1.0, 1.0, 0.0),
+        (0.0, math.nan, 1.0, 1.0),
+        (0.0, 1.0, -1.0, 1.0),
+    ):
+        with pytest.raises(ArgumentError, match="trapezoid"):
+            Trapezoid(*values)
+    for positions, step in (([0.0], 1.0), ([0.0, 1.0], 0.0), ([0.0, math.inf], 1.0), ([0.0, 1.0], math.nan)):
+        with pytest.raises(ArgumentError, match="sampled"):
+            Sampled(positions, step)
+
+
+def test_the_positions_of_a_trapezoid_by_hand():
+    long = Trapezoid(2.0, -10.0, 4.0, 2.0)  # 2 s up, 1 s, 2 s down
+    assert long.duration == 5.0
+    assert [long.position(t) for t in (-1.0, 0.0, 1.0, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)] == [
+        *(2.0, 2.0, 1.0, -2.0, -4.0, -6.0, -9.0, -10.0, -10.0)
+    ]
+    assert (long.span, long.top_speed, long.top_acceleration) == ((-10.0, 2.0), 4.0, 2.0)
+    short = Trapezoid(0.0, 2.0, 4.0, 2.0)  # 1 s up, 1 s down
+    assert [short.position(t) for t in (0.5, 1.0, 1.5, 2.0)] == [0.25, 1.0, 1.75, 2.0]
+    assert (short.duration, short.top_speed) == (2.0, 2.0)
+    assert (Trapezoid(3.0, 3.0, 1.0, 1.0).top_acceleration, Trapezoid(3.0, 3.0, 1.0, 1.0).position(1.0)) == (
+        0.0,
+        3.0,
+    )
+    points = Sampled([1.0, 3.0, -1.0], 0.5)
+    assert (points.duration, points.span, points.top_speed) == (1.0, (-1.0, 3.0), 8.0)
+    assert [points.position(t) for t in (-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0)] == [
+        1.0,
+        1.0,
+        2.0,
+        3.0,
+        1.0,
+        -1.0,
+        -1.0,
+    ]

@@ -1,0 +1,985 @@
+"""The watches and the moves, step by step: when each speaks, how long each waits, and what each asks of the drive."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from steps import Drive, T
+
+from axisbus.cia301.emcy import parse
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.options import Ramp
+from axisbus.cia402.state import State
+from axisbus.errors import (
+    AdapterError,
+    BusOff,
+    DriveError,
+    MotionTimeout,
+    NodeError,
+    StaleError,
+    Stopped,
+    UncommandedMotion,
+)
+from axisbus.motion.aftermath import Aftermath
+from axisbus.motion.arrival import Arrival
+from axisbus.motion.braking import Braking, Course
+from axisbus.motion.commands import MoveVelocity
+from axisbus.motion.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
+from axisbus.motion.jog import Jog
+from axisbus.motion.ladder import Rung
+from axisbus.motion.led import Led
+from axisbus.motion.modewatch import ModeWatch
+from axisbus.motion.moves import PositionMove
+from axisbus.motion.parameters import Limits
+from axisbus.motion.profile import Profile
+from axisbus.motion.relief import Relief, is_blind, needs_relief
+from axisbus.motion.resting import Resting
+from axisbus.motion.rundown import RunDown
+from axisbus.motion.setpoint import Phase, SetPoint
+from axisbus.motion.states import AxisState
+from axisbus.motion.supervision import Supervision
+from axisbus.motion.turning import TorqueMove, VelocityMove
+
+ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
+MODE = ModeOfOperation
+ACTIVITY = SimpleNamespace(mode=1, course=None, behind=None, led_speed=0.0)
+
+
+def ready() -> SimpleNamespace:
+    """What a move waits for first, done at once; notes whether it was taken back."""
+    made = SimpleNamespace(cancelled=0, done=True)
+
+    def cancel(_) -> None:
+        made.cancelled += 1
+
+    made.step, made.cancel = lambda _, __: made.done, cancel
+    return made
+
+
+# Supervision: the node.
+
+
+def watched(**changes) -> tuple[Drive, Supervision]:
+    drive = Drive(**changes)
+    supervision = Supervision(drive.parameters, SimpleNamespace(max_age={"statusword": 0.5}))
+    drive.cycle()  # the first one comes after no other
+    return drive, supervision
+
+
+def node(drive: Drive, supervision: Supervision, operational: bool = True, nmt: int = 5, bus=None, **values):
+    drive.operational, drive.nmt, drive.bus = operational, nmt, bus
+    return supervision.node(drive.cycle(**values)[0])
+
+
+def test_a_node_that_was_never_operational_is_not_lost_and_one_that_was_is_told_once():
+    drive, supervision = watched()
+    assert node(drive, supervision, False, 127) is None
+    assert node(drive, supervision) is None
+    finding = node(drive, supervision, False, 127)
+    assert (finding.rung, supervision.lost) == (Rung.QUICK_STOP, True)
+    assert "pre-operational, not operational" in finding.error.message
+    assert "still reports itself" in finding.error.observed
+    assert node(drive, supervision, False, 127) is None
+    supervision.lost = False
+    assert node(drive, supervision, False, 0).error.observed == "it has restarted"
+
+
+@pytest.mark.parametrize(
+    ("nmt", "message"),
+    [(5, "its heartbeat stopped"), (-1, "its heartbeat stopped"), (4, "its NMT state is stopped")],
+)
+def test_how_a_node_is_lost_is_told(nmt, message):
+    drive, supervision = watched()
+    node(drive, supervision)
+    finding = node(drive, supervision, False, nmt)
+    assert isinstance(finding.error, NodeError)
+    assert message in finding.error.message
+
+
+def test_a_node_is_lost_with_its_bus_whatever_it_said_last():
+    drive, supervision = watched()
+    node(drive, supervision)
+    finding = node(
+        drive,
+        supervision,
+        False,
+        5,
+        BusOff("the bus is off", observed="255 errors", remedy="look at the cable"),
+    )
+    assert isinstance(finding.error, BusOff)
+    assert "the bus is off" in finding.error.message
+    assert "make sure that the axis stands" in finding.error.remedy
+
+
+def test_silence_after_a_long_gap_of_our_own_is_excused_for_a_time():
+    """Twice as long as the statusword may be old is waited for, but not where the node says itself that it is not operational."""
+    drive, supervision = watched()
+    node(drive, supervision)
+    drive.later(0.5)
+    gap = drive.now + T
+    assert node(drive, supervision, False) is None
+    drive.later(1.0 - 2 * T)
+    supervision.node(drive.image)  # the gap is not one of those that are excused
+    assert drive.image.now == gap
+    assert node(drive, supervision, False) is None
+    while node(drive, supervision, False) is None:
+        assert drive.now < gap + 2.0
+    assert supervision.lost
+    for nmt, bus in ((127, None), (5, AdapterError("gone"))):
+        drive, supervision = watched()
+        node(drive, supervision)
+        drive.later(0.5)
+        assert node(drive, supervision, False, nmt, bus) is not None
+
+
+@pytest.mark.parametrize(("gap", "told"), [(0.5 - T, False), (0.5, True)])
+def test_a_gap_longer_than_the_statusword_may_be_old_stops_the_axis(gap, told):
+    drive, supervision = watched()
+    drive.cycle(statusword=ENABLED, position=0)
+    drive.later(gap)
+    drive.cycle(statusword=ENABLED, position=0)
+    finding = supervision.power(drive.image, AxisState.STANDSTILL)
+    assert (finding is not None) is told
+    assert not told or (finding.rung is Rung.HALT and "did not run for 0.516 s" in finding.error.message)
+
+
+@pytest.mark.parametrize(
+    ("nmt", "operational", "restarted"),
+    [
+        (0, False, True),
+        (127, False, True),
+        (127, True, False),
+        (5, False, False),
+        (4, False, False),
+        (-1, False, False),
+    ],
+)
+def test_after_what_a_node_may_have_another_position(nmt, operational, restarted):
+    drive, supervision = watched()
+    node(drive, supervision, operational, nmt)
+    assert supervision.has_restarted(drive.image) is restarted
+
+
+# Supervision: the power.
+
+
+@pytest.mark.parametrize(
+    ("state", "word", "told"),
+    [
+        (AxisState.STANDSTILL, ENABLED, None),
+        (AxisState.STANDSTILL, READY, "left operation enabled"),
+        (AxisState.STANDSTILL, QUICK, "left operation enabled"),
+        (AxisState.STOPPING, QUICK, None),
+        (AxisState.STOPPING, READY, "left operation enabled"),
+        (AxisState.DISCRETE_MOTION, READY, "left operation enabled"),
+        (AxisState.HOMING, QUICK, "left operation enabled"),
+        (AxisState.STANDSTILL, None, "statusword (6041h) of node 1 is unknown"),
+        (AxisState.ERRORSTOP, None, "statusword (6041h) of node 1 is unknown"),
+        (AxisState.ERRORSTOP, READY, None),
+        (AxisState.DISABLED, None, None),
+        (AxisState.DISABLED, READY, None),
+    ],
+)
+def test_what_an_axis_with_power_must_not_do(state, word, told):
+    drive, supervision = watched()
+    drive.cycle(statusword=ENABLED, position=0)
+    drive.cycle(statusword=word, position=0)
+    finding = supervision.power(drive.image, state)
+    assert (finding is None) if told is None else told in finding.error.message
+    assert finding is None or finding.rung is Rung.QUICK_STOP
+
+
+def test_a_drive_of_which_no_value_is_fresh_is_lost():
+    drive, supervision = watched()
+    drive.cycle()
+    assert (
+        "sends no process data any more" in supervision.power(drive.image, AxisState.STANDSTILL).error.message
+    )
+    drive.cycle(velocity=0)
+    error = supervision.power(drive.image, AxisState.STANDSTILL).error
+    assert isinstance(error, StaleError)
+    assert error.observed == "it was never received"
+    drive.cycle(statusword=ENABLED)
+    for _ in range(16):
+        drive.cycle(statusword=None)
+    assert supervision.power(drive.image, AxisState.STANDSTILL).error.observed == "the last one is 0.25 s old"
+    drive.later(0.25)
+    starved = supervision.power(drive.cycle()[0], AxisState.ERRORSTOP).error
+    assert "this program did not run for 0.25 s" in starved.message
+    assert "the last one is 0.516 s old" in starved.observed
+
+
+def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_not():
+    drive, supervision = watched()
+    for position in (0, 4001):
+        drive.cycle(statusword=ENABLED, mode=1, position=position)
+        assert supervision.power(drive.image, AxisState.STANDSTILL) is None
+    drive.cycle(position=4001)
+    finding = supervision.power(drive.image, AxisState.STANDSTILL)
+    assert isinstance(finding.error, UncommandedMotion)
+    assert finding.rung is Rung.QUICK_STOP
+    supervision.at_work()
+    for position in (4001, 4001):
+        assert supervision.power(drive.cycle(position=position)[0], AxisState.STANDSTILL) is None
+    assert supervision.power(drive.cycle(position=9000)[0], AxisState.STANDSTILL, ACTIVITY) is None
+    for _ in range(2):  # where it came to rest it begins anew
+        assert supervision.power(drive.cycle(position=9000)[0], AxisState.STANDSTILL) is None
+
+
+def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
+    drive, supervision = watched()
+    activity = replace_mode(3)
+    state = AxisState.CONTINUOUS_MOTION
+    for mode in (3, 1):
+        assert (
+            supervision.power(drive.cycle(statusword=ENABLED, mode=mode, position=0)[0], state, activity)
+            is None
+        )
+    finding = supervision.power(drive.cycle(mode=1, position=0)[0], state, activity)
+    assert "has left mode 3 (pv) by itself" in finding.error.message
+    assert finding.rung is Rung.QUICK_STOP
+
+
+def replace_mode(mode: int, course: Course | None = None) -> SimpleNamespace:
+    return SimpleNamespace(mode=MODE(mode), course=course, behind=None, led_speed=0.0)
+
+
+@pytest.mark.parametrize(
+    ("braking", "mode", "word", "rung", "told"),
+    [
+        (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, Rung.HALT, True),
+        (Braking(quick_stop=Ramp.QUICK), 10, ENABLED, Rung.HALT, True),
+        (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, Rung.QUICK_STOP, False),
+        (Braking(quick_stop=Ramp.QUICK), 3, ENABLED, Rung.HALT, False),
+        (Braking(quick_stop=Ramp.QUICK), 4, QUICK, Rung.HALT, False),
+        (Braking(), 4, ENABLED, Rung.HALT, False),  # it is halted by another mode
+    ],
+)
+def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_where_it_gets_too_fast(
+    braking, mode, word, rung, told
+):
+    drive, supervision = watched(braking=braking, limits=Limits(velocity=400.0))
+    for step in range(8):
+        node(drive, supervision, statusword=word, mode=mode, position=7000 * step)
+    finding = supervision.coasting(drive.image, rung, bounded=True)
+    assert (finding is not None) is told
+    assert not told or finding.rung is Rung.QUICK_STOP
+
+
+# Rest.
+
+
+@pytest.mark.parametrize(
+    ("positions", "demand", "told"),
+    [
+        ([0, 4000, 4000], None, None),
+        ([0, 4001, 4001], None, "moves by itself"),
+        ([0, -4001, -4001], None, "moves by itself"),
+        ([0, 4001, 0, 4001], None, None),  # two in a row
+        ([0, 0, 0], 4000, None),
+        ([0, 0], 4001, "pulls it elsewhere"),
+        ([0, 0], -4001, "pulls it elsewhere"),
+    ],
+)
+def test_what_rests_stays_where_it_is_and_is_not_pulled_elsewhere(positions, demand, told):
+    drive = Drive()
+    resting = Resting(drive.parameters)
+    errors = [
+        resting.error(drive.cycle(statusword=ENABLED, mode=1, position=place, demand=demand)[0])
+        for place in positions
+    ]
+    assert errors[:-1] == [None] * (len(positions) - 1)
+    assert (errors[-1] is None) if told is None else told in errors[-1].message
+
+
+def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgotten():
+    drive = Drive()
+    resting = Resting(drive.parameters)
+    resting.error(drive.cycle(statusword=ENABLED, mode=1, position=0)[0])
+    for position in (5000, None):
+        drive.cycle(position=position)
+        assert resting.error(drive.image) is None
+    drive.cycle(position=5000)
+    assert "from 0 to 5 deg; it shows mode 1 (pp)" in resting.error(drive.image).observed
+    assert resting.error(drive.image) is None  # the same position again
+    resting.forget()
+    for _ in range(3):
+        assert resting.error(drive.cycle(position=5000, velocity=7)[0]) is None
+    resting.error(drive.cycle(position=0)[0])
+    assert "now at 0.007 deg/s" in resting.error(drive.cycle(position=0)[0]).observed
+
+
+# The mode of a motion.
+
+
+def test_a_mode_counts_as_left_after_it_was_shown_and_two_others_in_a_row():
+    drive = Drive()
+    watch = ModeWatch("x")
+    first, second = replace_mode(3), replace_mode(3)
+    seen = [(1, None), (1, None), (3, None), (1, None), (3, None), (1, None), (None, None), (1, "left")]
+    for mode, told in seen:
+        error = watch.error(drive.cycle(statusword=ENABLED, mode=mode)[0], first)
+        assert (error is not None) is (told is not None), mode
+    assert watch.error(drive.cycle()[0], first) is None  # the same word says nothing new
+    for mode in (1, 1, 1):
+        assert watch.error(drive.cycle(mode=mode)[0], second) is None
+    for activity in (None, SimpleNamespace(mode=None)):
+        assert watch.error(drive.cycle(mode=7)[0], activity) is None
+
+
+# Coming to rest.
+
+
+def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_than_two_seconds():
+    drive = Drive()
+    arrival = Arrival(drive.parameters)
+    drive.cycle(statusword=ENABLED, mode=1, position=0)
+    arrival.begin(SimpleNamespace(mode=1, ends_at_rest=False), drive.now)
+    assert arrival.complete(True, drive.image)
+    arrival.begin(SimpleNamespace(mode=1, ends_at_rest=True), drive.now)
+    assert not arrival.complete(False, drive.image)
+    position = 0
+    began = drive.now + T
+    with pytest.raises(MotionTimeout, match="does not come to rest"):
+        for _ in range(200):
+            position += 10
+            assert not arrival.complete(True, drive.cycle(position=position)[0])
+    assert drive.now - began == 2.0 + T
+    arrival.begin(SimpleNamespace(mode=1, ends_at_rest=True), drive.now)
+    for _ in range(4):
+        assert not arrival.complete(True, drive.cycle(position=position)[0])
+    assert not arrival.complete(False, drive.cycle(position=position)[0])
+    assert arrival.complete(True, drive.cycle(position=position)[0])
+
+
+# After a fault, and without power.
+
+
+def test_a_drive_in_fault_that_does_not_come_to_rest_is_told_once_after_its_time():
+    drive = Drive()  # one second for the quick stop, three to disable
+    aftermath, run_down = Aftermath(drive.parameters), RunDown(drive.parameters)
+    began = drive.now + T
+    told = []
+    for _ in range(300):
+        drive.cycle(statusword=REACTION, mode=1, position=0)
+        error = aftermath.error(drive.image, run_down, True)
+        if error is not None:
+            told.append((drive.now - began, error))
+    [(after, error)] = told
+    assert after == 4.0 + T
+    assert "which is to brake the motor, and has not ended" in error.observed
+    aftermath.error(drive.cycle(statusword=READY)[0], run_down, True)
+    for _ in range(256):
+        assert aftermath.error(drive.cycle(statusword=REACTION)[0], run_down, True) is None
+    told += [aftermath.error(drive.cycle(statusword=REACTION)[0], run_down, True) for _ in range(2)]
+    assert told[-1] is not None
+
+
+@pytest.mark.parametrize(
+    ("word", "driven", "moves", "told"),
+    [
+        (FAULT, True, True, True),
+        (FAULT, True, False, False),
+        (REACTION, False, True, False),
+        (FAULT, False, True, False),
+    ],
+)
+def test_which_drive_in_fault_may_still_move(word, driven, moves, told):
+    drive = Drive()
+    aftermath, run_down = Aftermath(drive.parameters), RunDown(drive.parameters)
+    run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
+    errors = []
+    for number in range(300):
+        run_down.look(drive.cycle(statusword=word, position=100 * number if moves else 0)[0], True)
+        errors.append(aftermath.error(drive.image, run_down, driven))
+    found = [error for error in errors if error is not None]
+    assert bool(found) is told
+    assert not told or "its power is off, at" in found[0].observed
+
+
+def test_a_motor_without_power_runs_down_until_it_is_seen_to_stand():
+    drive = Drive()
+    run_down = RunDown(drive.parameters)
+    run_down.look(drive.cycle(statusword=READY, position=0)[0], True)
+    assert not run_down.under_way  # it was never driven
+    run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], False)
+    run_down.look(drive.cycle(statusword=READY, position=0)[0], False)
+    assert not run_down.under_way
+    run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
+    assert (run_down.under_way, run_down.why_not(drive.image)) == (False, "")
+    for position in (100, 200, 300):
+        run_down.look(drive.cycle(statusword=READY, position=position)[0], True)
+        assert run_down.under_way
+    assert "still moving" in run_down.why_not(drive.image)
+    run_down.look(drive.cycle(statusword=None, position=300)[0], True)
+    assert run_down.under_way
+    while run_down.under_way:
+        run_down.look(drive.cycle(statusword=READY, position=300)[0], True)
+        assert drive.now < 12.0
+    for position in (400, 500, 600):  # turned by hand
+        run_down.look(drive.cycle(position=position)[0], True)
+        assert not run_down.under_way
+    run_down.look(drive.cycle(statusword=ENABLED)[0], False)
+    run_down.look(drive.cycle(statusword=READY)[0], False)
+    assert not run_down.under_way
+    silent = Drive(objects=frozenset({0x6040, 0x6041}))
+    blind = RunDown(silent.parameters)
+    blind.look(silent.cycle(statusword=ENABLED)[0], True)
+    blind.look(silent.cycle(statusword=READY)[0], True)
+    assert not blind.under_way  # nobody could ever tell
+
+
+# Moves to a position.
+
+# 10 000 increments per s, 100 000 per s² up and 50 000 down
+PROFILE = Profile(10_000, 100, 50, 10_000.0, 50_000.0, None, 100_000.0, 50_000.0)
+
+
+def moving(
+    drive: Drive, target: int, profile: Profile = PROFILE, before: SetPoint | None = None
+) -> PositionMove:
+    return PositionMove(target, profile, drive.parameters, ready(), before)
+
+
+def handshake(drive: Drive, move: PositionMove, **values: int) -> None:
+    """Let the drive take the set-point."""
+    for word in (ENABLED, ENABLED | 0x1000, ENABLED):
+        move.step(*drive.cycle(statusword=word, mode=1, **values))
+    assert move.set_point.phase is Phase.TAKEN
+
+
+@pytest.mark.parametrize(
+    ("window", "distance", "off", "arrived"),
+    [
+        (None, 100_000, 2000, True),  # 2 % of the way
+        (None, 100_000, 2001, False),
+        (None, 500, 20, True),  # and never less than 20
+        (None, 500, 21, False),
+        (7, 100_000, 7, True),
+        (7, 100_000, -7, True),
+        (7, 100_000, 8, False),
+    ],
+)
+def test_a_move_has_arrived_with_bit_10_within_its_window(window, distance, off, arrived):
+    drive = Drive(position_window=window)
+    move = moving(drive, distance)
+    handshake(drive, move, position=0)
+    assert not move.step(*drive.cycle(statusword=ENABLED, position=distance - off))
+    assert not move.step(*drive.cycle(statusword=None, position=distance - off))
+    assert move.step(*drive.cycle(statusword=ENABLED | 0x0400, position=distance - off)) is arrived
+
+
+def test_where_no_position_travels_bit_10_is_enough():
+    drive = Drive()
+    move = moving(drive, 500, PROFILE._replace(timeout=9.0))
+    handshake(drive, move)
+    assert move.step(*drive.cycle(statusword=ENABLED | 0x0400))
+    with pytest.raises(StaleError, match="the time that a move may take"):
+        moving(Drive(), 500).step(*drive.cycle())
+
+
+@pytest.mark.parametrize(
+    ("profile", "velocity", "seconds"),
+    [
+        (PROFILE, None, 2 * (5.0 + 0.2) + 2),  # 50 000 increments; twice that and two seconds
+        (
+            PROFILE,
+            -5000,
+            2 * (0.1 + 5.0 + 0.025 + 0.2) + 2,
+        ),  # it goes the other way first: 250 increments to brake
+        (PROFILE._replace(timeout=3.0), None, 3.0),
+    ],
+)
+def test_a_move_has_the_time_of_its_way_twice_or_what_the_caller_gives(profile, velocity, seconds):
+    drive = Drive()
+    move = moving(drive, 50_000, profile)
+    values = {} if velocity is None else {"velocity": velocity}
+    handshake(drive, move, position=0, **values)
+    began = drive.now - 2 * T
+    drive.later(began + seconds - drive.now - 2 * T)
+    move.step(*drive.cycle(statusword=ENABLED, position=100))
+    with pytest.raises(MotionTimeout, match="has not arrived at 50 deg") as caught:
+        for _ in range(3):
+            move.step(*drive.cycle(statusword=ENABLED, position=100))
+    assert "position 0.1 deg" in caught.value.observed
+    assert drive.now - began == pytest.approx(seconds, abs=1.01 * T)
+
+
+def test_a_move_whose_time_nobody_knows_must_get_on():
+    drive = Drive()
+    move = moving(drive, 50_000, PROFILE._replace(speed=None, ramp=None))
+    handshake(drive, move, position=0)
+    for position in (100, 200, 300):
+        drive.later(2.0 - T)
+        assert not move.step(*drive.cycle(statusword=ENABLED, position=position))
+    last = drive.now
+    with pytest.raises(MotionTimeout) as caught:
+        for _ in range(200):
+            move.step(*drive.cycle(statusword=ENABLED, position=300))
+    assert "6064h has not changed for 2 s" in caught.value.observed
+    assert drive.now - last == 2.0 + T
+
+
+def test_a_halt_stays_until_the_drive_has_the_new_target_or_half_of_the_time_has_passed():
+    drive = Drive()
+    move = moving(drive, 5000)
+    halts = []
+    for number in range(40):
+        drive.cycle(statusword=ENABLED | (0x1000 if number < 2 else 0), mode=1, position=0)
+        drive.order.halt = True
+        move.step(drive.image, drive.order)
+        halts.append(drive.order.halt)
+    assert halts == [True] * 2 + [True] * 32 + [False] * 6
+    free = moving(drive, 5000)
+    drive.cycle(statusword=ENABLED)
+    free.step(drive.image, drive.order)
+    assert not drive.order.halt
+    taken = moving(drive, 5000)
+    for word in (ENABLED, ENABLED | 0x1000):
+        drive.cycle(statusword=word)
+        drive.order.halt = True
+        taken.step(drive.image, drive.order)
+    assert not drive.order.halt
+
+
+def test_a_handshake_that_another_move_has_begun_is_finished_first():
+    drive = Drive()
+    old = SetPoint(111, "x", 1.0)
+    old.step(*drive.cycle(statusword=ENABLED, mode=1, position=0))
+    move = moving(drive, 222, before=old)
+    targets = []
+    for word in (ENABLED, ENABLED | 0x1000, ENABLED, ENABLED, ENABLED | 0x1000, ENABLED):
+        move.step(*drive.cycle(statusword=word, position=0))
+        targets.append(drive.order.target_position)
+    assert targets == [111, None, None, 222, None, None]
+    assert move.in_flight is None
+    fresh = moving(drive, 333, before=SetPoint(1, "x", 1.0))
+    assert fresh.in_flight is None
+    fresh.step(*drive.cycle(statusword=ENABLED, position=0))
+    assert fresh.in_flight is fresh.set_point
+    begun = SetPoint(9, "x", 1.0)
+    begun.step(*drive.cycle(statusword=ENABLED, position=0))
+    assert moving(drive, 5, before=begun).in_flight is begun
+
+
+@pytest.mark.parametrize(
+    ("demand", "late", "believed"),
+    [(90_000, 0.0, False), (89_980, 0.0, False), (89_979, 0.0, True), (700, 0.0, True), (90_000, 1.0, True)],
+)
+def test_a_demand_that_is_the_target_at_once_is_not_believed_again(demand, late, believed):
+    drive = Drive()
+    move = moving(drive, 90_000)
+    for word in (ENABLED, ENABLED | 0x1000):
+        move.step(*drive.cycle(statusword=word, mode=1, position=0, demand=demand))
+    drive.later(late)
+    move.step(*drive.cycle(statusword=ENABLED, position=0, **({} if late else {"demand": demand})))
+    assert drive.image.led.idle is not believed
+
+
+# Moves that go on.
+
+
+def velocity_move(drive: Drive, velocity: int, **changes) -> VelocityMove:
+    profile = PROFILE._replace(velocity=velocity, speed=float(abs(velocity)), **changes)
+    return VelocityMove(profile, drive.parameters, ready())
+
+
+@pytest.mark.parametrize(
+    ("target", "velocity", "word", "reached"),
+    [
+        (1000, 950, ENABLED, True),  # 5 %
+        (1000, 949, ENABLED, False),
+        (-1000, -1050, ENABLED, True),
+        (-1000, 1000, ENABLED, False),
+        (1000, 501, ENABLED | 0x0400, True),
+        (1000, 500, ENABLED | 0x0400, False),  # a drive may say so of a blocked one
+        (10, 8, ENABLED, True),  # and never less than two increments
+        (10, 7, ENABLED, False),
+        (2, 1, ENABLED, False),
+        (0, 2, ENABLED, True),
+        (0, -3, ENABLED, False),
+    ],
+)
+def test_a_velocity_is_reached_when_it_is_there(target, velocity, word, reached):
+    drive = Drive()
+    move = velocity_move(drive, target)
+    move.step(*drive.cycle(statusword=ENABLED, mode=3, position=0, velocity=20_000))
+    drive.later(0.125)
+    assert move.step(*drive.cycle(statusword=word, position=50, velocity=velocity)) is reached
+    assert drive.order.target_velocity == target
+
+
+@pytest.mark.parametrize(("after", "reached"), [(0.125 - T, False), (0.125, True)])
+def test_bit_10_speaks_of_the_new_velocity_only_some_time_after_it_went_out(after, reached):
+    drive = Drive()
+    move = velocity_move(drive, 1000)
+    assert not move.step(*drive.cycle(statusword=ENABLED | 0x0400, mode=3))
+    drive.later(after - T)
+    assert move.step(*drive.cycle(statusword=ENABLED | 0x0400)) is reached
+    assert move.step(*drive.cycle(statusword=ENABLED)) is reached  # once reached it stays so
+
+
+@pytest.mark.parametrize(
+    ("changes", "velocity", "seconds"),
+    [
+        ({}, 0, 4 * 10_000 / 50_000 + 2),
+        ({}, -5000, 4 * 15_000 / 50_000 + 2),
+        ({"timeout": 1.0}, 0, 1.0),
+        ({"ramp": None}, 0, 10.0),
+    ],
+)
+def test_a_velocity_has_four_times_its_ramp_or_what_the_caller_gives(changes, velocity, seconds):
+    drive = Drive()
+    move = velocity_move(drive, 10_000, **changes)
+    move.step(*drive.cycle(statusword=ENABLED, mode=3, velocity=velocity))
+    began = drive.now
+    with pytest.raises(MotionTimeout, match="has not reached 10 deg/s") as caught:
+        for _ in range(700):
+            move.step(*drive.cycle(statusword=ENABLED, velocity=0))
+    assert drive.now - began == math.floor(seconds / T + 1) * T
+    assert "velocity 0 deg/s, statusword 0x0237" in caught.value.observed
+
+
+@pytest.mark.parametrize(
+    ("torque", "measured", "word", "reached"),
+    [
+        (400, 380, ENABLED, True),  # 5 %
+        (400, 379, ENABLED, False),
+        (-400, -420, ENABLED, True),
+        (400, -400, ENABLED, False),
+        (100, 90, ENABLED, True),  # and never less than 1 %
+        (100, 89, ENABLED, False),
+        (19, 9, ENABLED, False),  # not more than half of it
+        (19, 10, ENABLED, True),
+        (10, 0, ENABLED, False),
+        (10, 0, ENABLED | 0x0400, True),
+        (100, 0, ENABLED | 0x0400, False),
+        (0, 10, ENABLED, True),
+        (0, 11, ENABLED, False),
+    ],
+)
+def test_a_torque_is_reached_when_it_is_there(torque, measured, word, reached):
+    drive = Drive()
+    move = TorqueMove(torque, None, drive.parameters, ready())
+    assert not move.step(*drive.cycle(statusword=word, mode=4, torque=measured))
+    assert (drive.order.target_torque, drive.order.halt) == (torque, False)
+    drive.later(0.125 - 2 * T)
+    assert not move.step(*drive.cycle(statusword=word, torque=measured))
+    assert move.step(*drive.cycle(statusword=word, torque=measured)) is reached
+
+
+def test_a_torque_has_the_time_that_the_caller_gives_and_else_all_time():
+    drive = Drive()
+    patient, hasty = (TorqueMove(400, timeout, drive.parameters, ready()) for timeout in (None, 1.0))
+    drive.cycle(statusword=ENABLED, mode=4, torque=5)
+    began = drive.now
+    hasty.step(drive.image, drive.order)
+    with pytest.raises(MotionTimeout, match="has not reached 40 % of rated torque") as caught:
+        for _ in range(100):
+            drive.cycle(statusword=ENABLED, torque=5)
+            assert not patient.step(drive.image, drive.order)
+            assert not hasty.step(drive.image, drive.order)
+    assert "torque 0.5 % of rated torque" in caught.value.observed
+    assert drive.now - began == 1.0 + T
+    assert not patient.step(*drive.later(1000.0).cycle(statusword=ENABLED, torque=5))
+
+
+def test_what_waits_sends_nothing_and_is_taken_back():
+    drive = Drive()
+    wait = ready()
+    wait.done = False
+    moves = [
+        PositionMove(5, PROFILE, drive.parameters, wait, None),
+        VelocityMove(PROFILE, drive.parameters, wait),
+        TorqueMove(5, None, drive.parameters, wait),
+    ]
+    moves.append(Jog(VelocityMove(PROFILE, drive.parameters, wait), MoveVelocity(PROFILE, 0.25), drive.image))
+    for number, move in enumerate(moves, 1):
+        drive.image.now = drive.now
+        if number < 4:
+            assert not move.step(*drive.cycle(statusword=ENABLED, mode=1, position=0))
+        assert (drive.order.target_position, drive.order.target_velocity, drive.order.target_torque) == (
+            None,
+            None,
+            None,
+        )
+        move.cancel(drive.order)
+        assert wait.cancelled == number
+
+
+def test_a_velocity_leads_by_the_weaker_ramp_until_its_own_is_written():
+    drive = Drive()
+    for before, down in (
+        (None, 50_000.0),
+        (Course(down=7.0), 7.0),
+        (Course(down=90_000.0), 50_000.0),
+        (Course(), 50_000.0),
+    ):
+        move = VelocityMove(PROFILE._replace(velocity=-5), drive.parameters, ready(), before)
+        assert move.course == Course(-10_000.0, 100_000.0, down)
+        move.step(*drive.cycle(statusword=ENABLED, mode=3, velocity=0))
+        assert move.course.down == 50_000.0
+    assert VelocityMove(PROFILE._replace(speed=None), drive.parameters, ready()).course.speed is None
+    assert TorqueMove(5, None, drive.parameters, ready()).course == Course(by_torque=True)
+    assert moving(drive, 5).course == Course(10_000.0, 100_000.0, 50_000.0, by_target=True)
+
+
+def test_a_jog_lives_as_long_as_it_is_renewed():
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, mode=3, velocity=0)
+    command = MoveVelocity(PROFILE, 0.25)
+    jog = Jog(velocity_move(drive, 10_000), command, drive.image)
+    began = drive.now
+    for _ in range(8):
+        jog.step(*drive.cycle(velocity=0))
+    assert jog.renew(command, drive.image)
+    assert not jog.renew(MoveVelocity(PROFILE._replace(velocity=7), 0.25), drive.image)
+    assert not jog.renew(MoveVelocity(PROFILE, None), drive.image)
+    with pytest.raises(Stopped, match="not renewed"):
+        for _ in range(50):
+            jog.step(*drive.cycle(velocity=0))
+            assert drive.order.target_velocity == 10_000
+    assert drive.now - began == 8 * T + 0.25 + T
+    assert not jog.renew(command, drive.image)
+
+
+# What a drive says of its fault.
+
+
+def history(drive: Drive, *words: int) -> History:
+    made = History()
+    for word in words:
+        made.note(drive.cycle(statusword=word)[0])
+    return made
+
+
+def test_the_path_of_a_drive_is_its_last_four_states():
+    drive = Drive()
+    made = history(drive, DISABLED, DISABLED, READY, 0x0233, ENABLED, FAULT)
+    assert made.path() == "ready to switch on > switched on > operation enabled > fault"
+    assert not made.began_in_fault
+    assert history(Drive(), FAULT).began_in_fault
+    assert not history(Drive(), READY, FAULT).began_in_fault
+
+
+def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
+    drive = Drive(fault_objects=((0x603F, 0),))
+    told = FaultStory(drive.parameters, drive.now)
+    assert not told.step(*drive.cycle(statusword=FAULT))
+    for request in drive.order.sdo:
+        assert request.index == 0x603F
+        drive.answers(request.id, 0x2310)
+    assert told.step(*drive.cycle())
+    error = told.tell(drive.image, history(drive, FAULT))
+    assert (error.message, error.code) == ("x: the drive was found in fault", 0x2310)
+    assert "2310" in error.observed
+    told.doing = " during x.home()"
+    assert (
+        told.tell(drive.image, history(drive, ENABLED, FAULT)).message
+        == "x: the drive went into fault during x.home()"
+    )
+
+
+def test_a_drive_that_does_not_explain_its_fault_has_its_time():
+    drive = Drive()
+    silent = FaultStory(drive.parameters, drive.now)
+    began = drive.now
+    while not silent.step(*drive.cycle(statusword=FAULT)):
+        assert drive.now < began + 2.0
+    assert drive.now - began == 26 * T  # the first cycle after 0.4 s
+    assert drive.order.cancel
+    assert "no error code could be read (603Fh)" in silent.tell(drive.image, History()).observed
+    refused = FaultStory(drive.parameters, drive.now)
+    refused.step(*drive.cycle())
+    for request in drive.order.sdo:
+        drive.answers(request.id, abort=0x06020000)
+    assert refused.step(*drive.cycle())
+
+
+def test_an_error_is_told_with_what_was_seen_of_the_drive():
+    drive = Drive()
+    made = history(drive, READY, ENABLED)
+    drive.cycle(mode=3)
+    drive.image.statusword_stamp = drive.image.now - 0.5
+    error = enrich(DriveError("no", observed="seen"), drive.image, made)
+    assert error.observed == "seen; drive: ready to switch on > operation enabled; mode 3 (pv)"
+    drive.image.statusword_stamp = drive.image.now - 0.75
+    drive.operational, drive.nmt = False, 127
+    drive.cycle()
+    drive.image.statusword_stamp = drive.image.now - 0.75
+    error = enrich(DriveError("no"), drive.image, made)
+    assert error.observed == (
+        "drive: ready to switch on > operation enabled; mode 3 (pv); NMT state pre-operational; last statusword 0.75 s ago"
+    )
+    assert "NMT" not in enrich(NodeError("no", node=1), drive.image, made).observed
+    assert [nmt_text(SimpleNamespace(nmt=nmt)) for nmt in (5, -1, 4)] == [
+        *("its heartbeat has stopped", "its heartbeat has stopped", "NMT state stopped")
+    ]
+
+
+def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_told():
+    drive = Drive()
+    made = History()
+    drive.cycle(statusword=ENABLED)
+    codes = [(0x2310, 1.0), (0x0000, 9.5), (0x3210, 9.5), (0x4210, 9.75), (0x5210, 10.0)]
+    drive.image.emcy = tuple(parse(code.to_bytes(2, "little") + bytes(6), stamp) for code, stamp in codes)
+    made.note(drive.image)
+    assert [entry.code for entry in made.recent_emcy(10.0)] == [0x3210, 0x4210, 0x5210]
+
+
+def test_remedies_are_told_once_each_the_first_first():
+    line = join_remedies("a", "b").removeprefix("a").removesuffix("b")
+    assert join_remedies("a", f"b{line}a") == f"a{line}b"
+    assert join_remedies("", "b") == "b"
+    assert join_remedies("a", "") == "a"
+
+
+# What leads the axis.
+
+
+def test_what_was_sent_last_leads_the_axis():
+    led = Led()
+    led.note(1.0, 1, None, 500, True)
+    assert (led.set_point, led.set_point_at, led.target) == (500, 1.0, None)
+    led.note(2.0, 1, None, 500, True)
+    assert led.set_point_at == 1.0  # the same one again
+    led.note(3.0, 1, None, 600, False)
+    assert led.set_point == 500
+    led.note(4.0, 8, None, 700, False)
+    assert led.target == 700
+    led.note(5.0, 8, None, None, False)
+    assert led.target == 700
+    led.note(6.0, 3, None, 800, False)
+    assert led.target is None
+    led.note(7.0, 6, None, None, True)
+    led.note(8.0, 6, None, None, True)
+    assert led.searching_since == 7.0
+    led.note(9.0, 6, None, None, False)
+    assert led.searching_since == float("inf")
+    led.forget()
+    assert (led.target, led.set_point) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("mode", "target", "demand", "position", "state", "pull"),
+    [
+        (1, None, 30, 10, State.OPERATION_ENABLED, 20),
+        (1, None, None, 10, State.OPERATION_ENABLED, None),
+        (1, None, 30, None, State.OPERATION_ENABLED, None),
+        (1, None, 30, 10, State.SWITCHED_ON, None),
+        (1, None, 30, 10, State.QUICK_STOP_ACTIVE, 20),
+        (8, 50, None, 10, State.OPERATION_ENABLED, 40),
+        (8, 50, 30, 10, State.OPERATION_ENABLED, 40),
+        (8, 50, 90, 10, State.OPERATION_ENABLED, 80),
+        (8, -50, 30, 10, State.OPERATION_ENABLED, -60),
+        (3, None, 30, 10, State.OPERATION_ENABLED, None),  # in a velocity mode 6062h is of before
+        (4, None, 30, 10, State.OPERATION_ENABLED, None),
+    ],
+)
+def test_how_far_an_axis_is_led_from_where_it_is(mode, target, demand, position, state, pull):
+    led = Led()
+    led.note(0.0, mode, demand, target, False)
+    assert led.pull(demand, position, state, mode) == pull
+
+
+def test_in_a_velocity_mode_6062h_leads_once_it_has_moved():
+    led = Led()
+    led.note(0.0, 3, 100, None, False)
+    assert [led.pull(demand, 0, State.OPERATION_ENABLED, 3) for demand in (100, 120, 121, 80, 79)] == [
+        None,
+        None,
+        121,
+        None,
+        79,
+    ]
+    assert led.pull(500, 0, State.OPERATION_ENABLED, 4) is None
+
+
+def test_a_6062h_that_is_the_actual_position_says_nothing():
+    led = Led()
+    judged = [led.judge(place, place, State.OPERATION_ENABLED, 1) for place in range(21, 21 * 13, 21)]
+    assert judged == [False] * 10 + [True, True]
+    fresh = Led()
+    for place in range(21, 21 * 10, 21):
+        assert not fresh.judge(place, place, State.OPERATION_ENABLED, 1)
+    assert not fresh.judge(5, 6, State.OPERATION_ENABLED, 1)  # it does lead: counted anew
+    assert not any(
+        fresh.judge(place, place, State.OPERATION_ENABLED, 1) for place in range(1000, 1000 + 21 * 10, 21)
+    )
+    for state, mode, step in (
+        (State.SWITCHED_ON, 1, 21),
+        (State.OPERATION_ENABLED, 3, 21),
+        (State.OPERATION_ENABLED, 1, 20),
+    ):
+        other = Led()
+        assert not any(
+            other.judge(place, place, state, mode)
+            for place in range(0, step * 20, step)
+            if step != 20 or place <= 20
+        )
+
+
+# The end of a stop without 6062h.
+
+
+@pytest.mark.parametrize(
+    ("mode", "set_point", "demand", "needed"),
+    [
+        (1, 4001, None, True),
+        (1, 4000, None, False),
+        (1, -4001, None, True),
+        (1, 4001, 0, False),
+        (3, 4001, None, False),
+        (1, None, None, False),
+    ],
+)
+def test_when_an_old_target_may_still_pull(mode, set_point, demand, needed):
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, mode=mode, position=0, demand=demand)
+    if set_point is not None:
+        drive.image.led.note(drive.now, 1, None, set_point, True)
+    assert needs_relief(drive.image, drive.parameters) is needed
+    assert is_blind(drive.image, drive.parameters) is needed
+
+
+def test_a_homing_that_searches_is_blind_where_nobody_sees_what_leads_it():
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, mode=6, position=0)
+    assert not is_blind(drive.image, drive.parameters)
+    drive.image.led.note(drive.now, 6, None, None, True)
+    assert not is_blind(drive.image, drive.parameters)  # it begins in this cycle
+    drive.cycle(position=0)
+    assert is_blind(drive.image, drive.parameters)
+
+
+def test_a_relief_is_a_slow_set_point_under_halt():
+    drive = Drive()
+    relief = Relief(700, drive.parameters)
+    seen = []
+    for word in (ENABLED, ENABLED, ENABLED, ENABLED | 0x1000, ENABLED):
+        for request in drive.order.sdo:
+            assert (request.index, request.value) == (0x6081, 1)
+            drive.answers(request.id)
+        done = relief.step(*drive.cycle(statusword=word, mode=1, position=700))
+        assert drive.order.halt
+        seen.append((done, drive.order.target_position, drive.order.bits))
+    assert seen == [
+        (False, None, 0),
+        (False, 700, 0x30),
+        (False, 700, 0x30),
+        (False, None, 0),
+        (True, None, 0),
+    ]
+    refused = Relief(700, drive.parameters)
+    refused.step(*drive.cycle(statusword=ENABLED))
+    drive.answers(drive.order.sdo[0].id, abort=0x06090030)
+    for _ in range(3):
+        assert not refused.step(*drive.cycle())
+        assert drive.order.halt
+    under_way = Relief(700, drive.parameters)
+    under_way.step(*drive.cycle())
+    [asked] = drive.order.sdo
+    under_way.cancel(drive.order)
+    assert drive.order.cancel == [asked.id]

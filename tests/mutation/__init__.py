@@ -1,0 +1,1 @@
+"""Small wrong changes of the source, and whether a test notices."""
