@@ -9,6 +9,7 @@ import pytest
 
 from axisbus.bus import nmt
 from axisbus.bus.nmt import NodeMonitor
+from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff
 
@@ -22,6 +23,7 @@ class Line:
         self.receivers: dict[int, list] = {}
         self.on_failure: list = []
         self.in_receive_thread = False
+        self.drops = Drops()
 
     def subscribe(self, can_id: int, receiver) -> None:
         self.receivers.setdefault(can_id, []).append(receiver)
@@ -185,9 +187,9 @@ def test_state_and_age_in_words(node: NodeMonitor, line: Line) -> None:
     assert node.describe(5.0) == "it has never reported its NMT state"
     line.brings(HEARTBEAT, "00", 1.0)
     line.brings(HEARTBEAT, "05", 2.0)
-    assert node.describe(4.5) == "NMT state operational (last reported 2.50 s ago), 1 boot-ups seen"
+    assert node.describe(4.5) == "NMT state operational (last reported 2.50 s ago), 1 boot-up seen"
     node.assume(NmtState.STOPPED)
-    assert node.describe(4.5) == "NMT state stopped (assumed), 1 boot-ups seen"
+    assert node.describe(4.5) == "NMT state stopped (assumed), 1 boot-up seen"
 
 
 def test_at_a_bus_off_nothing_is_known_any_more_and_at_other_failures_it_is(

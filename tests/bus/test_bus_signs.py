@@ -16,6 +16,7 @@ from axisbus.bus.nmt_confirm import Way
 from axisbus.bus.nodeevents import BAD, NodeEventKind, NodeEvents
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
+from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import BusOff, SdoTimeout, SyncError
 
@@ -131,6 +132,7 @@ class Wire:
         self.late: dict[int, float] = {}
         self.waits = 0
         self.fails = False
+        self.drops = Drops()
 
     def subscribe(self, can_id: int, receiver) -> None:
         self.receiver = receiver
@@ -563,7 +565,7 @@ def test_a_heartbeat_is_awaited_two_and_a_half_periods_and_two_seconds_at_least(
     assert (found.ok, found.state) == (False, None)
     assert node.sent == [(0, b"\1\5")]
     assert found.text.startswith(
-        "NOT confirmed: it shows nothing 0.0 s after the command (looked for its heartbeat)"
+        "SILENT: it answered before the command, and nothing came in 0.0 s after it (looked for its heartbeat)"
     )
 
 

@@ -211,7 +211,7 @@ def test_a_client_ends_whatever_the_server_says_and_the_next_call_is_a_new_one(s
 def test_more_than_an_object_can_have_is_not_taken_but_a_type_that_is_asked_for_counts():
     with opened() as (fake, channel), Node(channel, ID) as node:
         fake.peers.append(Slave(ID, {(0x1018, 1): b"x" * 300}))
-        with pytest.raises(SdoError, match="300 bytes were announced, 256 are taken at most"):
+        with pytest.raises(SdoError, match="300 bytes announced, 256 are taken at most"):
             node.sdo.read(0x1018, 1)
         assert node.sdo.read(0x1018, 1, data_type=DataType.VISIBLE_STRING) == "x" * 300
         assert node.sdo.upload(0x1018, 1, most=300) == b"x" * 300
@@ -222,7 +222,7 @@ def test_answers_that_come_while_nothing_is_asked_are_counted_and_not_kept():
         for _ in range(500):
             fake.inject(0x580 + ID, "43 01 10 00 ff ff ff ff")
         delivered(fake, channel)
-        assert node.sdo._line.inbox.qsize() == 0
+        assert len(node.sdo._line.inbox) == 0
         fake.peers.append(Slave(ID))
         assert node.sdo.upload(0x1001) == b"\0"
         (drop,) = channel.drops.found
@@ -312,17 +312,14 @@ def test_a_stored_eds_of_any_bytes_is_bytes_none_or_an_error(stored, kind):
 class Endless:
     """A queue in which there is always another answer, as of a slave that talks faster than is read."""
 
-    def get_nowait(self) -> tuple[bytes, float]:
+    def take(self, until: float) -> tuple[bytes, float]:
         return b"\x4f" + bytes(7), time.monotonic()
-
-    def get(self, timeout: float) -> tuple[bytes, float]:
-        return self.get_nowait()
 
 
 def test_a_slave_that_talks_without_a_pause_ends_no_wait_late(monkeypatch):
     with opened() as (_, channel):
         master = LssMaster(channel, Timing(floor=0.002, first=0.01, ceiling=0.02), beside_operation=True)
-        monkeypatch.setattr(master, "_queue", Endless())
+        monkeypatch.setattr(master, "_inbox", Endless())
         with fuzz.within(10):
             assert not master.any_unconfigured()  # that is not what it says
         (drop,) = channel.drops.found

@@ -381,7 +381,7 @@ def test_a_member_that_refuses_the_mode_stops_the_others_before_they_start():
 def test_a_line_needs_a_number_for_each_axis_and_keeps_the_limits():
     r = rig("xy", limits=Limits(position=(-50.0, 50.0), velocity=400.0)).enabled()
     group = r.groups["all"]
-    with pytest.raises(ArgumentError, match="1 positions for 2 axes"):
+    with pytest.raises(ArgumentError, match="1 position for 2 axes"):
         group.move_linear((1.0,), velocity=10.0)
     with pytest.raises(LimitError, match="position limits"):
         group.move_linear((1.0, 51.0), velocity=10.0)

@@ -17,6 +17,7 @@ from axisbus.cia402 import objects as c402
 from axisbus.eds.dcf import BAUD_RATES
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import EdsError, SdoAbort
+from axisbus.wording import counted
 
 STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
 _PLAIN, _ZIPPED = 0, 1
@@ -72,7 +73,7 @@ def _unpacked(node_id: int, data: bytes) -> bytes:
 def _damaged(node_id: int, size: int, observed: str) -> EdsError:
     return EdsError(
         f"node {node_id} stores an EDS that cannot be unpacked",
-        observed=f"{size} bytes in 1021h, compressed by its 1022h: {observed}",
+        observed=f"{counted(size, 'byte')} in 1021h, compressed by its 1022h: {observed}",
         remedy="take the EDS from the maker, or make a skeleton with --skeleton",
     )
 

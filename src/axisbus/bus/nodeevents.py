@@ -14,6 +14,7 @@ from enum import Enum
 from typing import Protocol
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.wording import counted
 
 _KEPT = 256
 EVERY = 1.0  # seconds between two events of the same kind in the history
@@ -52,7 +53,7 @@ class NodeEvent:
     times: int = 1
 
     def __str__(self) -> str:
-        often = f"{self.times} times; " if self.times > 1 else ""
+        often = f"{counted(self.times, 'time')}; " if self.times > 1 else ""
         return (
             f"node {self.node} {self.kind.value} ({often}{self.state.text}, heard {self.silent * 1000:.0f} ms ago; "
             f"noticed within {self.reaction * 1000:.1f} ms)"

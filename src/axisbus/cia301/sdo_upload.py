@@ -205,13 +205,15 @@ class Upload(Dialogue):
         self.size = int.from_bytes(frame[4:8], "little") if sized else None
         if self.size is not None and self.size > self._most:
             raise Garbled(
-                f"{self.size} bytes were announced, {self._most} are taken at most", codes.OUT_OF_MEMORY
+                f"{counted(self.size, 'byte', 'bytes')} announced, {self._most} are taken at most",
+                codes.OUT_OF_MEMORY,
             )
 
     def _check_not_more(self, padding: int) -> None:
         if len(self._buffer) > self._most + padding:
             raise Garbled(
-                f"more than the {self._most} bytes came that are taken at most", codes.OUT_OF_MEMORY
+                f"more than {counted(self._most, 'byte')} came, which is the most that is taken",
+                codes.OUT_OF_MEMORY,
             )
         if self.size is not None and len(self._buffer) > self.size + padding:
             raise Garbled(

@@ -211,9 +211,8 @@ def _show(report: dict[str, Any], asked: Asked) -> None:
             say(f"    check {WHAT_TO_CHECK}")
         _table(measured, ("load", "load_worst"), "load    worst")
         if measured["lines_skipped"]:
-            say(
-                f"  {measured['lines_skipped']} lines are no frames, the first is {measured['first_skipped']}"
-            )
+            skipped = counted(measured["lines_skipped"], "line is no frame", "lines are no frames")
+            say(f"  {skipped}, the first is {measured['first_skipped']}")
     _next(report, asked)
 
 

@@ -371,7 +371,7 @@ def _travels(how: Capabilities) -> str:
             groups[source].append(name.replace("_", " "))
     parts = [f"{source.value}: {', '.join(names)}" for source, names in groups.items()]
     if how.edge_delay:
-        cycles = "one cycle" if how.edge_delay == 1 else f"{how.edge_delay} cycles"
+        cycles = "one cycle" if how.edge_delay == 1 else counted(how.edge_delay, "cycle")
         parts.append(
             f"the edge of a set-point goes {cycles} after its target, because of the order of mapping"
         )
