@@ -493,7 +493,7 @@ def test_a_group_needs_one_position_for_each_of_its_axes():
         lambda: r.groups["all"].move_direct((1.0, 2.0, 3.0)),
         lambda: r.groups["all"].move_linear((1.0,), velocity=1.0),
     ):
-        with pytest.raises(ArgumentError, match="positions? for 2 axes"):
+        with pytest.raises(ArgumentError, match=r"positions? for 2 axes"):
             call()
     assert repr(r.groups["all"]) == "<Group all: x, y>"
     bounded = rig("xy", limits=Limits(position=(-5.0, 5.0))).enabled()
