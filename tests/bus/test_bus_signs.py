@@ -401,7 +401,8 @@ def test_nothing_more_goes_out_after_a_quick_stop_that_came_in_between():
         wire.now = 9.0
         cycle.commit()
         frames = [can_id for _, can_id, data in wire.sent if isinstance(data, bytes)]
-        assert frames == [0x205] if stop_at == 0x205 else [0x205, 0x305]
+        assert frames == ([0x205] if stop_at == 0x205 else [0x205, 0x305])
+        assert 0x206 not in [can_id for _, can_id, _ in wire.sent]  # nor is it asked for anything
 
 
 @pytest.mark.parametrize(("taken", "well"), [(4, True), (3, False)])

@@ -427,7 +427,7 @@ class Grid:
     """A cycle that begins when it is told to; ``sync``: where another device's SYNC is the grid, when it came."""
 
     def __init__(self) -> None:
-        self.time, self.late, self.sync = 10.0, 0.0, None
+        self.time, self.late, self.came = 10.0, 0.0, None
         self.asked: list[float] = []
 
     def now(self) -> float:
@@ -437,7 +437,7 @@ class Grid:
         self.asked.append(t)
         self.time = max(self.time, t) + self.late
         self.late = 0.0
-        return self.sync
+        return self.came
 
 
 @pytest.mark.parametrize(
@@ -473,12 +473,24 @@ def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
     cycle = Grid()
     scan = Scan(cycle, {}, {}, 0.5, {})
     scan._wait(cycle)
-    cycle.sync, cycle.time = came, came
+    cycle.came, cycle.time = came, came
     scan._wait(cycle)
-    cycle.sync = None
+    cycle.came = None
     scan._wait(cycle)
     assert scan.lateness.skipped == skipped
     assert cycle.asked[-1] == came + 0.5
+
+
+def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_stuck():
+    cycle = Grid()
+    done = []
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    cycle.commit = lambda: (done.append("commit"), setattr(scan, "ended", len(done) > 3))
+    cycle.sync, cycle.heartbeat = lambda: done.append("sync"), lambda: done.append("heartbeat")
+    scan.observers.append(lambda *_: done.append("seen"))
+    scan.once()
+    scan.once()
+    assert done == ["commit", "sync", "heartbeat", "seen", "commit"]
 
 
 def test_several_waiters_share_the_time_of_a_wait(monkeypatch):

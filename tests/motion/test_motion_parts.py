@@ -221,6 +221,16 @@ def test_a_drive_that_sends_its_word_on_change_needs_no_second_one():
     assert drive.now - edge == 0.125 + T
 
 
+def test_a_word_of_before_the_edge_says_nothing_of_this_search():
+    drive = Drive()
+    run = searching(drive)
+    for _ in range(2):
+        assert not run.step(*drive.cycle())  # the word that was low is still that of before
+    assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+    assert not run.step(*drive.cycle(statusword=None))
+    assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+
+
 def test_homing_has_its_time_and_no_more():
     drive = Drive()
     run = searching(drive)
@@ -283,6 +293,12 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
         first = drive.now
     path.look(*drive.cycle(statusword=READY))
     assert (path.state, path.stands, path.may_turn) == (None, False, True)
+    near = Drive()
+    once = SdoPath(near.parameters)
+    once.look(*near.cycle(statusword=None))
+    status, position = (request.id for request in near.order.sdo)
+    once.look(*near.answers(status, 0x0237).answers(position, 1).cycle())
+    assert not once.stands  # one position is none that has stayed
 
 
 def test_a_look_that_is_under_way_is_taken_back():
