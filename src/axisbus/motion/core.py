@@ -235,7 +235,7 @@ class AxisCore:
         if image.state is not State.OPERATION_ENABLED:
             self.running.set_point = None  # what the drive had begun to take is void
         goal = self.order.goal
-        if goal not in ENERGISED or image.state is goal or isinstance(self.activity, Enable):
+        if goal not in ENERGISED or isinstance(self.activity, Enable):
             return
         if image.state not in _MAY_BE_ENERGISED:
             self.order.goal = State.SWITCH_ON_DISABLED
