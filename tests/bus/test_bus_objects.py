@@ -171,6 +171,13 @@ def test_of_many_pdos_the_first_eight_of_each_axis_are_read_and_those_that_are_n
     assert more == [*range(1, 9), 12, *range(65, 73), 129, 512]
 
 
+def test_the_last_rpdo_s_mapping_is_not_taken_for_a_tpdo():
+    device = Store(pdo(True, 512, 0x205, 1, "60400010", "60600008"), with_pdos(0, 1))
+    assert 0x17FF in device.dictionary.eds
+    device.objects |= pdo(False, 1, 0x185, 1)
+    assert [one.number for one in read_pdos(device).tpdos] == [1]
+
+
 def test_where_no_eds_tells_the_usual_ones_are_tried():
     device = Store({})
     for number in (1, 8, 9, 64, 65, 68, 69):
