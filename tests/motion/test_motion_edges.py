@@ -11,7 +11,7 @@ from rig import GENERIC, dictionary_of, parameters, rig
 from steps import Drive, T
 
 from axisbus.cia402.state import State
-from axisbus.errors import LimitError
+from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.motion import handle as handles
 from axisbus.motion.diagnosis import remedy
 from axisbus.motion.handle import Handle, Status
@@ -24,7 +24,7 @@ from axisbus.motion.parameters import Defaults, Limits
 from axisbus.motion.path import plan_line
 from axisbus.motion.profile import braking_distance, duration
 from axisbus.motion.ramped import RampedWay
-from axisbus.motion.scan import Scan
+from axisbus.motion.scan import Lateness, PumpWaiter, Scan
 from axisbus.motion.stopping import StopKind, Stopping, stop_error
 from axisbus.motion.takeover import resting_target
 from axisbus.motion.track import Track
@@ -546,3 +546,51 @@ def test_a_snapshot_tells_when_its_position_was_received():
     r.run(0.2)
     snapshot = r.axis.snapshot
     assert snapshot.position_stamp == pytest.approx(snapshot.now, abs=0.02)
+
+
+def test_how_late_the_cycles_were():
+    late = Lateness()
+    for seconds in (0.25, 0.5, 0.125):
+        late.note(seconds)
+    assert (late.cycles, late.last, late.worst, late.total, late.skipped) == (3, 0.125, 0.5, 0.875, 0)
+
+
+@pytest.mark.parametrize(
+    ("period", "age", "stale"),
+    [(0.01, 0.25, False), (0.01, 0.3125, True), (0.125, 1.25, False), (0.125, 1.5, True)],
+)
+def test_what_was_seen_last_is_not_of_now_after_ten_periods_and_a_quarter_of_a_second(period, age, stale):
+    cycle = Grid()
+    scan = Scan(cycle, {}, {}, period, {})
+    scan.snapshots["x"] = SimpleNamespace(now=10.0)
+    cycle.time = 10.0 + age
+    assert (scan.silent is not None) is stale
+    scan.ended = True
+    assert "the machine is closed" in scan.silent
+    scan.failure = DriveError("broken")
+    assert "has failed: broken" in scan.silent
+    scan.failure = None
+    assert scan.dead is None
+    scan.disown()
+    assert "forked" in scan.dead
+    with pytest.raises(StateError):
+        scan.submit("x", None, Handle("h", SimpleNamespace()))
+
+
+def test_a_pump_waits_in_virtual_time():
+    cycle = Grid()
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    cycle.commit = cycle.sync = cycle.heartbeat = lambda: None
+    seen = []
+    waiter = PumpWaiter(scan, seen.append)
+    assert not waiter.wait(lambda: False, 2.0)
+    assert seen == [10.0, 10.5, 11.0, 11.5, 12.0]
+    assert waiter.wait(lambda: len(seen) == 7, None)
+    assert not waiter.is_pumping()
+    scan.observers.append(lambda *_: seen.append(waiter.is_pumping()))
+    waiter.pump()
+    assert seen[-2] is True
+    scan.ended = True
+    assert not waiter.wait(lambda: False, None)
+    waiter.pump()
+    assert len(seen) == 9
