@@ -568,7 +568,7 @@ def test_what_was_seen_last_is_not_of_now_after_ten_periods_and_a_quarter_of_a_s
     scan.ended = True
     assert "the machine is closed" in scan.silent
     scan.failure = DriveError("broken")
-    assert "has failed: broken" in scan.silent
+    assert "the scan of the bus has failed: " in scan.silent
     scan.failure = None
     assert scan.dead is None
     scan.disown()

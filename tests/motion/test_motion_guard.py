@@ -330,8 +330,9 @@ def test_only_positions_that_are_new_count_for_the_lag():
     assert watch.error(drive.cycle(mode=3, position=0)[0], activity) is None
     for _ in range(5):
         assert watch.error(drive.cycle()[0], activity) is None
+    drive.image.origin = -2000
     error = watch.error(drive.cycle(position=0)[0], activity)
-    assert "at 0 deg it is 5 deg from where it should be by now; 4 are allowed" in error.observed
+    assert "at 2 deg it is 5 deg from where it should be by now; 4 are allowed" in error.observed
     other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
     assert watch.error(drive.cycle(position=1)[0], other) is None  # another command begins anew
     assert watch.error(drive.cycle(position=2)[0], None) is None

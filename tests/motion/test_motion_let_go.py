@@ -44,6 +44,32 @@ def test_power_that_has_gone_does_not_come_back_by_itself(situation, transition)
         assert r.axis.state is AxisState.ERRORSTOP
 
 
+def test_a_motor_without_power_may_be_turned_by_hand():
+    r = SITUATIONS["error stop"]()
+    r.drive.power.force(9)
+    r.run(1.0)
+    told = str(r.axis.error)
+    for _ in range(50):
+        r.drive.axis.motor.position += 2000.0
+        r.run(PERIOD)
+    assert str(r.axis.error) == told
+
+
+def test_while_the_drive_homes_it_is_given_no_target():
+    r = SITUATIONS["homing"]()
+    watch = Watch(r)
+    r.run(0.5)
+    assert r.axis.state is AxisState.HOMING
+    assert watch.targets == []
+    turning = SITUATIONS["turning"]()
+    watch = Watch(turning)
+    turning.run(0.5)
+    assert watch.targets
+    assert (
+        abs(watch.targets[-1] - turning.drive.axis.motor.position) < 2000
+    )  # where it is, were it to fall out of its mode
+
+
 def test_an_axis_at_rest_is_left_alone_when_another_one_fails():
     r = rig("xy").enabled()
     r.axes["x"].move_velocity(50.0).wait(3)
