@@ -594,3 +594,19 @@ def test_a_pump_waits_in_virtual_time():
     assert not waiter.wait(lambda: False, None)
     waiter.pump()
     assert len(seen) == 9
+
+
+@pytest.mark.parametrize("look", ["exception", "done", "aborted", "wait", None])
+def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
+    handle = Handle("x.stop()", SimpleNamespace(wait=lambda *_: True))
+    handle.finish(Status.ERROR, DriveError("broken"))
+    if look == "wait":
+        with pytest.raises(DriveError):
+            handle.wait()
+    elif look is not None:
+        found = getattr(handle, look)
+        assert (found() if look == "exception" else found) in (handle.error, False)
+    with caplog.at_level("ERROR", logger="axisbus"):
+        handle.__del__()
+    assert ("x.stop() failed, and nobody looked at its handle" in caplog.text) is (look is None)
+    handle.exception()
