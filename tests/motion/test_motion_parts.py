@@ -1042,3 +1042,50 @@ def test_a_drive_without_60c2h_has_its_own_time_and_one_that_refuses_it_is_told(
     asked = [request.id for request in waits.order.sdo]
     setup.cancel(waits.order)
     assert sorted(waits.order.cancel) == sorted(asked)
+
+
+def test_a_demand_that_comes_as_often_as_the_position_must_be_still_too():
+    drive = Drive(ages={"demand": 10.0})
+    drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
+    look = Standing(drive.parameters, drive.now)
+    for number in range(20):
+        assert not look.seen(drive.cycle(position=0, demand=10 * number)[0])
+    since = drive.now
+    while not look.seen(drive.cycle(position=0, demand=190)[0]):
+        assert drive.now < since + 1.0
+    assert drive.now - since == 0.0625
+
+
+def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
+    drive = Drive(ages={"demand": 10.0})
+    drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
+    look = Standing(drive.parameters, drive.now)
+    for position in (100, 200):
+        assert not look.seen(drive.cycle(position=position, demand=0)[0])
+    for _ in range(20):
+        assert not look.seen(drive.cycle(position=300)[0])  # that demand is of when it still moved
+    drive.says(demand=300)
+    assert look.seen(drive.cycle(position=300)[0])
+    other = Drive()  # one that comes on change says by its silence that it is the same
+    other.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
+    look = Standing(other.parameters, other.now)
+    seen = [look.seen(other.cycle(position=0)[0]) for _ in range(6)]
+    assert seen == [False] * 4 + [True] * 2
+
+
+@pytest.mark.parametrize(
+    ("defaults", "limit", "expected"),
+    [
+        (Defaults(acceleration=5.0, deceleration=3.0), 7.0, 3.0),
+        (Defaults(acceleration=5.0), 7.0, 5.0),
+        (Defaults(deceleration=3.0), None, 3.0),
+        (Defaults(), 7.0, 7.0),
+        (Defaults(), None, None),
+    ],
+)
+def test_what_a_path_is_braked_with(defaults, limit, expected):
+    base = Drive(defaults=defaults, limits=Limits(acceleration=limit)).parameters
+    assert base.path_deceleration == expected
+    assert base.slow_ramp == (None if expected is None else expected * 1000.0)
+    unknown = replace(base, units=replace(base.units, ratio_known=False))
+    assert unknown.slow_ramp is None
