@@ -134,3 +134,16 @@ def test_one_that_says_no_to_its_device_type_is_there_without_a_kind(channel: Ch
         "",
         None,
     )
+
+
+def test_one_that_falls_silent_after_its_device_type_has_at_least_that(
+    channel: Channel, fake: FakeBus
+) -> None:
+    answers = [bytes.fromhex("43 00 10 00 92 01 02 00")]
+    fake.peers.append(lambda can_id, *_: [(0x582, answers.pop())] if can_id == 0x602 and answers else [])
+    (found,) = scan(channel, ids=(2,), listen=0.1)
+    assert (found.answers_sdo, found.identity.device_type, found.kind) == (
+        True,
+        0x00020192,
+        "servo drive (CiA 402)",
+    )

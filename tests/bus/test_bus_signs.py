@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.bus import candump, nmt_confirm
-from axisbus.bus.changeover import ChangedOver, Opening
+from axisbus.bus.changeover import ChangedOver, Opening, _commands
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.nmt import Confirmation
 from axisbus.bus.nmt_confirm import Way
@@ -632,6 +632,7 @@ def test_a_reset_is_confirmed_by_a_boot_up_within_five_seconds(clock, wanted):
     ],
 )
 def test_when_a_change_over_is_complete(changes, complete):
+    assert _commands(Opening("pcan", "x"), 250_000) == ()
     assert ChangedOver(500_000, Opening("virtual", "x").own_rate, **changes).complete is complete
 
 
