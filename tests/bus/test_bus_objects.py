@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import zlib
 from datetime import datetime
+from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus import errorframe
+from axisbus.bus import errorframe, sdo_errors
 from axisbus.bus.errorframe import Condition
 from axisbus.bus.from_device import as_file, skeleton, stored_eds
 from axisbus.bus.pdo import set_pdo
@@ -22,9 +23,10 @@ from axisbus.bus.sdo_channels import (
 )
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
-from axisbus.eds.dictionary import Dictionary
+from axisbus.cia301.sdo_session import Request
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
-from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, StateError
+from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, SdoTimeout, StateError
 
 MISSING, NO_SUB, WRITE_ONLY, NOT_MAPPABLE = 0x06020000, 0x06090011, 0x06010001, 0x06040041
 INVALID, NO_RTR = 1 << 31, 1 << 30
@@ -569,3 +571,35 @@ def test_the_error_counters_of_a_frame(error_class, data, counters):
     assert (None if found is None else tuple(found)) == counters
     text = errorframe.describe(error_class, bytes.fromhex(data))
     assert ("transmit errors" in text.split("(")[-1]) is (counters is not None)
+
+
+# What is told of a transfer that failed.
+
+ENTRY = Entry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
+
+
+@pytest.mark.parametrize(
+    ("data", "doing"),
+    [
+        (None, "node 5: reading "),
+        (bytes(8), "= 00 00 00 00 00 00 00 00 "),
+        (bytes(9), "= 9 bytes "),
+        (b"\x0a", "= 0a "),
+    ],
+)
+def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
+    request = Request(0x6081, 0, data, 0.5, 3)
+    silent = SimpleNamespace(failure=None, strays=[])
+    error = sdo_errors.failed(5, ENTRY, request, silent, "")
+    assert isinstance(error, SdoTimeout)
+    assert doing in error.message
+    assert error.message.endswith("got no answer in 3 attempts of 0.5 s")
+    assert (error.node, error.index, error.subindex) == (5, 0x6081, 0)
+    assert error.observed == "no frame from its SDO server"
+    assert sdo_errors.failed(5, ENTRY, request, silent, "3 error frames").observed == "3 error frames"
+    other = SimpleNamespace(failure=None, strays=[b"\1", b"\2\3"])
+    assert (
+        sdo_errors.failed(5, ENTRY, request, other, "x").observed
+        == "2 frames that answer something else, the last: 02 03"
+    )
+    assert "something more urgent" in sdo_errors.cancelled(5, ENTRY, request).observed
