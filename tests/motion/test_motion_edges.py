@@ -610,3 +610,42 @@ def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
         handle.__del__()
     assert ("x.stop() failed, and nobody looked at its handle" in caplog.text) is (look is None)
     handle.exception()
+
+
+@pytest.mark.parametrize(
+    ("at", "deceleration", "fits"),
+    [
+        (80.0, 500.0, True),
+        (80.0, 20.0, False),
+        (20.0, 20.0, True),
+        (80.0, 600.0, True),
+        (80.0, 80.0, True),
+        (90.0, 80.0, False),
+    ],
+)
+def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_time(at, deceleration, fits):
+    """From 50 deg/s: 2.5 deg with 500 deg/s², 15.6 with 80, 62.5 with 20."""
+    r = rig(limits=Limits(position=(-100.0, 100.0), velocity=400.0)).enabled()
+    r.axis.home(37).wait(3)
+    r.axis.move_velocity(50.0).wait(3)
+    r.until(lambda: r.axis.position > at)
+    handle = r.axis.move_velocity(49.0, acceleration=500.0, deceleration=deceleration)
+    r.run(0.05)
+    error = handle.exception()
+    assert (error is None) is fits
+    assert r.drive.axis.motor.velocity == pytest.approx(49_000 if fits else 50_000, abs=1200)
+    r.until(lambda: abs(r.drive.axis.motor.velocity) < 1.0)
+    assert r.axis.position <= 100.0
+
+
+@pytest.mark.parametrize("deceleration", [500.0, 20.0])
+def test_a_move_to_a_target_brings_no_deceleration_that_is_too_weak(deceleration):
+    r = rig(limits=Limits(position=(-100.0, 100.0), velocity=400.0)).enabled()
+    r.axis.home(37).wait(3)
+    r.axis.move_velocity(50.0).wait(3)
+    r.until(lambda: r.axis.position > 80.0)
+    handle = r.axis.move_absolute(0.0, acceleration=500.0, deceleration=deceleration)
+    r.run(0.05)
+    assert (handle.exception() is None) is (deceleration == 500.0)
+    r.run(2.0)
+    assert r.axis.position <= 100.0
