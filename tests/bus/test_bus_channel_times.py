@@ -196,6 +196,19 @@ def test_a_driver_that_cannot_say_its_state_is_asked_no_more(fake: FakeBus, cloc
         assert made.failure is None
 
 
+def test_what_a_driver_says_on_closing_is_kept(fake: FakeBus, clock: Clock) -> None:
+    made = Channel(fake, "fake")
+    shutdown = fake.shutdown
+
+    def fails() -> None:
+        shutdown()
+        raise OSError("gone already")
+
+    fake.shutdown = fails
+    made.close()
+    assert made.counters.errors[-1] == "on closing: gone already"
+
+
 def test_one_that_is_closed_says_so(fake: FakeBus, clock: Clock) -> None:
     made = Channel(fake, "fake")
     made.check()
@@ -204,3 +217,41 @@ def test_one_that_is_closed_says_so(fake: FakeBus, clock: Clock) -> None:
     with pytest.raises(AdapterError, match="the CAN channel fake is closed"):
         made.send(0x201, b"")
     assert not fake.is_open
+
+
+class Held:
+    """A lock that another thread keeps, for so long each time that one waits for it."""
+
+    def __init__(self, clock: Clock, slice_: float) -> None:
+        self.clock, self.slice, self.asked = clock, slice_, []
+
+    def acquire(self, timeout: float) -> bool:
+        self.asked.append(timeout)
+        self.clock.now += self.slice
+        return False
+
+    def release(self) -> None:
+        raise AssertionError("it is not ours")
+
+
+@pytest.mark.parametrize(
+    ("slice_", "tries", "words"),
+    [
+        (0.02, 51, "has not been taken"),  # a second in which both run: the send is stuck
+        (0.04, 26, "has not been taken"),
+        (3.0, 4, "hardly ran"),  # ten seconds in which this program hardly ran: nobody's fault but its own
+        (9.0, 2, "hardly ran"),
+    ],
+)
+def test_a_send_that_another_thread_is_stuck_in_is_waited_for_while_both_run(
+    open_channel: Channel, clock: Clock, slice_, tries, words
+) -> None:
+    held = Held(clock, slice_)
+    free, open_channel._send_lock = open_channel._send_lock, held
+    with pytest.raises(AdapterError) as caught:
+        open_channel.send(0x201, b"")
+    open_channel._send_lock = free
+    assert set(held.asked) == {0.02}
+    assert abs(len(held.asked) - tries) <= 1
+    assert words in str(caught.value)
+    assert open_channel.failure is not None

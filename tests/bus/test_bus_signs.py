@@ -664,3 +664,9 @@ def test_a_line_of_candump(line, frame):
     time, identifier, data, extended, remote, error = frame
     assert (found[0], found[1]) == (time, identifier)
     assert tuple(found)[2:6] == (bytes.fromhex(data), extended, remote, error)
+
+
+def test_a_channel_is_opened_as_it_was_before():
+    with Opening("virtual", "opened-again").open() as opened:
+        assert opened.name == "virtual:opened-again"
+        assert opened.failure is None
