@@ -670,3 +670,11 @@ def test_a_channel_is_opened_as_it_was_before():
     with Opening("virtual", "opened-again").open() as opened:
         assert opened.name == "virtual:opened-again"
         assert opened.failure is None
+
+
+def test_where_another_device_sends_sync_the_cycle_begins_with_it():
+    wire = Wire()
+    cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5), clock=wire.clock)
+    wire.now = 7.75
+    assert cycle.wait_until(100.0) == 7.5
+    assert (cycle.lateness().cycles, cycle.lateness().worst) == (1, 0.25)
