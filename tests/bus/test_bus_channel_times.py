@@ -239,8 +239,12 @@ class Held:
     [
         (0.02, 51, "has not been taken"),  # a second in which both run: the send is stuck
         (0.04, 26, "has not been taken"),
-        (3.0, 4, "hardly ran"),  # ten seconds in which this program hardly ran: nobody's fault but its own
-        (9.0, 2, "hardly ran"),
+        (
+            3.0,
+            4,
+            "hardly ran for 12 s",
+        ),  # ten seconds in which this program hardly ran: nobody's fault but its own
+        (9.0, 2, "hardly ran for 18 s"),
     ],
 )
 def test_a_send_that_another_thread_is_stuck_in_is_waited_for_while_both_run(

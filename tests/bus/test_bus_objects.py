@@ -468,6 +468,10 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
     assert made.get(0x1018, 0).default.value == 2
     assert sorted(made.objects[0x1801].subs) == [0]
     assert made.get(0x1800, 0).default.value == 64
+    for index, entry in made.objects.items():
+        assert [(sub, one.index, one.subindex) for sub, one in entry.subs.items()] == [
+            (sub, index, sub) for sub in entry.subs
+        ]
     assert made.get(0x1010, 1).object_flags == 1
     assert made.get(0x1000).object_flags == 0
     names = [made.objects[index].name for index in (0x1400, 0x140F, 0x1800, 0x1801)]
