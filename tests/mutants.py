@@ -27,6 +27,8 @@ MEASURED = (
 MAP = ROOT / ".mutants-map" / "map.json"
 EQUIVALENT = ROOT / "tests" / "mutation" / "equivalent.toml"
 NOT_FOR_THESE = {"eds", "socketcan", "mutation"}  # folders whose tests say nothing of what is tried
+# Minutes of matrices and of processes that are killed: they come last for every line, and never within the time of a mutant.
+TOO_LONG = {"test_story_plants.py", "test_story_killed.py", "test_story_zz_golden.py"}
 ENOUGH_KILLED = 0.9
 
 
@@ -85,7 +87,9 @@ def _chosen(asked: argparse.Namespace) -> list[Mutant]:
 
 def _test_files() -> list[Path]:
     files = (ROOT / "tests").rglob("test_*.py")
-    return sorted(file for file in files if not NOT_FOR_THESE & set(file.relative_to(ROOT).parts))
+    return sorted(
+        file for file in files if not (NOT_FOR_THESE | TOO_LONG) & set(file.relative_to(ROOT).parts)
+    )
 
 
 if __name__ == "__main__":

@@ -66,6 +66,8 @@ def test_the_driver_s_own_state_tells_bus_off(seen, told):
     made = Controller("can0")
     events = [made.state(off, float(number)) for number, off in enumerate(seen)]
     assert [event.condition for event in events if event is not None] == told
+    assert [event.stamp for event in events if event is not None] == [event.stamp for event in made.events]
+    assert all(event is None or event.stamp == float(number) for number, event in enumerate(events))
     assert all(event.restarted is (event.condition is ACTIVE) for event in made.events)
 
 

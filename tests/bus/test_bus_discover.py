@@ -109,3 +109,41 @@ def test_nothing_stays_subscribed(channel: Channel, fake: FakeBus) -> None:
     scan(channel, ids=(3, 4), listen=0.05)
     assert channel._receivers == {}
     assert channel.on_failure == []
+
+
+def test_each_id_is_asked_for_its_device_type_and_the_silent_ones_once_more(
+    channel: Channel, fake: FakeBus
+) -> None:
+    fake.peers.append(drive(3))
+    scan(channel, ids=(2, 3), listen=0.2)
+    asked = [(can_id, data.hex(" ")) for can_id, data in fake.sent]
+    request = "40 00 10 00 00 00 00 00"
+    assert asked[:3] == [(0x602, request), (0x603, request), (0x602, request)]
+    assert [data for can_id, data in asked[3:] if can_id == 0x602] == []
+
+
+def test_one_that_says_no_to_its_device_type_is_there_without_a_kind(channel: Channel, fake: FakeBus) -> None:
+    fake.peers.append(
+        lambda can_id, *_: [(0x582, bytes.fromhex("80 00 10 00 00 00 02 06"))] if can_id == 0x602 else []
+    )
+    (found,) = scan(channel, ids=(1, 2, 3), listen=0.2)
+    assert (found.node_id, found.answers_sdo, found.nmt, found.kind, found.identity.device_type) == (
+        2,
+        True,
+        None,
+        "",
+        None,
+    )
+
+
+def test_one_that_falls_silent_after_its_device_type_has_at_least_that(
+    channel: Channel, fake: FakeBus
+) -> None:
+    answers = [bytes.fromhex("43 00 10 00 92 01 02 00")]
+    fake.peers.append(lambda can_id, *_: [(0x582, answers.pop())] if can_id == 0x602 and answers else [])
+    (found,) = scan(channel, ids=(2,), listen=0.1)
+    assert (found.answers_sdo, found.identity.device_type, found.kind) == (
+        True,
+        0x00020192,
+        "servo drive (CiA 402)",
+    )

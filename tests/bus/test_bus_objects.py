@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import zlib
 from datetime import datetime
+from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus import errorframe
+from axisbus.bus import errorframe, sdo_errors
 from axisbus.bus.errorframe import Condition
 from axisbus.bus.from_device import as_file, skeleton, stored_eds
 from axisbus.bus.pdo import set_pdo
@@ -22,9 +23,10 @@ from axisbus.bus.sdo_channels import (
 )
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
-from axisbus.eds.dictionary import Dictionary
+from axisbus.cia301.sdo_session import Request
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
-from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, StateError
+from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, SdoTimeout, StateError
 
 MISSING, NO_SUB, WRITE_ONLY, NOT_MAPPABLE = 0x06020000, 0x06090011, 0x06010001, 0x06040041
 INVALID, NO_RTR = 1 << 31, 1 << 30
@@ -169,6 +171,13 @@ def test_of_many_pdos_the_first_eight_of_each_axis_are_read_and_those_that_are_n
     assert found == [*range(1, 9), *range(65, 73), 129, 512]
     more = [one.number for one in read_pdos(device, [(False, 12), (True, 11), (False, 13)]).tpdos]
     assert more == [*range(1, 9), 12, *range(65, 73), 129, 512]
+
+
+def test_the_last_rpdo_s_mapping_is_not_taken_for_a_tpdo():
+    device = Store(pdo(True, 512, 0x205, 1, "60400010", "60600008"), with_pdos(0, 1))
+    assert 0x17FF in device.dictionary.eds
+    device.objects |= pdo(False, 1, 0x185, 1)
+    assert [one.number for one in read_pdos(device).tpdos] == [1]
 
 
 def test_where_no_eds_tells_the_usual_ones_are_tried():
@@ -459,6 +468,10 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
     assert made.get(0x1018, 0).default.value == 2
     assert sorted(made.objects[0x1801].subs) == [0]
     assert made.get(0x1800, 0).default.value == 64
+    for index, entry in made.objects.items():
+        assert [(sub, one.index, one.subindex) for sub, one in entry.subs.items()] == [
+            (sub, index, sub) for sub in entry.subs
+        ]
     assert made.get(0x1010, 1).object_flags == 1
     assert made.get(0x1000).object_flags == 0
     names = [made.objects[index].name for index in (0x1400, 0x140F, 0x1800, 0x1801)]
@@ -562,3 +575,35 @@ def test_the_error_counters_of_a_frame(error_class, data, counters):
     assert (None if found is None else tuple(found)) == counters
     text = errorframe.describe(error_class, bytes.fromhex(data))
     assert ("transmit errors" in text.split("(")[-1]) is (counters is not None)
+
+
+# What is told of a transfer that failed.
+
+ENTRY = Entry(0x6081, 0, "Profile velocity", DataType.UNSIGNED32)
+
+
+@pytest.mark.parametrize(
+    ("data", "doing"),
+    [
+        (None, "node 5: reading "),
+        (bytes(8), "= 00 00 00 00 00 00 00 00 "),
+        (bytes(9), "= 9 bytes "),
+        (b"\x0a", "= 0a "),
+    ],
+)
+def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
+    request = Request(0x6081, 0, data, 0.5, 3)
+    silent = SimpleNamespace(failure=None, strays=[])
+    error = sdo_errors.failed(5, ENTRY, request, silent, "")
+    assert isinstance(error, SdoTimeout)
+    assert doing in error.message
+    assert error.message.endswith("got no answer in 3 attempts of 0.5 s")
+    assert (error.node, error.index, error.subindex) == (5, 0x6081, 0)
+    assert error.observed == "no frame from its SDO server"
+    assert sdo_errors.failed(5, ENTRY, request, silent, "3 error frames").observed == "3 error frames"
+    other = SimpleNamespace(failure=None, strays=[b"\1", b"\2\3"])
+    assert (
+        sdo_errors.failed(5, ENTRY, request, other, "x").observed
+        == "2 frames that answer something else, the last: 02 03"
+    )
+    assert "something more urgent" in sdo_errors.cancelled(5, ENTRY, request).observed

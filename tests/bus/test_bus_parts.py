@@ -8,18 +8,21 @@ from types import SimpleNamespace
 import pytest
 from test_bus_plan import CIA402, objects, rpdo, tpdo
 
-from axisbus.bus import freshness
+from axisbus.bus import freshness, sdo_output
 from axisbus.bus.choose import slots
 from axisbus.bus.deadline import Deadline, Deadlines, Reception
 from axisbus.bus.emcy import FEED, EmcyFeed
 from axisbus.bus.lateness import EDGES, Lateness
-from axisbus.bus.mapping import DevicePdos
+from axisbus.bus.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo_read import Indices
 from axisbus.bus.plan import Change, PlannedPdo, Policy, Wanted, make_plan
 from axisbus.bus.poller import Poller
 from axisbus.bus.rpdo import RpdoImage, arrange
+from axisbus.bus.sdo_output import SdoOutputs, is_stop
 from axisbus.bus.tpdo import Requests, TpdoSlot
 from axisbus.cia402.port import Sample, Source
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
 from axisbus.errors import StateError
 
 INPUTS = ("statusword", "mode", "position", "velocity", "torque", "demand")
@@ -465,3 +468,126 @@ def test_an_axis_has_its_block_of_64_or_else_its_four(numbers, axis, expected):
 )
 def test_where_the_parameters_of_a_pdo_are(receive, number, communication, mapping):
     assert Indices.of(receive, number) == Indices(communication, mapping)
+
+
+# What may be mapped, and what travels by SDO.
+
+
+def test_without_an_eds_every_axis_has_the_standard_s_objects():
+    first, third = (axis_objects(Dictionary(None), DevicePdos((), ()), axis) for axis in (1, 3))
+    own = {index: entry for index, (_, _, _, _) in CIA402.items() if (entry := first.get(index)) is not None}
+    assert sorted(own) == sorted(CIA402) == sorted(first)
+    for index, (bits, signed, receive, transmit) in CIA402.items():
+        for offset, found in ((0, first), (0x1000, third)):
+            entry = found[index + offset]
+            assert (entry.bits, entry.signed, entry.receive, entry.transmit) == (
+                bits,
+                signed,
+                receive,
+                transmit,
+            ), hex(index)
+
+
+def test_what_a_drive_maps_exists_where_its_file_forgot_it():
+    device = DevicePdos((rpdo(1, "6040/16 607A/32", 1),), ())
+    found = axis_objects(Dictionary(Eds("x", {}, {})), device, 1)
+    assert sorted(found) == [0x6040, 0x607A]
+    assert (found[0x607A].bits, found[0x607A].signed, found[0x607A].receive, found[0x607A].transmit) == (
+        32,
+        True,
+        False,
+        False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "stops"),
+    [
+        (0x00, True),
+        (0x02, True),
+        (0x04, True),
+        (0x06, False),
+        (0x07, False),
+        (0x0F, False),
+        (0x0B, True),
+        (0x10F, False),
+        (0x80, True),
+    ],
+)
+def test_which_words_take_a_drive_out_of_operation(word, stops):
+    assert is_stop(word) is stops
+
+
+class Queue(Worker):
+    def __init__(self) -> None:
+        super().__init__()
+        self.first = []
+
+    def urgent(self, job) -> None:
+        self.first.append(job)
+
+
+def by_sdo(*names: str) -> tuple[Queue, SdoOutputs]:
+    worker = Queue()
+    return worker, SdoOutputs(
+        worker,
+        dict.fromkeys(names, Source.SDO) | {"target_torque": Source.SYNC_PDO},
+        lambda index: index + 0x800,
+    )
+
+
+def test_only_a_value_that_is_new_is_written_by_sdo():
+    worker, outputs = by_sdo("mode", "target_position")
+    assert outputs.take({"mode": 1, "target_torque": 5, "target_position": 0}, 0x0F) == 0x0F
+    assert [(job.index, job.value) for job in worker.jobs] == [(0x6860, 1), (0x687A, 0)]
+    assert outputs.pending
+    outputs.take({"mode": 1}, None)
+    assert len(worker.jobs) == 2
+    for job in worker.jobs:
+        job.done(None, None)
+    assert not outputs.pending
+    outputs.take({"mode": 1, "target_position": 7}, None)
+    assert [job.value for job in worker.jobs] == [1, 0, 7]
+
+
+def test_a_value_that_was_refused_is_tried_again_after_a_while(monkeypatch):
+    clock = SimpleNamespace(now=5.0)
+    monkeypatch.setattr(sdo_output, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    worker, outputs = by_sdo("mode")
+    outputs.take({"mode": 1}, None)
+    worker.jobs[0].done(None, 0x06090030)
+    clock.now += sdo_output.RETRY - 0.125
+    outputs.take({"mode": 1}, None)
+    assert len(worker.jobs) == 1
+    outputs.take({"mode": 2}, None)
+    assert len(worker.jobs) == 2
+    worker.jobs[1].done(None, 0x06090030)
+    clock.now += sdo_output.RETRY
+    outputs.take({"mode": 2}, None)
+    assert len(worker.jobs) == 3
+    outputs.take({"mode": 3}, None)
+    worker.jobs[2].done(None, 0x06090030)  # the older one: the newer is on its way
+    outputs.take({"mode": 3}, None)
+    assert [job.value for job in worker.jobs] == [1, 2, 2, 3]
+
+
+def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everything():
+    worker, outputs = by_sdo("controlword", "target_position")
+    assert not outputs.commanded
+    assert outputs.take({"target_position": 5}, None) is None
+    assert not outputs.commanded
+    assert outputs.take({}, 0x0F) is None
+    assert outputs.commanded
+    outputs.take({}, 0x0F)
+    assert [(job.index, job.value) for job in worker.jobs] == [(0x687A, 5), (0x6840, 0x0F)]
+    outputs.take({}, 0x02)
+    outputs.take({}, 0x02)
+    assert [job.value for job in worker.first] == [0x02]
+    worker.first[0].done(None, 0x05040000)
+    outputs.take({}, 0x02)  # one that failed is tried again at once
+    assert [job.value for job in worker.first] == [0x02, 0x02]
+    worker.jobs[1].done(None, None)
+    outputs.take({}, 0x0F)
+    worker.jobs[2].done(None, 0x05040000)
+    outputs.take({}, 0x0F)
+    assert len(worker.jobs) == 3  # and another one is not

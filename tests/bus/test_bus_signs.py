@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.bus import candump, nmt_confirm
-from axisbus.bus.changeover import ChangedOver, Opening
+from axisbus.bus.changeover import ChangedOver, Opening, _commands
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.nmt import Confirmation
 from axisbus.bus.nmt_confirm import Way
@@ -215,7 +215,7 @@ def test_a_sync_that_stays_away_is_told_after_its_patience():
     made.wait()
     with pytest.raises(SyncError, match="SYNC of the other producer is missing") as caught:
         made.wait()
-    assert 0.75 <= wire.now < 0.9
+    assert wire.now == pytest.approx(0.75)
     assert "expected within 500 ms" in caught.value.observed
 
 
@@ -403,7 +403,8 @@ def test_nothing_more_goes_out_after_a_quick_stop_that_came_in_between():
         wire.now = 9.0
         cycle.commit()
         frames = [can_id for _, can_id, data in wire.sent if isinstance(data, bytes)]
-        assert frames == [0x205] if stop_at == 0x205 else [0x205, 0x305]
+        assert frames == ([0x205] if stop_at == 0x205 else [0x205, 0x305])
+        assert 0x206 not in [can_id for _, can_id, _ in wire.sent]  # nor is it asked for anything
 
 
 @pytest.mark.parametrize(("taken", "well"), [(4, True), (3, False)])
@@ -633,6 +634,7 @@ def test_a_reset_is_confirmed_by_a_boot_up_within_five_seconds(clock, wanted):
     ],
 )
 def test_when_a_change_over_is_complete(changes, complete):
+    assert _commands(Opening("pcan", "x"), 250_000) == ()
     assert ChangedOver(500_000, Opening("virtual", "x").own_rate, **changes).complete is complete
 
 
@@ -664,3 +666,17 @@ def test_a_line_of_candump(line, frame):
     time, identifier, data, extended, remote, error = frame
     assert (found[0], found[1]) == (time, identifier)
     assert tuple(found)[2:6] == (bytes.fromhex(data), extended, remote, error)
+
+
+def test_a_channel_is_opened_as_it_was_before():
+    with Opening("virtual", "opened-again").open() as opened:
+        assert opened.name == "virtual:opened-again"
+        assert opened.failure is None
+
+
+def test_where_another_device_sends_sync_the_cycle_begins_with_it():
+    wire = Wire()
+    cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5), clock=wire.clock)
+    wire.now = 7.75
+    assert cycle.wait_until(100.0) == 7.5
+    assert (cycle.lateness().cycles, cycle.lateness().worst) == (1, 0.25)

@@ -11,7 +11,7 @@ from rig import GENERIC, dictionary_of, parameters, rig
 from steps import Drive, T
 
 from axisbus.cia402.state import State
-from axisbus.errors import LimitError
+from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.motion import handle as handles
 from axisbus.motion.diagnosis import remedy
 from axisbus.motion.handle import Handle, Status
@@ -24,7 +24,7 @@ from axisbus.motion.parameters import Defaults, Limits
 from axisbus.motion.path import plan_line
 from axisbus.motion.profile import braking_distance, duration
 from axisbus.motion.ramped import RampedWay
-from axisbus.motion.scan import Scan
+from axisbus.motion.scan import Lateness, PumpWaiter, Scan
 from axisbus.motion.stopping import StopKind, Stopping, stop_error
 from axisbus.motion.takeover import resting_target
 from axisbus.motion.track import Track
@@ -427,7 +427,7 @@ class Grid:
     """A cycle that begins when it is told to; ``sync``: where another device's SYNC is the grid, when it came."""
 
     def __init__(self) -> None:
-        self.time, self.late, self.sync = 10.0, 0.0, None
+        self.time, self.late, self.came = 10.0, 0.0, None
         self.asked: list[float] = []
 
     def now(self) -> float:
@@ -437,7 +437,7 @@ class Grid:
         self.asked.append(t)
         self.time = max(self.time, t) + self.late
         self.late = 0.0
-        return self.sync
+        return self.came
 
 
 @pytest.mark.parametrize(
@@ -473,12 +473,24 @@ def test_where_another_device_s_sync_is_the_grid_its_time_counts(came, skipped):
     cycle = Grid()
     scan = Scan(cycle, {}, {}, 0.5, {})
     scan._wait(cycle)
-    cycle.sync, cycle.time = came, came
+    cycle.came, cycle.time = came, came
     scan._wait(cycle)
-    cycle.sync = None
+    cycle.came = None
     scan._wait(cycle)
     assert scan.lateness.skipped == skipped
     assert cycle.asked[-1] == came + 0.5
+
+
+def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_stuck():
+    cycle = Grid()
+    done = []
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    cycle.commit = lambda: (done.append("commit"), setattr(scan, "ended", len(done) > 3))
+    cycle.sync, cycle.heartbeat = lambda: done.append("sync"), lambda: done.append("heartbeat")
+    scan.observers.append(lambda *_: done.append("seen"))
+    scan.once()
+    scan.once()
+    assert done == ["commit", "sync", "heartbeat", "seen", "commit"]
 
 
 def test_several_waiters_share_the_time_of_a_wait(monkeypatch):
@@ -534,3 +546,106 @@ def test_a_snapshot_tells_when_its_position_was_received():
     r.run(0.2)
     snapshot = r.axis.snapshot
     assert snapshot.position_stamp == pytest.approx(snapshot.now, abs=0.02)
+
+
+def test_how_late_the_cycles_were():
+    late = Lateness()
+    for seconds in (0.25, 0.5, 0.125):
+        late.note(seconds)
+    assert (late.cycles, late.last, late.worst, late.total, late.skipped) == (3, 0.125, 0.5, 0.875, 0)
+
+
+@pytest.mark.parametrize(
+    ("period", "age", "stale"),
+    [(0.01, 0.25, False), (0.01, 0.3125, True), (0.125, 1.25, False), (0.125, 1.5, True)],
+)
+def test_what_was_seen_last_is_not_of_now_after_ten_periods_and_a_quarter_of_a_second(period, age, stale):
+    cycle = Grid()
+    scan = Scan(cycle, {}, {}, period, {})
+    scan.snapshots["x"] = SimpleNamespace(now=10.0)
+    cycle.time = 10.0 + age
+    assert (scan.silent is not None) is stale
+    scan.ended = True
+    assert "the machine is closed" in scan.silent
+    scan.failure = DriveError("broken")
+    assert "the scan of the bus has failed: " in scan.silent
+    scan.failure = None
+    assert scan.dead is None
+    scan.disown()
+    assert "forked" in scan.dead
+    with pytest.raises(StateError):
+        scan.submit("x", None, Handle("h", SimpleNamespace()))
+
+
+def test_a_pump_waits_in_virtual_time():
+    cycle = Grid()
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    cycle.commit = cycle.sync = cycle.heartbeat = lambda: None
+    seen = []
+    waiter = PumpWaiter(scan, seen.append)
+    assert not waiter.wait(lambda: False, 2.0)
+    assert seen == [10.0, 10.5, 11.0, 11.5, 12.0]
+    assert waiter.wait(lambda: len(seen) == 7, None)
+    assert not waiter.is_pumping()
+    scan.observers.append(lambda *_: seen.append(waiter.is_pumping()))
+    waiter.pump()
+    assert seen[-2] is True
+    scan.ended = True
+    assert not waiter.wait(lambda: False, None)
+    waiter.pump()
+    assert len(seen) == 9
+
+
+@pytest.mark.parametrize("look", ["exception", "done", "aborted", "wait", None])
+def test_a_failure_that_nobody_has_looked_at_is_reported(look, caplog):
+    handle = Handle("x.stop()", SimpleNamespace(wait=lambda *_: True))
+    handle.finish(Status.ERROR, DriveError("broken"))
+    if look == "wait":
+        with pytest.raises(DriveError):
+            handle.wait()
+    elif look is not None:
+        found = getattr(handle, look)
+        assert (found() if look == "exception" else found) in (handle.error, False)
+    with caplog.at_level("ERROR", logger="axisbus"):
+        handle.__del__()
+    assert ("x.stop() failed, and nobody looked at its handle" in caplog.text) is (look is None)
+    handle.exception()
+
+
+@pytest.mark.parametrize(
+    ("at", "deceleration", "fits"),
+    [
+        (80.0, 500.0, True),
+        (80.0, 20.0, False),
+        (20.0, 20.0, True),
+        (80.0, 600.0, True),
+        (80.0, 80.0, True),
+        (90.0, 80.0, False),
+    ],
+)
+def test_a_weaker_deceleration_is_refused_where_it_would_not_stop_the_axis_in_time(at, deceleration, fits):
+    """From 50 deg/s: 2.5 deg with 500 deg/s², 15.6 with 80, 62.5 with 20."""
+    r = rig(limits=Limits(position=(-100.0, 100.0), velocity=400.0)).enabled()
+    r.axis.home(37).wait(3)
+    r.axis.move_velocity(50.0).wait(3)
+    r.until(lambda: r.axis.position > at)
+    handle = r.axis.move_velocity(49.0, acceleration=500.0, deceleration=deceleration)
+    r.run(0.05)
+    error = handle.exception()
+    assert (error is None) is fits
+    assert r.drive.axis.motor.velocity == pytest.approx(49_000 if fits else 50_000, abs=1200)
+    r.until(lambda: abs(r.drive.axis.motor.velocity) < 1.0)
+    assert r.axis.position <= 100.0
+
+
+@pytest.mark.parametrize("deceleration", [500.0, 20.0])
+def test_a_move_to_a_target_brings_no_deceleration_that_is_too_weak(deceleration):
+    r = rig(limits=Limits(position=(-100.0, 100.0), velocity=400.0)).enabled()
+    r.axis.home(37).wait(3)
+    r.axis.move_velocity(50.0).wait(3)
+    r.until(lambda: r.axis.position > 80.0)
+    handle = r.axis.move_absolute(0.0, acceleration=500.0, deceleration=deceleration)
+    r.run(0.05)
+    assert (handle.exception() is None) is (deceleration == 500.0)
+    r.run(2.0)
+    assert r.axis.position <= 100.0

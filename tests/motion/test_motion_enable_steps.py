@@ -7,7 +7,15 @@ from steps import Drive, T
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
-from axisbus.errors import AxisbusError, DriveError, ModeError, StaleError, StateError, TransitionError
+from axisbus.errors import (
+    AxisbusError,
+    DriveError,
+    ModeError,
+    StaleError,
+    StateError,
+    TransitionError,
+    UncommandedMotion,
+)
 from axisbus.motion.enable import RESTING_MODES, Enable
 from axisbus.motion.gate import Gate
 from axisbus.motion.walk import StateWalk
@@ -137,6 +145,27 @@ def test_an_axis_that_is_enabled_and_does_not_come_to_rest_is_told():
             position += 10
             assert not activity.step(*drive.cycle(statusword=ENABLED, mode=1, position=position))
     assert position == 10 * 130
+
+
+def test_an_axis_that_is_caught_in_motion_is_not_told_that_it_moves_by_itself():
+    drive = Drive()
+    activity = enable(drive, moving=True)
+    for position in range(0, 100_000, 1000):
+        assert not activity.step(*drive.cycle(statusword=ENABLED, mode=1, position=position))
+    at_rest = Drive()
+    activity = enable(at_rest)
+    obey_until_enabled(at_rest, activity)
+    with pytest.raises(UncommandedMotion):
+        for position in range(0, 100_000, 1000):
+            activity.step(*at_rest.cycle(statusword=ENABLED, mode=1, position=position))
+
+
+def obey_until_enabled(drive: Drive, activity: Enable) -> None:
+    """Let the drive take each word until it has power, at rest."""
+    word = DISABLED
+    while word != ENABLED:
+        activity.step(*drive.cycle(statusword=word, mode=1, position=0))
+        word = WORDS[drive.order.controlword(drive.image.state)]
 
 
 def test_the_first_mode_that_the_drive_takes_is_used_and_all_that_were_tried_are_named():

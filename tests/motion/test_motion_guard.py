@@ -14,7 +14,7 @@ from axisbus.motion.braking import Braking, Course
 from axisbus.motion.following import Following, Peak
 from axisbus.motion.guard import Guard, stop_of
 from axisbus.motion.ladder import Rung
-from axisbus.motion.parameters import HoldsLoad, Limits
+from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
 from axisbus.motion.states import AxisState
 
 FREE, MOVE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
@@ -250,6 +250,16 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
             Course(down=7.0, by_target=True),
             (Rung.HALT, 7.0),
         ),
+        (
+            {"braking": replace(QUICK, quick=0.5), "defaults": Defaults()},
+            Course(by_target=True),
+            (Rung.QUICK_STOP, 0.5),
+        ),
+        (
+            {"braking": replace(QUICK, quick=None), "defaults": Defaults()},
+            Course(by_target=True),
+            (Rung.HALT, None),
+        ),
         # a torque: a halt would only let it go
         ({"braking": QUICK}, Course(down=7.0, by_torque=True), (Rung.QUICK_STOP, 2000.0)),
         (
@@ -330,8 +340,9 @@ def test_only_positions_that_are_new_count_for_the_lag():
     assert watch.error(drive.cycle(mode=3, position=0)[0], activity) is None
     for _ in range(5):
         assert watch.error(drive.cycle()[0], activity) is None
+    drive.image.origin = -2000
     error = watch.error(drive.cycle(position=0)[0], activity)
-    assert "at 0 deg it is 5 deg from where it should be by now; 4 are allowed" in error.observed
+    assert "at 2 deg it is 5 deg from where it should be by now; 4 are allowed" in error.observed
     other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
     assert watch.error(drive.cycle(position=1)[0], other) is None  # another command begins anew
     assert watch.error(drive.cycle(position=2)[0], None) is None
@@ -361,3 +372,16 @@ def test_in_a_position_mode_the_demand_leads():
     moving = [(64 * k, 64 * k + 5024) for k in range(8)]
     assert led(moving) == [False] + [False] * 7
     assert led([(a, b + 1) for a, b in moving])[2:] == [True] * 6
+
+
+def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times():
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
+    told = []
+    for number in range(12):
+        ahead = 3000 if number < 6 else 5000
+        fresh = {"demand": 64 * number + ahead} if number % 3 == 0 else {}
+        drive.cycle(statusword=0x0237, mode=1, position=64 * number, **fresh)
+        told.append(watch.error(drive.image, activity) is not None)
+    assert not any(told)  # 4096 per s excuse 1024, and what has passed since the demand came

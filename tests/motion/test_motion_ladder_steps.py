@@ -341,6 +341,15 @@ def test_a_quick_stop_takes_no_torque_from_a_load(holds, torque):
     assert (stop.drive.order.target_torque, stop.drive.order.target_velocity) == (torque, 0)
 
 
+def test_a_look_by_sdo_that_is_under_way_when_it_ends_is_taken_back():
+    stop = Stop(start=Rung.QUICK_STOP).run(1, False, statusword=None, mode=1)
+    asked = [request.id for request in stop.drive.order.sdo if request.value is None]
+    assert len(asked) == 2
+    stop.run(3, False, statusword=DISABLED)
+    assert stop.done
+    assert stop.drive.order.cancel == asked
+
+
 def test_names_of_rungs():
     assert [rung.text for rung in Rung] == ["halt", "quick stop", "disable voltage", "NMT stop"]
 
@@ -512,3 +521,33 @@ def test_why_a_value_is_not_known_is_told():
     assert caught.value.observed == "it does not travel: no TPDO holds it, and it is not polled"
     assert r.axis.position == 0.0
     assert r.axis.state is AxisState.DISABLED
+
+
+def test_what_was_missing_when_a_time_passed_is_kept_for_the_report():
+    stop = Stop().run(34, True, statusword=ENABLED, mode=1).run(20, False, statusword=QUICK)
+    assert stop.ladder.rung is Rung.QUICK_STOP
+    assert "still moving" in stop.ladder.unseen
+    assert not stop.ladder.held
+    held = Stop().run(34, False, statusword=ENABLED, mode=1, demand=5000)
+    assert held.ladder.held
+    held.run(18, False, statusword=ENABLED, demand=0)
+    assert held.ladder.path == [Rung.HALT, Rung.QUICK_STOP, Rung.DISABLE_VOLTAGE]
+    assert held.ladder.held  # something did hold it, whatever was seen later
+
+
+def test_an_axis_on_a_path_has_not_stopped_before_its_path_has():
+    """Two increments in a tenth of a second look like standing, and are not."""
+    drive = Drive(scan_period=0.01, defaults=Defaults(acceleration=0.05), stop_times=StopTimes(halt=5.0))
+    follow = Follow(Trapezoid(0.0, 40.0, 0.02, 0.05), drive.parameters, OPEN)
+    for _ in range(100):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
+    ladder = StopLadder(drive.parameters, Then.HOLD, follow=follow)
+    run_down, cycles = RunDown(drive.parameters), 0
+    while not ladder.step(*drive.cycle(statusword=0x1237, position=0), run_down):
+        cycles += 1
+        assert cycles < 200
+    assert follow.at_rest
+    assert ladder.confirmed
+    assert cycles >= 38  # 0.4 s of the path's time

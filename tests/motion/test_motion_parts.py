@@ -17,6 +17,7 @@ from axisbus.errors import (
     ArgumentError,
     DriveError,
     HomingError,
+    LimitError,
     ModeError,
     SetPointError,
     StaleError,
@@ -24,10 +25,14 @@ from axisbus.errors import (
 )
 from axisbus.motion.activity import ModeSwitch, Transfers, age_text, object_text, require_position, where_text
 from axisbus.motion.braking import Braking
+from axisbus.motion.gate import Gate
 from axisbus.motion.homing import HomingJob, HomingRun
-from axisbus.motion.parameters import HoldsLoad, Limits, pull_window
+from axisbus.motion.interpolation import CyclicSetup, interpolation_period
+from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.power import Coast, Reset
+from axisbus.motion.prepare import Prepare, profile_writes, slow_ramp_writes
+from axisbus.motion.profile import Profile
 from axisbus.motion.ramped import RampedWay
 from axisbus.motion.sdo_path import SdoPath
 from axisbus.motion.setpoint import Phase, SetPoint
@@ -221,6 +226,16 @@ def test_a_drive_that_sends_its_word_on_change_needs_no_second_one():
     assert drive.now - edge == 0.125 + T
 
 
+def test_a_word_of_before_the_edge_says_nothing_of_this_search():
+    drive = Drive()
+    run = searching(drive)
+    for _ in range(2):
+        assert not run.step(*drive.cycle())  # the word that was low is still that of before
+    assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+    assert not run.step(*drive.cycle(statusword=None))
+    assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+
+
 def test_homing_has_its_time_and_no_more():
     drive = Drive()
     run = searching(drive)
@@ -283,6 +298,12 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
         first = drive.now
     path.look(*drive.cycle(statusword=READY))
     assert (path.state, path.stands, path.may_turn) == (None, False, True)
+    near = Drive()
+    once = SdoPath(near.parameters)
+    once.look(*near.cycle(statusword=None))
+    status, position = (request.id for request in near.order.sdo)
+    once.look(*near.answers(status, 0x0237).answers(position, 1).cycle())
+    assert not once.stands  # one position is none that has stayed
 
 
 def test_a_look_that_is_under_way_is_taken_back():
@@ -885,3 +906,186 @@ def test_the_positions_of_a_trapezoid_by_hand():
         -1.0,
         -1.0,
     ]
+
+
+# The interpolation time and the objects of a profile.
+
+
+@pytest.mark.parametrize(
+    ("period", "said"),
+    [
+        (0.001, (1, -3)),
+        (0.01, (10, -3)),
+        (0.255, (255, -3)),
+        (0.0025, (25, -4)),
+        (0.0001, (1, -4)),
+        (0.000125, (125, -6)),
+        (0.26, (26, -2)),
+        (1.0, (100, -2)),
+        (0.002, (2, -3)),
+    ],
+)
+def test_a_period_as_value_and_power_of_ten(period, said):
+    assert interpolation_period(period) == said
+
+
+@pytest.mark.parametrize("period", [1 / 64, 0.0123456, 1e-9])
+def test_a_period_that_cannot_be_said_is_refused(period):
+    with pytest.raises(LimitError, match="cannot be written into 60C2h"):
+        interpolation_period(period)
+
+
+def test_what_is_written_before_a_move():
+    profile = Profile(7, 8, 9, None, None)
+    base = Drive().parameters
+    position = [(0x6081, 0, 7), (0x6083, 0, 8), (0x6084, 0, 9), (0x6082, 0, 0)]
+    assert profile_writes(profile, base, ModeOfOperation.PROFILE_POSITION) == [
+        one for one in position if base.has(one[0])
+    ]
+    whole = replace(base, objects=base.objects | {0x6082})
+    assert profile_writes(profile, whole, ModeOfOperation.PROFILE_POSITION) == position
+    assert profile_writes(profile, whole, ModeOfOperation.PROFILE_VELOCITY) == [
+        (0x6083, 0, 8),
+        (0x6084, 0, 9),
+    ]
+    few = replace(base, objects=frozenset({0x6083}))
+    assert profile_writes(profile, few, ModeOfOperation.PROFILE_POSITION) == [(0x6083, 0, 8)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "written"),
+    [
+        ({}, [(0x6084, 0, 500_000)]),
+        ({"limits": Limits()}, []),
+        ({"limits": Limits(), "braking": Braking(quick_stop=Ramp.SLOW)}, [(0x6084, 0, 500_000)]),
+        ({"braking": Braking(quick_stop=Ramp.QUICK)}, []),
+        ({"defaults": Defaults()}, []),
+        ({"defaults": Defaults(acceleration=5.0, deceleration=0.0001)}, [(0x6084, 0, 1)]),
+        ({"defaults": Defaults(acceleration=5.0, deceleration=2.0)}, [(0x6084, 0, 2000)]),
+        ({"objects": frozenset()}, []),
+    ],
+)
+def test_what_brakes_an_axis_under_torque_is_written_before(changes, written):
+    assert slow_ramp_writes(Drive(**changes).parameters) == written
+
+
+def test_a_move_begins_when_its_mode_is_shown_its_objects_written_and_the_others_ready():
+    drive, gate = Drive(), Gate()
+    mode = ModeSwitch(ModeOfOperation.PROFILE_POSITION, drive.parameters)
+    prepare = Prepare(mode, Transfers([(0x6081, 0, 7)], drive.parameters), gate)
+    assert not prepare.step(*drive.cycle(statusword=ENABLED, mode=3, position=0))
+    [request] = drive.order.sdo
+    assert not prepare.step(*drive.cycle(mode=1))
+    assert not prepare.step(*drive.answers(request.id).cycle())
+    gate.update(1)
+    assert prepare.step(*drive.cycle())
+    other = Prepare(mode, Transfers([(0x6081, 0, 7)], drive.parameters), gate)
+    other.step(*drive.cycle())
+    [request] = drive.order.sdo
+    other.cancel(drive.order)
+    assert drive.order.cancel == [request.id]
+
+
+@pytest.mark.parametrize(
+    ("read", "told"),
+    [
+        ((10, -3), None),
+        ((100, -4), None),
+        ((1, -2), None),
+        ((10, -4), "reads 10 x 10^-4 s"),
+        ((9, -3), "reads 9 x 10^-3 s"),
+    ],
+)
+def test_the_scan_period_is_written_into_60c2h_and_read_back(read, told):
+    drive = Drive(scan_period=0.01)
+    setup = CyclicSetup(drive.parameters)
+    answers = dict(zip(((0x60C2, 1), (0x60C2, 2)), read, strict=True))
+    sent = []
+
+    def run() -> bool:
+        done = False
+        while not done:
+            for request in drive.order.sdo:
+                sent.append((f"{request.index:04X}:{request.subindex}", request.value))
+                drive.answers(
+                    request.id,
+                    answers.get((request.index, request.subindex)) if request.value is None else None,
+                )
+            done = setup.step(*drive.cycle())
+            assert drive.now < 12.0
+        return done
+
+    if told is None:
+        assert run()
+    else:
+        with pytest.raises(DriveError, match="does not take the scan period") as caught:
+            run()
+        assert told in caught.value.observed
+    offsets = [("60B0:0", 0), ("60B1:0", 0), ("60B2:0", 0)]
+    assert sent == [*offsets, ("60C2:1", 10), ("60C2:2", -3), ("60C2:1", None), ("60C2:2", None)]
+
+
+def test_a_drive_without_60c2h_has_its_own_time_and_one_that_refuses_it_is_told():
+    plain = Drive(scan_period=0.01, objects=frozenset({0x6064}))
+    assert CyclicSetup(plain.parameters).step(*plain.cycle())
+    drive = Drive(scan_period=0.01)
+    setup = CyclicSetup(drive.parameters)
+    with pytest.raises(DriveError, match="does not take the scan period") as caught:
+        for _ in range(10):
+            for request in drive.order.sdo:
+                drive.answers(request.id, abort=0x06090030 if request.index == 0x60C2 else None)
+            setup.step(*drive.cycle())
+    assert caught.value.observed.startswith("60C2h:01 ")
+    waits = Drive(scan_period=0.01)
+    setup = CyclicSetup(waits.parameters)
+    setup.step(*waits.cycle())
+    asked = [request.id for request in waits.order.sdo]
+    setup.cancel(waits.order)
+    assert sorted(waits.order.cancel) == sorted(asked)
+
+
+def test_a_demand_that_comes_as_often_as_the_position_must_be_still_too():
+    drive = Drive(ages={"demand": 10.0})
+    drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
+    look = Standing(drive.parameters, drive.now)
+    for number in range(20):
+        assert not look.seen(drive.cycle(position=0, demand=10 * number)[0])
+    since = drive.now
+    while not look.seen(drive.cycle(position=0, demand=190)[0]):
+        assert drive.now < since + 1.0
+    assert drive.now - since == 0.0625
+
+
+def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():
+    drive = Drive(ages={"demand": 10.0})
+    drive.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
+    look = Standing(drive.parameters, drive.now)
+    for position in (100, 200):
+        assert not look.seen(drive.cycle(position=position, demand=0)[0])
+    for _ in range(20):
+        assert not look.seen(drive.cycle(position=300)[0])  # that demand is of when it still moved
+    drive.says(demand=300)
+    assert look.seen(drive.cycle(position=300)[0])
+    other = Drive()  # one that comes on change says by its silence that it is the same
+    other.cycle(statusword=ENABLED, mode=1, position=0, demand=0)
+    look = Standing(other.parameters, other.now)
+    seen = [look.seen(other.cycle(position=0)[0]) for _ in range(6)]
+    assert seen == [False] * 4 + [True] * 2
+
+
+@pytest.mark.parametrize(
+    ("defaults", "limit", "expected"),
+    [
+        (Defaults(acceleration=5.0, deceleration=3.0), 7.0, 3.0),
+        (Defaults(acceleration=5.0), 7.0, 5.0),
+        (Defaults(deceleration=3.0), None, 3.0),
+        (Defaults(), 7.0, 7.0),
+        (Defaults(), None, None),
+    ],
+)
+def test_what_a_path_is_braked_with(defaults, limit, expected):
+    base = Drive(defaults=defaults, limits=Limits(acceleration=limit)).parameters
+    assert base.path_deceleration == expected
+    assert base.slow_ramp == (None if expected is None else expected * 1000.0)
+    unknown = replace(base, units=replace(base.units, ratio_known=False))
+    assert unknown.slow_ramp is None

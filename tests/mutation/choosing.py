@@ -53,10 +53,11 @@ def tests_for(mutant: Mutant, known: LineMap, enough: float) -> list[str]:
     with that of a constant made of it, and the tests that import its module.
     """
     found = known.tests(mutant.file, *mutant.lines)
-    if not found:
+    if mutant.names:  # what a test's child process imports does not concern that test alone
         users = _users(_made_of(mutant.names[-1:], known.texts.get(mutant.file, "")), known)
         importers = _importers(mutant.file, known) or _users(set(mutant.names), known)
-        found = sorted(users | importers, key=lambda test: (test not in importers, known.times[test], test))
+        concerned = {*found, *users, *importers}
+        found = sorted(concerned, key=lambda test: (test not in importers, known.times[test], test))
     total, chosen = 0.0, []
     for test in found:
         total += known.times[test]

@@ -10,12 +10,14 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 from coverage import CoverageData
 
 from mutation import measuring
 
+PATIENCE = 2400.0  # seconds that the tests of one folder may take, which is far too long
 PROCESSES = "4"  # as in ``make test``: many tests wait for drives in real time
 
 
@@ -115,10 +117,12 @@ def up_to_date(
     for name in set(known.files) - (set(hashes) - set(changed)):
         known.forget(name)
         known.files.pop(name)
-    if changed:
-        print(f"measuring which lines the tests of {len(changed)} files execute ...", flush=True)
-        _measure(known, root, packages, changed)
-    known.files.update(hashes)
+    for folder, names in groupby(changed, key=lambda name: name.rpartition("/")[0]):
+        batch = list(names)
+        print(f"measuring which lines the tests of {folder} execute ({len(batch)} files) ...", flush=True)
+        _measure(known, root, packages, batch)
+        known.files.update({name: hashes[name] for name in batch})
+        known.save(path)
     known.test_texts = {str(file.relative_to(root)): file.read_text() for file in test_files}
     known.save(path)
     return known
@@ -147,7 +151,16 @@ def _measure(known: LineMap, root: Path, packages: tuple[Path, ...], changed: li
             "--dist",
             "loadfile",
         ]
-        subprocess.run([*command, "--timeout", "240", *changed], cwd=root, env=environment, check=False)
+        try:
+            subprocess.run(
+                [*command, "--timeout", "240", *changed],
+                cwd=root,
+                env=environment,
+                check=False,
+                timeout=PATIENCE,
+            )
+        except subprocess.TimeoutExpired:
+            print(f"not all has been measured: some test has not ended within {PATIENCE / 60:.0f} min")
         _take_times(known, folder)
         for file in folder.glob("lines.*"):
             _take_lines(known, file, root)

@@ -65,10 +65,12 @@ class Measuring:
             self._failed.add(report.nodeid)
 
     def pytest_sessionfinish(self) -> None:
-        """Write the times; the lines are written as the process ends."""
+        """Write the times and the lines."""
         name = f"times.{os.environ.get('PYTEST_XDIST_WORKER', 'alone')}.json"
         times = {test: [took, test not in self._failed] for test, took in self._took.items()}
         (Path(os.environ[FOLDER]) / name).write_text(json.dumps(times))
+        self._noting.stop()
+        self._noting.save()
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -167,9 +167,9 @@ def mutants(file: str, source: str) -> list[Mutant]:
     """Return every mutant of a module; ``file`` is only noted in them."""
     text, found = Text(source), {}
     for place in places(ast.parse(source)):
-        line = getattr(place.node, "lineno", place.lines[0])
         for kind, operator in KINDS.items():
             for start, end, new in operator(place, text):
+                line = text.data.count(b"\n", 0, start) + 1
                 mutant = Mutant(file, start, end, new, kind, line, place.lines, place.inside, place.names)
                 found.setdefault((start, end, new), mutant)  # `return True` is a value and a boolean
     return sorted(found.values())

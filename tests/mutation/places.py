@@ -82,7 +82,7 @@ def _statement(node: ast.stmt, around: Place) -> Iterator[Place]:
     if isinstance(node, Function):
         lines = (node.body[0].lineno, node.end_lineno or node.lineno)
         yield from _expressions(node.args, replace(here, lines=lines))
-        inner = replace(here, function=node, inside=_within(around.inside, node.name))
+        inner = replace(here, function=node, names=(), inside=_within(around.inside, node.name))
     elif isinstance(node, ast.ClassDef):
         inner = replace(here, inside=_within(around.inside, node.name), names=(node.name,))
     else:

@@ -126,7 +126,7 @@ def test_a_mutant_knows_where_it_is() -> None:
     assert (one.line, one.lines, one.inside, one.names) == (2, (1, 3), "", ("A",))
     assert (five.line, five.inside, five.names) == (5, "B", ("B", "C"))
     [returned] = by_kind["not"]
-    assert (returned.line, returned.lines, returned.inside) == (7, (7, 8), "B.d")
+    assert (returned.line, returned.lines, returned.inside, returned.names) == (7, (7, 8), "B.d", ())
 
 
 def test_the_change_of_a_mutant_is_shown() -> None:

@@ -128,6 +128,14 @@ def test_a_constant_concerns_the_tests_of_what_is_made_of_it_and_of_its_module()
         "test_d.py": "from axisbus.cia402 import ff",
     }
     assert choosing.tests_for(mutant, known, 90.0) == ["test_a.py::a", "test_a.py::b", "test_c.py::c"]
+    known.lines[file] = {1: {"", "test_d.py::d"}}  # imported by a child process of that test
+    assert choosing.tests_for(mutant, known, 90.0) == [
+        "test_a.py::a",
+        "test_a.py::b",
+        "test_c.py::c",
+        "test_d.py::d",
+    ]
+    known.lines[file] = {}
     known.test_texts["test_d.py"] = "import axisbus.cia402.f"
     assert choosing.tests_for(mutant, known, 90.0)[2] == "test_d.py::d"
 

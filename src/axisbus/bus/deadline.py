@@ -86,8 +86,9 @@ class Deadline:
 
     def _came(self, now: float, stamp: float) -> PdoEvent | None:
         before, self._since = self._since, stamp
+        assert before is not None  # it is waited for
         was_missing, self._missing = self._missing, False
-        event = self._event(Reception.RETURNED, stamp - (before or stamp), now) if was_missing else None
+        event = self._event(Reception.RETURNED, stamp - before, now) if was_missing else None
         self._stamp, self._excused = stamp, 0.0
         return event
 

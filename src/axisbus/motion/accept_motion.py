@@ -110,11 +110,7 @@ def _check_limits(core: AxisCore, position: int, handle: Handle) -> None:
 
 def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate: Gate) -> None:
     """MC_MoveVelocity, MC_Jog."""
-    if (
-        command.life is not None
-        and isinstance(core.activity, Jog)
-        and core.activity.renew(command, core.image)
-    ):
+    if isinstance(core.activity, Jog) and core.activity.renew(command, core.image):
         core.finish(handle)
         return
     require_motion(core, handle)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED
 from axisbus.errors import MotionTimeout, StateError
@@ -23,7 +25,7 @@ class EnableRest:
         self._before: Standing | None = None
         self._after: Standing | None = None
         self._watch = Resting(parameters)
-        self._deadline: float | None = None
+        self._deadline = math.inf
         self._done = moving or not parameters.has(objects.POSITION_ACTUAL)
 
     def before(self, image: Image) -> bool:
@@ -38,7 +40,7 @@ class EnableRest:
             self._before = Standing(self._parameters, image.now)
             self._deadline = image.now + self._parameters.timing.transition
         self._done = self._before.seen(image)
-        if not self._done and self._deadline is not None and image.now > self._deadline:
+        if not self._done and image.now > self._deadline:
             raise self._refused(self._before.why_not(image))
         return not self._done
 
@@ -56,7 +58,7 @@ class EnableRest:
         unrest = None if found or self._moving else self._watch.error(image)
         if unrest is not None:
             raise unrest
-        if not stands and self._deadline is not None and image.now > self._deadline:
+        if not stands and image.now > self._deadline:
             raise self._restless(self._after.why_not(image))
         return stands
 

@@ -319,7 +319,8 @@ class StopLadder:
         return False
 
     def _expired(self, image: Image) -> bool:
-        return self._deadline is not None and image.now > self._deadline
+        assert self._deadline is not None  # each step begins its rung first
+        return image.now > self._deadline
 
     def _go(self, rung: Rung, image: Image | None = None) -> None:
         self.rung = rung

@@ -52,7 +52,7 @@ class SdoPath:
             self.state = None if value is None else decode(value)
             return
         before, self._position = self._position, value
-        self.stands = None not in (before, value) and abs((value or 0) - (before or 0)) <= _SAME
+        self.stands = before is not None and value is not None and abs(value - before) <= _SAME
 
     def send(self, word: int, image: Image, order: Order) -> None:
         """Send a controlword, once, where no PDO is sure to bring it."""

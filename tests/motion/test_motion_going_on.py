@@ -1,0 +1,140 @@
+"""A move that goes on from a trajectory, step by step: who leads the axis until it begins, how it is stopped, and its time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from rig import Rig, rig
+from steps import Drive
+
+from axisbus.errors import LimitError, MotionTimeout
+from axisbus.motion.follow import Follow
+from axisbus.motion.gate import OPEN, Gate
+from axisbus.motion.goingon import GoingOn
+from axisbus.motion.parameters import Limits
+from axisbus.motion.profile import Profile
+from axisbus.motion.trajectory import Trapezoid
+
+PROFILE = Profile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
+PERIOD = 0.01
+
+
+def led(**changes) -> tuple[Drive, Follow]:
+    """An axis that a trajectory leads at 20 deg/s."""
+    drive = Drive(scan_period=PERIOD, **changes)
+    follow = Follow(Trapezoid(0.0, 400.0, 20.0, 40.0), drive.parameters, OPEN)
+    for _ in range(100):
+        step(drive, follow)
+    assert not follow.at_rest
+    return drive, follow
+
+
+def step(drive: Drive, activity) -> int | None:
+    """One cycle later; the axis is where it was led to last."""
+    for request in drive.order.sdo:
+        drive.answers(request.id)
+    led_to = drive.order.target_position
+    place = {} if led_to is None and drive.image.position is not None else {"position": led_to or 0}
+    activity.step(*drive.cycle(statusword=0x1237, mode=8, **place))
+    return drive.order.target_position
+
+
+def going_on(drive: Drive, before: Follow, target: int = 60_000, gate: Gate = OPEN, **changes) -> GoingOn:
+    return GoingOn(target, PROFILE._replace(**changes), drive.parameters, gate, before)
+
+
+def test_until_it_begins_the_trajectory_before_leads():
+    drive, before = led()
+    gate = Gate()
+    move = going_on(drive, before, gate=gate)
+    targets = [step(drive, move) for _ in range(10)]
+    assert [b - a for a, b in pairwise(targets)] == [200] * 9
+    assert move.last_step == before.last_step
+    gate.update(1)
+    assert gate.is_open
+    after = [step(drive, move) for _ in range(10)]
+    assert after[0] - targets[-1] == 200
+    assert move.last_step != before.last_step
+    for _ in range(1000):
+        last = step(drive, move)
+    assert last == 60_000
+
+
+def test_one_that_is_stopped_before_it_begins_never_begins():
+    drive, before = led()
+    gate = Gate()
+    move = going_on(drive, before, gate=gate)
+    step(drive, move)
+    gate.update(1)
+    assert move.begin_braking()
+    targets = [step(drive, move) for _ in range(100)]
+    assert before.clock.braking
+    assert before.at_rest
+    assert move.at_rest
+    assert 100 <= targets[-1] - targets[0] <= 400  # 500 deg/s²
+    running = going_on(drive, led()[1])
+    other, fresh = led()
+    running = going_on(other, fresh)
+    step(other, running)
+    assert running.begin_braking()
+    assert running.clock.braking
+    assert not fresh.clock.braking
+
+
+@pytest.mark.parametrize(("timeout", "told"), [(0.5, True), (30.0, False), (None, False)])
+def test_it_has_the_time_that_the_caller_gives(timeout, told):
+    drive, before = led()
+    move = going_on(drive, before, timeout=timeout)
+    began = drive.now
+
+    def run() -> None:
+        while drive.now - began < 2.0:
+            step(drive, move)
+
+    if not told:
+        run()
+        return
+    with pytest.raises(MotionTimeout, match="has not arrived at 60 deg") as caught:
+        run()
+    assert drive.now - began == 0.5 + 2 / 64  # its first cycle begins the time
+    assert "0.5 s has passed" in caught.value.observed
+
+
+@pytest.mark.parametrize(
+    ("room", "way", "fits"),
+    [(50.0, 40.0, True), (40.0, 40.0, True), (39.99, 40.0, False), (5.1, 3.0, True), (4.9, 3.0, False)],
+)
+def test_it_needs_room_to_brake_within_the_limits(room, way, fits):
+    """From 20 deg/s with 40 deg/s² it comes to rest 5 deg on at the nearest."""
+    drive, before = led()
+    where = before.last_step.position
+    limits = Limits(position=(-10.0, where + room), velocity=400.0)
+    drive.parameters = replace(drive.parameters, limits=limits)
+    move = going_on(drive, before, round((where + way) * 1000))
+    if fits:
+        move.require_room(0)
+        return
+    with pytest.raises(LimitError, match="could not stop within the position limits"):
+        move.require_room(0)
+
+
+def turned(r: Rig) -> float:
+    return r.drive.axis.motor.position / 1000.0
+
+
+def test_on_the_plant_it_goes_on_without_a_jolt():
+    r = rig().enabled()
+    r.axis.follow(Trapezoid(0.0, 100.0, 20.0, 40.0))
+    r.run(1.0)
+    moved = r.axis.move_absolute(40.0, velocity=20.0, acceleration=40.0)
+    speeds = []
+    for _ in range(50):
+        before = turned(r)
+        r.run(PERIOD)
+        speeds.append((turned(r) - before) / PERIOD)
+    assert min(speeds) > 19.0
+    assert max(speeds) < 21.0
+    moved.wait(5)
+    assert turned(r) == pytest.approx(40.0, abs=0.05)

@@ -1,0 +1,96 @@
+"""A drive that leaves *operation enabled* by itself gets its power back by no other way than a new command."""
+
+from __future__ import annotations
+
+import pytest
+from rig import PERIOD, rig
+from test_motion_commands_by_state import SITUATIONS
+from watch import DISABLED, ENABLED, QUICK_STOP, Watch
+
+from axisbus.motion.states import AxisState
+
+WITH_POWER = (
+    *(
+        "standing",
+        "turning",
+        "moving",
+        "pushed",
+        "halting",
+        "halted",
+        "stopping",
+        "stopped",
+        "error stop",
+        "loaded",
+    ),
+    *("homing", "following", "jogging"),
+)
+
+
+@pytest.mark.parametrize("transition", [9, 11])
+@pytest.mark.parametrize("situation", WITH_POWER)
+def test_power_that_has_gone_does_not_come_back_by_itself(situation, transition):
+    r = SITUATIONS[situation]()
+    watch = Watch(r)
+    r.drive.power.force(transition)  # safe torque off, or another master
+    r.run(PERIOD)
+    assert r.drive.power.stage in (DISABLED, QUICK_STOP)
+    r.run(4.0)
+    assert not {4, 16} & set(watch.transitions)
+    assert r.drive.power.stage != ENABLED
+    moved = r.drive.axis.motor.position
+    r.run(0.5)
+    assert r.drive.axis.motor.position == pytest.approx(moved, abs=1.0)
+    if situation == "error stop":
+        assert r.axis.state is AxisState.ERRORSTOP
+
+
+def test_a_motor_without_power_may_be_turned_by_hand():
+    r = SITUATIONS["error stop"]()
+    r.drive.power.force(9)
+    r.run(1.0)
+    told = str(r.axis.error)
+    for _ in range(50):
+        r.drive.axis.motor.position += 2000.0
+        r.run(PERIOD)
+    assert str(r.axis.error) == told
+
+
+def test_while_the_drive_homes_it_is_given_no_target():
+    r = SITUATIONS["homing"]()
+    watch = Watch(r)
+    r.run(0.5)
+    assert r.axis.state is AxisState.HOMING
+    assert watch.targets == []
+    turning = SITUATIONS["turning"]()
+    watch = Watch(turning)
+    turning.run(0.5)
+    assert watch.targets
+    assert (
+        abs(watch.targets[-1] - turning.drive.axis.motor.position) < 2000
+    )  # where it is, were it to fall out of its mode
+
+
+def test_an_axis_at_rest_is_left_alone_when_another_one_fails():
+    r = rig("xy").enabled()
+    r.axes["x"].move_velocity(50.0).wait(3)
+    watch = Watch(r, "y")
+    r.drive_of("x").fault(0x2310)
+    r.run(1.0)
+    assert watch.words in ([], [0x0F])
+    assert r.axes["y"].state is AxisState.STANDSTILL
+    moving = rig("xy").enabled()
+    moving.axes["y"].move_velocity(50.0).wait(3)
+    moving.drive_of("x").fault(0x2310)
+    moving.run(1.0)
+    assert moving.axes["y"].state is AxisState.STANDSTILL
+    assert abs(moving.drive_of("y").axis.motor.velocity) < 1.0
+
+
+def test_a_group_that_is_enabled_stops_enabling_when_one_of_it_fails():
+    r = rig("xy")
+    r.run(0.1)
+    r.drive_of("y").dials.fault_on_enable = 0x2310
+    handles = [axis.enable() for axis in r.axes.values()]
+    r.run(3.0)
+    assert all(not handle.busy for handle in handles)
+    assert r.drive_of("y").power.stage != ENABLED
