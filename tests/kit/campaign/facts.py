@@ -24,8 +24,11 @@ class Violation(Exception):
     """A rule that did not hold; ``rule`` is its name."""
 
     def __init__(self, rule: str, text: str) -> None:
-        super().__init__(text)
+        super().__init__(rule, text)
         self.rule = rule
+
+    def __str__(self) -> str:
+        return str(self.args[1])
 
 
 @dataclass
