@@ -204,12 +204,17 @@ class AxisCore:
                 self._fault(image)
             self._look_after_fault(image)
             return
-        if not self.powered or ladder is not None:
+        halts_at_rest = ladder is not None and ladder.rung is Rung.HALT and self.state is AxisState.STANDSTILL
+        if not self.powered or (ladder is not None and not halts_at_rest):
             supervision.at_work()
         if finding is None and self.powered and ladder is None:
             finding = supervision.power(image, self.state, self.running.activity, bounded=self.bounded)
         elif finding is None and self.powered and ladder is not None:
             finding = supervision.coasting(image, ladder.rung, bounded=self.bounded)
+            if (
+                finding is None and halts_at_rest
+            ):  # one that stood, and moves nevertheless, is not left to the halt's time
+                finding = supervision.unrest(image, None)
         if finding is not None:
             self.fail(finding.error, finding.rung)
         elif not self.touched and self.error is None:

@@ -84,7 +84,7 @@ class Supervision:
         ``activity`` is what moves it (None: nothing does, it must rest); ``bounded``: see ``Guard.danger``.
         """
         if state is _ERRORSTOP:
-            return self._unknown(image) if image.state is _UNKNOWN else self._unrest(image, activity)
+            return self._unknown(image) if image.state is _UNKNOWN else self.unrest(image, activity)
         if state not in _POWERED:
             return None
         if image.gap > self._longest_gap:
@@ -95,7 +95,7 @@ class Supervision:
         astray = self._mode.error(image, moving) or self._following.error(image, moving)
         if astray is not None:  # not under control: a quick stop is surer than a halt
             return Finding(astray, Rung.QUICK_STOP)
-        unrest = self._unrest(image, activity)
+        unrest = self.unrest(image, activity)
         if unrest is not None:
             return unrest
         course = None if activity is None else activity.course
@@ -106,7 +106,8 @@ class Supervision:
         """The axis is being stopped, or is not ours to watch: its next rest begins anew."""
         self._resting.forget()
 
-    def _unrest(self, image: Image, activity: Activity | None) -> Finding | None:
+    def unrest(self, image: Image, activity: Activity | None) -> Finding | None:
+        """Return that an axis which nothing moves (``activity`` is None) moves by itself, or is being pulled."""
         if activity is not None:
             self._resting.forget()
             return None

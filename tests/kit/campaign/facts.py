@@ -115,6 +115,12 @@ class Facts:
         dials = self.drive[name].dials
         return bool(dials.creep) or dials.mode_slips_to is not None
 
+    def may_fall(self, name: str) -> bool:
+        """Whether a load that only the motor holds is without power, or was let go by its user."""
+        params = self.drive[name].params
+        without = bool(params.load) and not params.brake and self.stage(name) in OFF
+        return without or self.is_dropped(name)
+
     def is_dropped(self, name: str) -> bool:
         """Whether its user has let go of a load that only the motor holds: it falls."""
         params = self.cell.drive(name).params

@@ -60,7 +60,7 @@ class Rest:
     def _is_energised(self, name: str, enable: Asked) -> None:
         """An enable that is done has a drive that is energised, unless something has just happened to it."""
         facts = self._facts
-        if any(True for _ in facts.troubled(name, 0.2)) or facts.power_asked_after(enable, name):
+        if any(True for _ in facts.troubled(name, 1.0)) or facts.power_asked_after(enable, name):
             return
         told = f"{enable.handle.name} was done at {facts.now:.2f} s: {facts.cell.told(name)}"
         facts.must(facts.cell.stage(name) == ENABLED, "an enable that is done has power", told)
@@ -78,7 +78,7 @@ class Rest:
     def _promised(self, name: str, stop: Asked) -> None:
         facts = self._facts
         unseen = facts.falls_unseen(name)
-        if facts.later(stop, name) or facts.has_a_will(name) or facts.is_dropped(name) or unseen:
+        if facts.later(stop, name) or facts.has_a_will(name) or facts.may_fall(name) or unseen:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"
         told = f"{stop.handle.name} was {said} at {facts.now:.2f} s"
@@ -129,7 +129,7 @@ class Rest:
         facts = self._facts
         state = facts.core[name].state
         rests = state in (AxisState.STANDSTILL, AxisState.ERRORSTOP) and self._rests(name)
-        if not rests or facts.is_told(name) or facts.has_a_will(name):
+        if not rests or facts.is_told(name) or facts.has_a_will(name) or facts.may_fall(name):
             self._resting.pop(name, None)
             return
         since = self._resting.setdefault(name, facts.now)
