@@ -36,7 +36,7 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
-    leading = _leading(core)
+    leading = None if _leaves_mode(core) else _leading(core)
     if leading is not None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
         core.last_target = target
@@ -235,7 +235,7 @@ def _prepare(
         ModeSwitch(mode, core.parameters, lead),
         Transfers(writes, core.parameters, OPTIONAL_PROFILE),
         gate,
-        in_motion=lead is not None,
+        _leading(core),
     )
 
 
@@ -255,8 +255,14 @@ def _lead(core: AxisCore) -> Lead | None:
 
 def _leading(core: AxisCore) -> Follow | None:
     """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
-    follow = core.activity if core.ladder is None else core.ladder.follow
-    return follow if isinstance(follow, Follow) and not follow.at_rest else None
+    running = None if core.activity is None else core.activity.leading
+    follow = running if core.ladder is None else core.ladder.follow
+    return None if follow is None or follow.at_rest else follow
+
+
+def _leaves_mode(core: AxisCore) -> bool:
+    """Whether a command runs that has asked for another mode than that of the trajectory which leads the axis still."""
+    return core.activity is not None and core.activity is not core.activity.leading
 
 
 def require_motion(core: AxisCore, handle: Handle) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from axisbus.cia301 import abort
 from axisbus.cia402 import modes, objects
@@ -16,6 +16,9 @@ from axisbus.motion.image import Image
 from axisbus.motion.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
+
+if TYPE_CHECKING:
+    from axisbus.motion.follow import Follow
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -38,6 +41,11 @@ class Activity(ABC):
     course: Course | None = None
     behind: float | None = None
     led_speed: float = 0.0
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory that the axis is on: its own, or the one before until the drive is in the mode of this command."""
+        return None
 
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:

@@ -431,7 +431,7 @@ class AxisCore:
         self, kind: StopKind, then: Then, rung: Rung, reason: str, handle: Handle | None
     ) -> None:
         """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
-        follow = self.activity if isinstance(self.activity, Follow) else None
+        follow = None if self.activity is None else self.activity.leading
         self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
         self._stop(kind, then, rung, reason, handle, follow)
 

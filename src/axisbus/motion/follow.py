@@ -134,6 +134,11 @@ class Follow(Activity):
         ended = self._trajectory is not None and self.clock.t >= self._trajectory.duration
         return not self._running or self.clock.stopped or ended
 
+    @property
+    def leading(self) -> Follow | None:
+        """This trajectory itself."""
+        return self
+
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
         self._setup.cancel(order)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
 from axisbus.motion.activity import Activity
@@ -9,6 +11,9 @@ from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.turning import VelocityMove
+
+if TYPE_CHECKING:
+    from axisbus.motion.follow import Follow
 
 
 class Jog(Activity):
@@ -43,6 +48,11 @@ class Jog(Activity):
         reached = self._move.step(image, order)
         self.behind, self.led_speed = self._move.behind, self._move.led_speed
         return reached
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory before, until the drive is in the mode of this command."""
+        return self._move.leading
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
@@ -15,6 +17,9 @@ from axisbus.motion.prepare import Prepare
 from axisbus.motion.profile import Profile, braking_distance, duration
 from axisbus.motion.proof import proof_of
 from axisbus.motion.setpoint import SetPoint
+
+if TYPE_CHECKING:
+    from axisbus.motion.follow import Follow
 
 _WINDOW_FLOOR = 20  # increments
 _ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken
@@ -71,6 +76,11 @@ class PositionMove(Activity):
         if self._before is not None and self._before.begun:
             return self._before
         return self.set_point if self.set_point.begun else None
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory before, until the drive is in the mode of this command."""
+        return self._prepare.leading
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
@@ -11,6 +13,9 @@ from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.profile import Profile
+
+if TYPE_CHECKING:
+    from axisbus.motion.follow import Follow
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
 OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})
@@ -46,23 +51,28 @@ def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | N
 class Prepare:
     """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others."""
 
-    __slots__ = ("_gate", "_in_motion", "_mode", "_prepared", "_transfers")
+    __slots__ = ("_gate", "_leading", "_mode", "_prepared", "_transfers")
 
     def __init__(
-        self, mode: ModeSwitch, transfers: Transfers, gate: Gate, *, in_motion: bool = False
+        self, mode: ModeSwitch, transfers: Transfers, gate: Gate, leading: Follow | None = None
     ) -> None:
-        """``in_motion``: the axis is led while the mode changes, and must find its ramps written when it has changed."""
-        self._in_motion = in_motion
+        """``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards."""
+        self._leading = leading
         self._mode = mode
         self._transfers = transfers
         self._gate = gate
         self._prepared = False
 
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory that leads the axis still; None once the drive is in the mode of the command."""
+        return None if self._prepared else self._leading
+
     def step(self, image: Image, order: Order) -> bool:
         """Return True from the cycle on in which the move may begin."""
         if not self._prepared:
             written = self._transfers.step(image, order)
-            if written or not self._in_motion:
+            if written or self._leading is None:
                 self._prepared = self._mode.step(image, order) and written
             else:
                 self._mode.lead(image, order)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
@@ -15,6 +16,9 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.prepare import Prepare
 from axisbus.motion.profile import Profile
 from axisbus.motion.ramped import ramped_way
+
+if TYPE_CHECKING:
+    from axisbus.motion.follow import Follow
 
 _VELOCITY_FLOOR = 2  # velocity increments
 _VELOCITY_SHARE = 0.05  # of the velocity asked for
@@ -59,6 +63,11 @@ class VelocityMove(Activity):
             self.reached = self._in_velocity(image)
             self._watch(image)
         return self.reached
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory before, until the drive is in the mode of this command."""
+        return self._prepare.leading
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
@@ -144,6 +153,11 @@ class TorqueMove(Activity):
             self.reached = self._in_torque(image)
             self._watch(image)
         return self.reached
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory before, until the drive is in the mode of this command."""
+        return self._prepare.leading
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
