@@ -155,6 +155,54 @@ FOUND: Mapping[str, Script] = {
             Event(0.02, "dead", "y"),
         ),
     ),
+    "a torque mode that is taken after the halt of its command": Script(
+        "sagging",
+        (
+            Event(0.02, "torque", "x", -0.64),
+            Event(0.0, "slow_mode", "x"),
+            Event(0.02, "group_halt", ""),
+            Event(0.2, "group_stop", ""),
+        ),
+        scene="held-by-torque",
+    ),
+    "a stop that only SDO has seen": Script(
+        "sagging",
+        (
+            Event(0.0, "sync_lost", "y"),
+            Event(0.1, "group_halt", ""),
+        ),
+        scene="held-by-torque",
+    ),
+    "a velocity out of a trajectory": Script(
+        "compliant",
+        (
+            Event(0.8, "follow_on", "y"),
+            Event(1.5, "move_velocity", "y", 0.58),
+        ),
+    ),
+    "a stop while the mode changes out of a trajectory": Script(
+        "stiff",
+        (
+            Event(0.1, "follow_on", "y"),
+            Event(0.4, "torque", "y", 0.78),
+            Event(0.0, "stop", "y"),
+        ),
+        scene="two-axes",
+    ),
+    "a load that falls where its power was taken away on demand": Script(
+        "sagging", (Event(0.1, "group_disable", ""),), scene="held-by-torque", ending="ctrl-c"
+    ),
+    "a halt of an axis that stood and creeps": Script(
+        "lagging",
+        (
+            Event(0.02, "creeps", "x"),
+            Event(0.0, "halt", "x"),
+        ),
+        scene="ranged",
+    ),
+    "a torque that is never reached": Script(
+        "stiff", (Event(0.05, "torque", "x", 0.76),), scene="example", ending="busy-close"
+    ),
 }
 
 
