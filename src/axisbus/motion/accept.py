@@ -51,6 +51,11 @@ def _enable(core: AxisCore, command: c.Enable, handle: Handle, gate: Gate) -> No
     if _runs(core, Enable):
         core.join(handle)
         return
+    if _runs(core, Coast) and core.image.state is State.OPERATION_ENABLED:
+        raise StateError(  # taken over now it would be held from one cycle to the next, however fast it is
+            f"{handle.name}: its power is being taken away",
+            remedy="wait until it is off: axis.disable(coast=True).wait()",
+        )
     if not core.image.operational:
         raise StateError(
             f"{handle.name}: node {core.parameters.node} is not operational",
