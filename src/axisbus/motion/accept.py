@@ -108,7 +108,8 @@ def _coast(core: AxisCore, handle: Handle) -> None:
         core.join(handle)
         return
     core.powered = False
-    core.begin(Coast(core.parameters), handle)
+    before = None if core.activity is None else core.activity.leading
+    core.begin(Coast(core.parameters, before), handle)
     if core.state is not AxisState.ERRORSTOP:
         core.state = AxisState.DISABLED
 

@@ -454,7 +454,8 @@ class AxisCore:
             self._stopped(ladder, image)
 
     def _stopped(self, ladder: StopLadder, image: Image) -> None:
-        self.powered = ladder.confirmed and ladder.seen in ENERGISED
+        seen = ladder.seen if image.state is State.UNKNOWN else image.state  # by SDO, where PDOs tell nothing
+        self.powered = ladder.confirmed and seen in ENERGISED
         self._stopped_for_sure = ladder.confirmed
         self.last_target = image.reference
         error = stop_error(ladder, self.parameters.name)
@@ -462,7 +463,7 @@ class AxisCore:
             self._trip(error)
             enrich(error, image, self.history)
         elif self.state is not AxisState.ERRORSTOP:
-            self.state = self._state_after_stop(ladder.seen)
+            self.state = self._state_after_stop(seen)
         self._end_stop(error)
 
     def _state_after_stop(self, seen: State) -> AxisState:

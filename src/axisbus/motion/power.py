@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import DriveError, StaleError, TransitionError
@@ -11,15 +13,26 @@ from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.walk import StateWalk, word_text
 
+if TYPE_CHECKING:
+    from axisbus.motion.follow import Follow
+
 
 class Coast(Activity):
     """MC_Power(FALSE) by transition 9, which must be asked for by name: power off at once, nothing brakes the motor."""
 
-    def __init__(self, parameters: AxisParameters) -> None:
+    def __init__(self, parameters: AxisParameters, before: Follow | None = None) -> None:
+        """``before``: the trajectory that led the axis; a halt in the same cycle brakes along it."""
         self._walk = StateWalk(parameters)
+        self._before = before
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory before, as long as nothing was sent."""
+        return self._before
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the power stage is off (a drive in fault counts as off)."""
+        self._before = None
         if image.state is State.FAULT:
             order.goal = State.SWITCH_ON_DISABLED
             return True
