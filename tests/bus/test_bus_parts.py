@@ -591,3 +591,17 @@ def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everythi
     worker.jobs[2].done(None, 0x05040000)
     outputs.take({}, 0x0F)
     assert len(worker.jobs) == 3  # and another one is not
+
+
+def test_where_nothing_of_the_communication_may_change_no_mapping_does():
+    device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", 255)))
+    for remap in (True, False):
+        plan = make_plan(5, device, objects(), Wanted(INPUTS, ()), Policy(remap=remap, communication=False))
+        assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+        assert not plan.remapped
+        assert [name for name, source in plan.inputs.items() if source is Source.SDO] == [
+            "mode",
+            "velocity",
+            "torque",
+            "demand",
+        ]

@@ -215,6 +215,7 @@ def test_a_sync_that_stays_away_is_told_after_its_patience():
         made.wait()
     assert wire.now == pytest.approx(0.75)
     assert "expected within 500 ms" in caught.value.observed
+    assert caught.value.remedy.startswith("look at the device that sends SYNC")
 
 
 def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():
