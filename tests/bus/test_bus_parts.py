@@ -110,8 +110,8 @@ def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
             (0.75, 0.25),
             (1.0, 0.25),
             (1.25, 0.25),
-            (1.5, 1.5),
-            (1.75, 1.5),
+            (1.5, 1.4375),
+            (1.75, 1.4375),
         ]
     ]
     assert [event is not None for event in told] == [False, False, False, True, False, True, False]
@@ -123,12 +123,12 @@ def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
         1.0,
         False,
     )
-    assert (returned.what, returned.age, returned.stamp) == (Reception.RETURNED, 1.25, 1.5)
+    assert (returned.what, returned.age, returned.stamp) == (Reception.RETURNED, 1.1875, 1.5)
     assert (
         str(missing)
         == "node 5: TPDO1 (185h) has stopped coming: the last one is 750 ms old, expected within 500 ms"
     )
-    assert str(returned) == "node 5: TPDO1 (185h) comes again after 1250 ms"
+    assert str(returned) == "node 5: TPDO1 (185h) comes again after 1188 ms"
 
 
 def test_one_that_never_came_is_told_so_and_waited_for_from_operational_on():
