@@ -9,13 +9,19 @@ import pytest
 from rig import Rig, rig
 from steps import Drive
 
-from axisbus.errors import LimitError, MotionTimeout
+from axisbus.errors import LimitError, MotionTimeout, StaleError
+from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.goingon import GoingOn
+from axisbus.motion.homing import HomingRun
+from axisbus.motion.jog import Jog
+from axisbus.motion.moves import PositionMove
 from axisbus.motion.parameters import Limits
+from axisbus.motion.power import Coast, Reset
 from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.turning import TorqueMove, VelocityMove
 
 PROFILE = Profile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
 PERIOD = 0.01
@@ -138,3 +144,33 @@ def test_on_the_plant_it_goes_on_without_a_jolt():
     assert max(speeds) < 21.0
     moved.wait(5)
     assert turned(r) == pytest.approx(40.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("activity", "mode", "goes_on", "clears_error", "ends_at_rest"),
+    [
+        (Enable, None, False, False, False),
+        (Coast, None, False, False, False),
+        (Reset, None, False, True, False),
+        (PositionMove, 1, False, False, True),
+        (VelocityMove, 3, True, False, False),
+        (TorqueMove, 4, True, False, False),
+        (HomingRun, 6, False, False, True),
+        (Follow, 8, False, False, True),
+        (GoingOn, 8, False, False, True),
+        (Jog, 3, True, False, False),
+    ],
+)
+def test_what_each_command_works_in_and_how_it_ends(activity, mode, goes_on, clears_error, ends_at_rest):
+    assert (activity.mode, activity.goes_on, activity.clears_error, activity.ends_at_rest) == (
+        *(mode, goes_on, clears_error, ends_at_rest),
+    )
+
+
+def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axis_is():
+    drive = Drive(scan_period=PERIOD)
+    follow = Follow(None, drive.parameters, OPEN)
+    assert follow.reference(drive.cycle(statusword=0x1237, mode=1, position=500, demand=510)[0]) == 510
+    assert follow.reference(drive.cycle(demand=None)[0]) == 500
+    with pytest.raises(StaleError):
+        follow.reference(drive.cycle(position=None)[0])
