@@ -174,3 +174,29 @@ def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axi
     assert follow.reference(drive.cycle(demand=None)[0]) == 500
     with pytest.raises(StaleError):
         follow.reference(drive.cycle(position=None)[0])
+
+
+def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
+    drive = Drive(scan_period=PERIOD)
+    follow = Follow(Trapezoid(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    ended = None
+    with pytest.raises(MotionTimeout, match="does not come up with the end of its trajectory, 1 deg"):
+        for _ in range(400):
+            for request in drive.order.sdo:
+                drive.answers(request.id)
+            assert not follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
+            if ended is None and drive.order.target_position == 1000:
+                ended = drive.now
+    assert drive.now - ended == 2.0 + 1 / 64
+
+
+@pytest.mark.parametrize(("position", "arrived"), [(992, False), (993, True), (1007, True), (1008, False)])
+def test_an_axis_has_come_up_when_it_stands_within_its_window(position, arrived):
+    drive = Drive(scan_period=PERIOD, position_window=7)
+    follow = Follow(Trapezoid(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    for _ in range(60):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        assert not follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
+    ends = [follow.step(*drive.cycle(statusword=0x1237, position=position)) for _ in range(8)]
+    assert ends == [False] * 4 + [arrived] * 4
