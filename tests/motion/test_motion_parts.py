@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from steps import Drive, T
+from steps import TIMING, Drive, T
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
