@@ -108,7 +108,9 @@ def test_an_identifier_above_7ff_has_29_bits(
     fake.send = lambda message, _timeout=None: sent.append(message)
     open_channel.send(can_id, b"\1\2")
     open_channel.send_remote(can_id, 5)
-    data, remote = sent
+    open_channel.send_remote(can_id)
+    data, remote, plain = sent
+    assert (plain.is_remote_frame, plain.dlc) == (True, 0)
     assert (data.arbitration_id, data.is_extended_id, data.is_remote_frame, bytes(data.data)) == (
         can_id,
         extended,

@@ -319,3 +319,18 @@ def test_closing_leaves_the_channel_to_its_owner(fake: FakeBus) -> None:
         cycle.close()
         cycle.close()
         assert not fake.is_open
+
+
+def test_a_quick_stop_repeats_only_the_frames_that_hold_the_controlword(
+    channel: Channel, fake: FakeBus
+) -> None:
+    slave_of(fake, 5)
+    port = port_of(channel, 5, ("6040/16", "607A/32"))
+    assert port.stop_frames() == ((), ())
+    port.write(Outputs(controlword=0x0F, target_position=7))
+    assert [can_id for can_id, _ in port.take_frames()] == [0x305, 0x205]
+    pdo, sdo = port.stop_frames()
+    assert pdo == ((0x205, b"\x02\x00"),)
+    assert sdo == (sdo_stop(5),)
+    port.close()
+    port.node.close()

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus import nmt
+from axisbus.bus import nmt, operation
 from axisbus.bus.nmt import NodeMonitor
 from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtState
@@ -213,3 +213,32 @@ def test_one_that_is_closed_hears_nothing(node: NodeMonitor, line: Line) -> None
     assert (node.state, node.reports) == (NmtState.UNKNOWN, 0)
     assert line.on_failure == []
     assert not any(line.receivers.values())
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "told"),
+    [
+        (0x080, "", ["SYNC is sent"]),
+        (0x705, "05", ["node 5 is operational"]),
+        (0x705, "85", ["node 5 is operational"]),
+        (0x705, "7F", []),
+        (0x705, "", []),
+        (0x1FF, "00", ["node 127 sends PDOs"]),
+        (0x181, "00", ["node 1 sends PDOs"]),
+        (0x200, "00", []),
+        (None, "", []),
+    ],
+)
+def test_what_shows_that_a_machine_is_running(
+    line: Line, can_id: int | None, data: str, told: list[str]
+) -> None:
+    looks: list[int] = []
+
+    def check() -> None:
+        looks.append(1)
+        if len(looks) == 1 and can_id is not None:
+            line.brings(can_id, data)
+
+    line.check = check
+    assert operation.signs_of_operation(line, 0.05) == told
+    assert not any(line.receivers.values())  # nobody listens any more

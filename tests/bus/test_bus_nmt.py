@@ -8,6 +8,7 @@ import time
 import pytest
 from bus_peer import FakeBus, Frame, Slave, eventually
 
+from axisbus.bus import nmt
 from axisbus.bus.channel import Channel
 from axisbus.bus.nmt import Confirmation, NodeMonitor
 from axisbus.bus.node import Node
@@ -212,3 +213,24 @@ def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None
 def test_a_node_id_out_of_range_is_refused(channel: Channel) -> None:
     with pytest.raises(ArgumentError, match="128"):
         Node(channel, 128)
+
+
+def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
+    channel: Channel, node: Node, slave: Slave, fake: FakeBus
+) -> None:
+    """That would arm its life guarding, and nobody would go on with it."""
+    assert (
+        nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.05, answers_sdo=lambda: True)
+        is Confirmation.SDO
+    )
+    assert fake.remote == []
+    assert [frame for frame in fake.sent if frame[0] == 0] == [(0, b"\1\5")] * 2  # it may have been lost
+    assert (node.nmt.state, node.nmt.assumed) == (NmtState.OPERATIONAL, True)
+    with pytest.raises(NodeTimeout):
+        nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.05, answers_sdo=lambda: False)
+    with pytest.raises(NodeTimeout):
+        nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.05)
+    assert (
+        nmt.command(channel, node.nmt, NmtCommand.STOP, timeout=0.05, answers_sdo=lambda: False)
+        is Confirmation.SDO
+    )

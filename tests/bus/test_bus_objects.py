@@ -21,11 +21,12 @@ from axisbus.bus.sdo_channels import (
     set_client,
     set_server,
 )
+from axisbus.bus.verify import Kind, verify
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo_session import Request
 from axisbus.eds.dictionary import Dictionary, Entry
-from axisbus.eds.model import Eds, Object, ObjectType, Variable
+from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
 from axisbus.errors import ArgumentError, BootError, EdsError, SdoAbort, SdoError, SdoTimeout, StateError
 
 MISSING, NO_SUB, WRITE_ONLY, NOT_MAPPABLE = 0x06020000, 0x06090011, 0x06010001, 0x06040041
@@ -270,6 +271,7 @@ def test_a_timer_that_is_refused_is_no_failure_and_anything_else_has_back_what_i
             transmission_type=7,
         )
     assert (caught.value.index, caught.value.subindex) == (0x1A00, 2)
+    assert "pre-operational" in caught.value.remedy
     assert device.objects == before
 
 
@@ -607,3 +609,80 @@ def test_what_was_asked_is_told_with_its_value_where_that_is_short(data, doing):
         == "2 frames that answer something else, the last: 02 03"
     )
     assert "something more urgent" in sdo_errors.cancelled(5, ENTRY, request).observed
+
+
+# An EDS against its device.
+
+
+def held_against(
+    index: int,
+    subindex: int,
+    access: str,
+    default: int,
+    data: bytes | None,
+    code: int | None = None,
+    flags: int = 0,
+):
+    """Verify one entry of 4 bytes; return what differs."""
+    variable = Variable(
+        index, subindex, "v", DataType.UNSIGNED32, access, Number(default), object_flags=flags
+    )
+    device = Store({} if data is None else {(index, subindex): data})
+    if code is not None:
+        device.refuse[index, subindex, None] = code
+    return verify(device, Eds("x", {index: Object(index, "o", ObjectType.RECORD, {subindex: variable})}, {}))
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "access", "kind", "severity"),
+    [
+        (0x1018, 1, "ro", Kind.IDENTITY, Severity.ERROR),
+        (0x1018, 2, "ro", Kind.IDENTITY, Severity.ERROR),
+        (0x13FF, 1, "ro", Kind.DEFAULT, Severity.NOTE),
+        (0x1400, 1, "ro", Kind.PDO, Severity.ERROR),
+        (0x15FF, 1, "ro", Kind.PDO, Severity.ERROR),
+        (0x1600, 1, "rw", Kind.PDO, Severity.NOTE),
+        (0x17FF, 1, "const", Kind.PDO, Severity.ERROR),
+        (0x1800, 1, "ro", Kind.PDO, Severity.ERROR),
+        (0x1BFF, 1, "ro", Kind.PDO, Severity.ERROR),
+        (0x1C00, 1, "ro", Kind.DEFAULT, Severity.NOTE),
+        (0x2000, 1, "const", Kind.DEFAULT, Severity.WARNING),
+        (0x2000, 1, "rw", Kind.DEFAULT, Severity.NOTE),
+    ],
+)
+def test_how_bad_another_value_is(index, subindex, access, kind, severity):
+    found = held_against(index, subindex, access, 7, little(0x1234, 4))
+    [difference] = found.differences
+    assert (difference.kind, difference.severity, difference.index, difference.subindex) == (
+        kind,
+        severity,
+        index,
+        subindex,
+    )
+    assert "is 0x1234, the EDS says 7" in difference.message
+    assert found.agrees is (severity is Severity.NOTE)
+    assert (found.read, found.left_out) == (1, 0)
+    assert held_against(index, subindex, access, 7, little(7, 4)).differences == ()
+
+
+@pytest.mark.parametrize(
+    ("access", "data", "code", "kind"),
+    [
+        ("ro", b"\1\2", None, Kind.TYPE),
+        ("ro", None, None, Kind.EXISTENCE),
+        ("ro", b"\1", MISSING, Kind.EXISTENCE),
+        ("ro", b"\1", NO_SUB, Kind.EXISTENCE),
+        ("ro", b"\1", WRITE_ONLY, Kind.ACCESS),
+        ("wo", b"\1", WRITE_ONLY, None),
+        ("wo", little(7, 4), None, Kind.ACCESS),
+        ("ro", b"\1", 0x08000000, Kind.UNREAD),
+    ],
+)
+def test_what_a_device_does_not_bear_out(access, data, code, kind):
+    found = held_against(0x2000, 1, access, 7, data, code)
+    assert [difference.kind for difference in found.differences] == ([] if kind is None else [kind])
+
+
+def test_what_may_not_be_read_is_left_out():
+    found = held_against(0x2000, 1, "ro", 7, little(9, 4), flags=2)
+    assert (found.read, found.left_out, found.differences) == (0, 1, ())

@@ -110,8 +110,8 @@ def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
             (0.75, 0.25),
             (1.0, 0.25),
             (1.25, 0.25),
-            (1.5, 1.5),
-            (1.75, 1.5),
+            (1.5, 1.4375),
+            (1.75, 1.4375),
         ]
     ]
     assert [event is not None for event in told] == [False, False, False, True, False, True, False]
@@ -123,12 +123,12 @@ def test_a_tpdo_is_missing_after_its_age_and_told_once_and_so_is_its_return():
         1.0,
         False,
     )
-    assert (returned.what, returned.age, returned.stamp) == (Reception.RETURNED, 1.25, 1.5)
+    assert (returned.what, returned.age, returned.stamp) == (Reception.RETURNED, 1.1875, 1.5)
     assert (
         str(missing)
         == "node 5: TPDO1 (185h) has stopped coming: the last one is 750 ms old, expected within 500 ms"
     )
-    assert str(returned) == "node 5: TPDO1 (185h) comes again after 1250 ms"
+    assert str(returned) == "node 5: TPDO1 (185h) comes again after 1188 ms"
 
 
 def test_one_that_never_came_is_told_so_and_waited_for_from_operational_on():
@@ -591,3 +591,17 @@ def test_a_controlword_by_sdo_goes_behind_the_targets_and_a_stop_before_everythi
     worker.jobs[2].done(None, 0x05040000)
     outputs.take({}, 0x0F)
     assert len(worker.jobs) == 3  # and another one is not
+
+
+def test_where_nothing_of_the_communication_may_change_no_mapping_does():
+    device = DevicePdos((), (tpdo(1, "6041/16", 1), tpdo(2, "6064/32", 255)))
+    for remap in (True, False):
+        plan = make_plan(5, device, objects(), Wanted(INPUTS, ()), Policy(remap=remap, communication=False))
+        assert {pdo.change for pdo in plan.pdos} == {Change.KEEP}
+        assert not plan.remapped
+        assert [name for name, source in plan.inputs.items() if source is Source.SDO] == [
+            "mode",
+            "velocity",
+            "torque",
+            "demand",
+        ]

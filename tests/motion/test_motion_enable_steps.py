@@ -18,6 +18,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.enable import RESTING_MODES, Enable
 from axisbus.motion.gate import Gate
+from axisbus.motion.parameters import StopTimes
 from axisbus.motion.walk import StateWalk
 
 MODE = ModeOfOperation
@@ -351,3 +352,24 @@ def test_a_walk_without_a_statusword_sends_nothing_and_says_so():
     with pytest.raises(StaleError, match="its statusword") as caught:
         walk.step(*drive.cycle(), State.SWITCHED_ON)
     assert "2 s" in caught.value.observed
+
+
+def test_a_drive_found_moving_is_halted_and_given_up_after_the_time_of_a_halt():
+    drive = Drive(stop_times=StopTimes(halt=1.0))
+    activity, position, halted = enable(drive), 0, 0
+    with pytest.raises(DriveError, match="was found moving, and does not halt"):
+        for _ in range(200):
+            position += 100
+            activity.step(*drive.cycle(statusword=ENABLED, mode=1, position=position, demand=position))
+            halted += drive.order.halt
+            assert drive.order.goal is State.OPERATION_ENABLED
+    assert halted == 65
+    braked = Drive(stop_times=StopTimes(halt=1.0))
+    activity = enable(braked)
+    for position in range(0, 1000, 100):
+        assert not activity.step(
+            *braked.cycle(statusword=ENABLED, mode=1, position=position, demand=position)
+        )
+    for _ in range(40):
+        done = activity.step(*braked.cycle(statusword=ENABLED, position=900, demand=900))
+    assert done

@@ -9,13 +9,19 @@ import pytest
 from rig import Rig, rig
 from steps import Drive
 
-from axisbus.errors import LimitError, MotionTimeout
+from axisbus.errors import LimitError, MotionTimeout, StaleError
+from axisbus.motion.enable import Enable
 from axisbus.motion.follow import Follow
 from axisbus.motion.gate import OPEN, Gate
 from axisbus.motion.goingon import GoingOn
+from axisbus.motion.homing import HomingRun
+from axisbus.motion.jog import Jog
+from axisbus.motion.moves import PositionMove
 from axisbus.motion.parameters import Limits
+from axisbus.motion.power import Coast, Reset
 from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trapezoid
+from axisbus.motion.turning import TorqueMove, VelocityMove
 
 PROFILE = Profile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
 PERIOD = 0.01
@@ -138,3 +144,59 @@ def test_on_the_plant_it_goes_on_without_a_jolt():
     assert max(speeds) < 21.0
     moved.wait(5)
     assert turned(r) == pytest.approx(40.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("activity", "mode", "goes_on", "clears_error", "ends_at_rest"),
+    [
+        (Enable, None, False, False, False),
+        (Coast, None, False, False, False),
+        (Reset, None, False, True, False),
+        (PositionMove, 1, False, False, True),
+        (VelocityMove, 3, True, False, False),
+        (TorqueMove, 4, True, False, False),
+        (HomingRun, 6, False, False, True),
+        (Follow, 8, False, False, True),
+        (GoingOn, 8, False, False, True),
+        (Jog, 3, True, False, False),
+    ],
+)
+def test_what_each_command_works_in_and_how_it_ends(activity, mode, goes_on, clears_error, ends_at_rest):
+    assert (activity.mode, activity.goes_on, activity.clears_error, activity.ends_at_rest) == (
+        *(mode, goes_on, clears_error, ends_at_rest),
+    )
+
+
+def test_a_trajectory_that_is_planned_begins_at_the_demand_or_else_where_the_axis_is():
+    drive = Drive(scan_period=PERIOD)
+    follow = Follow(None, drive.parameters, OPEN)
+    assert follow.reference(drive.cycle(statusword=0x1237, mode=1, position=500, demand=510)[0]) == 510
+    assert follow.reference(drive.cycle(demand=None)[0]) == 500
+    with pytest.raises(StaleError):
+        follow.reference(drive.cycle(position=None)[0])
+
+
+def test_an_axis_has_two_seconds_to_come_up_with_the_end_of_its_trajectory():
+    drive = Drive(scan_period=PERIOD)
+    follow = Follow(Trapezoid(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    ended = None
+    with pytest.raises(MotionTimeout, match="does not come up with the end of its trajectory, 1 deg"):
+        for _ in range(400):
+            for request in drive.order.sdo:
+                drive.answers(request.id)
+            assert not follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
+            if ended is None and drive.order.target_position == 1000:
+                ended = drive.now
+    assert drive.now - ended == 2.0 + 1 / 64
+
+
+@pytest.mark.parametrize(("position", "arrived"), [(992, False), (993, True), (1007, True), (1008, False)])
+def test_an_axis_has_come_up_when_it_stands_within_its_window(position, arrived):
+    drive = Drive(scan_period=PERIOD, position_window=7)
+    follow = Follow(Trapezoid(0.0, 1.0, 20.0, 40.0), drive.parameters, OPEN)
+    for _ in range(60):
+        for request in drive.order.sdo:
+            drive.answers(request.id)
+        assert not follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
+    ends = [follow.step(*drive.cycle(statusword=0x1237, position=position)) for _ in range(8)]
+    assert ends == [False] * 4 + [arrived] * 4

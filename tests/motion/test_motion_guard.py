@@ -153,6 +153,12 @@ def test_a_demand_ahead_of_the_position_counts_where_it_is_one_of_this_motion():
     assert Bounded(1000).to(93_000, demand=0).rest(course=course) is None
 
 
+def test_a_demand_that_has_only_just_come_says_nothing_yet():
+    axis = Bounded(1000).to(80_000)
+    for left in (2, 1):
+        assert axis.to(81_000 + 1000 * (2 - left), demand=15_000, cycles=1).rest(course=turning(1000)) is None
+
+
 def test_two_positions_say_nothing_yet():
     assert Bounded(1000).to(99_900, cycles=2).rest(course=turning(1000)) is None
     assert Bounded(1000).to(99_900, cycles=3).rest(course=turning(1000)) is not None

@@ -94,3 +94,27 @@ def test_a_group_that_is_enabled_stops_enabling_when_one_of_it_fails():
     r.run(3.0)
     assert all(not handle.busy for handle in handles)
     assert r.drive_of("y").power.stage != ENABLED
+
+
+def test_a_fault_stops_its_own_group_and_no_other():
+    r = rig("xyz", groups={"a": ["x", "y"], "b": ["z"]}).enabled()
+    for name in "yz":
+        r.axes[name].move_velocity(50.0).wait(3)
+    r.drive_of("x").fault(0x2310)
+    r.run(1.0)
+    assert abs(r.drive_of("y").axis.motor.velocity) < 1.0
+    assert r.drive_of("z").axis.motor.velocity == pytest.approx(50_000, rel=0.01)
+    assert r.axes["z"].state is AxisState.CONTINUOUS_MOTION
+
+
+def test_an_axis_that_somebody_else_turns_is_not_stopped_for_a_fault_of_ours():
+    r = rig("xy")
+    r.drive_of("y").target_velocity = 50_000
+    r.drive_of("y").start_enabled(3)
+    r.run(0.5)
+    r.axes["x"].enable().wait(3)
+    watch = Watch(r, "y")
+    r.drive_of("x").fault(0x2310)
+    r.run(1.0)
+    assert watch.words == []
+    assert r.drive_of("y").axis.motor.velocity == pytest.approx(50_000, rel=0.01)

@@ -996,3 +996,18 @@ def test_a_relief_is_a_slow_set_point_under_halt():
     [asked] = drive.order.sdo
     under_way.cancel(drive.order)
     assert drive.order.cancel == [asked.id]
+
+
+def test_that_this_program_did_not_run_is_told_first():
+    drive = Drive()
+    made = history(drive, ENABLED)
+    drive.later(0.5).cycle()
+    error = enrich(DriveError("no", observed="seen", remedy="look"), drive.image, made)
+    assert error is not None
+    assert error.observed.startswith("this program did not run for 0.5 s of the last 2 s; seen; ")
+    assert error.remedy.startswith("give this program its time")
+    assert error.remedy.endswith("look")
+    alarm = enrich(DriveError("no", remedy="TREAT IT AS MOVING"), drive.image, made)
+    assert alarm.remedy.startswith("TREAT IT AS MOVING")
+    once = enrich(DriveError("this program did not run", remedy="look"), drive.image, made)
+    assert once.remedy == "look"
