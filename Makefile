@@ -9,8 +9,8 @@ READY  := $(VENV)/.ready
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
 
-test: $(READY)            ## all tests, in four processes (many wait for drives in real time)
-	$(BIN)/python -m pytest -n 4 --dist loadfile
+test: $(READY)            ## all tests, in five processes (many wait for drives in real time)
+	$(BIN)/python -m pytest -n 5 --dist loadfile
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
 	.ci/socketcan

@@ -196,5 +196,5 @@ def test_the_load_of_a_recording_says_which_lines_are_no_frames(axisbus, tmp_pat
     path.write_text("(1.0) can0 182#37\nnoise\n(1.1) can0 182#37\n")
     code, out, _ = axisbus("load", path, "-b", "1000000")
     assert code == 0
-    assert "1 lines are no frames, the first is 2: noise" in out
+    assert "1 line is no frame, the first is 2: noise" in out
     assert json.loads(axisbus("load", path, "-b", "1000000", "--json").out)["measured"]["lines_skipped"] == 1

@@ -124,7 +124,7 @@ def about_y(errors: list[BaseException]) -> bool:
 
 
 SOME = settings(
-    max_examples=3,
+    max_examples=2,
     phases=(Phase.explicit, Phase.generate),
     suppress_health_check=[
         HealthCheck.function_scoped_fixture,

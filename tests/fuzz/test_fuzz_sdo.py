@@ -104,7 +104,7 @@ def test_segments_without_a_byte_do_not_go_on_for_ever():
 def test_segments_without_an_announced_size_end_at_the_most_that_is_taken():
     session = upload(most=700)
     assert endless(session, [bytes.fromhex("4008100000000000")], bytes(8), toggles=True) == 101
-    assert "more than the 700 bytes" in str(session.failure)
+    assert "more than 700 bytes" in str(session.failure)
     assert len(session.data) == 0
 
 

@@ -149,14 +149,21 @@ def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, change
             node.sdo.RESPONSE_TIMEOUT = DEADLINE
             for name in ("SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
                 setattr(node, f"TIMEOUT_{name}", DEADLINE)
+            seen = []
+            take = node.on_TPDOs_update_callback
+
+            def look(tpdo) -> None:
+                take(tpdo)
+                seen.append(node.state)
+
+            node.on_TPDOs_update_callback = look
             wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
             node.nmt.state = "OPERATIONAL"
             node.setup_402_state_machine()
             for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
                 node.state = name
             node.controlword = 0x0002  # as the setter of its state does
-            seen = []
-            wait_for(lambda: seen.append(node.state) or seen[-1] == "QUICK STOP ACTIVE", "the quick stop")
+            wait_for(lambda: "QUICK STOP ACTIVE" in seen, "the quick stop")
             wait_for(lambda: node.state == "SWITCH ON DISABLED", "its end")
         finally:
             network.disconnect()
