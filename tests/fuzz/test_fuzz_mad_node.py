@@ -240,19 +240,19 @@ def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobo
 
 
 def test_what_a_mad_node_sends_is_counted_and_told_once_in_a_second(tmp_path):
-    frames = [
-        can.Message(arbitration_id=0x182, data=b"\x37", is_extended_id=False),
-        can.Message(arbitration_id=0x082, data=b"\x11", is_extended_id=False),
-        can.Message(arbitration_id=0x582, data=bytes(8), is_extended_id=False),
+    frames = [  # each state lasts longer than a scan period, in a rhythm of its own
         can.Message(arbitration_id=0x702, data=b"\x7f", is_extended_id=False),
+        *[can.Message(arbitration_id=0x182, data=b"\x37", is_extended_id=False)] * 3,
+        *[can.Message(arbitration_id=0x082, data=b"\x11", is_extended_id=False)] * 3,
         can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=False),
+        *[can.Message(arbitration_id=0x582, data=bytes(8), is_extended_id=False)] * 6,
     ]
     with line(tmp_path) as cell:
         machine = cell.open()
         try:
             began = time.monotonic()
             with MadNode(cell.channel, frames, 0.01) as mad:
-                until(lambda: mad.rounds > 100, 20)
+                until(lambda: mad.rounds > 140, 20)
             lasted = time.monotonic() - began
             counted = {drop.fault: drop.count for drop in machine.dropped if drop.node == MAD}
             assert {Fault.EMCY, Fault.SDO} <= set(counted)

@@ -160,6 +160,11 @@ def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, change
             wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
             node.nmt.state = "OPERATIONAL"
             node.setup_402_state_machine()
+            for name in (
+                "PRE-OPERATIONAL",
+                "OPERATIONAL",
+            ):  # what is sent on change comes as the node starts, to one who listens
+                node.nmt.state = name
             for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
                 node.state = name
             node.controlword = 0x0002  # as the setter of its state does

@@ -203,6 +203,16 @@ FOUND: Mapping[str, Script] = {
     "a torque that is never reached": Script(
         "stiff", (Event(0.05, "torque", "x", 0.76),), scene="example", ending="busy-close"
     ),
+    "a halt of an axis that is jammed and pushed by a torque which does not come down": Script(
+        "lagging",
+        (
+            Event(0.0, "follow_on", "x"),
+            Event(0.2, "torque", "x", 0.65),
+            Event(0.0, "jam", "x"),
+            Event(0.05, "halt", "x"),
+            Event(0.2, "free", "x"),
+        ),
+    ),
 }
 
 

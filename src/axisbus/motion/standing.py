@@ -7,9 +7,9 @@ beginning of a command, or of a rung of the stop ladder):
 
 1. Positions received after that moment lie within the tolerance of one place for the whole ``standstill_time``. What was received
    before says nothing, however fresh it may count: an event-driven position may be half a second old.
-2. Nothing pulls: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
+2. Nothing pulls or pushes: what the drive's controller is led to (6062h, and in csp the target that was sent) is within
    ``standstill_window`` of where the axis is. An axis that is held by something else has a spring behind it, and leaps when it is
-   let go.
+   let go. In the torque modes it is the torque itself (6077h) that must have gone.
 3. Where there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. That is
    less, and ``witness`` says so.
 
@@ -21,9 +21,14 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402 import statusword as sw
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import State
 from axisbus.motion.image import Image
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.still import Still
+
+_TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
+_PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
 
 
 class Standing:
@@ -63,9 +68,21 @@ class Standing:
         return self._says_so(image)
 
     def pulls(self, image: Image) -> bool:
-        """Whether the controller leads the axis to somewhere else than where it is."""
+        """Whether the controller leads the axis to somewhere else than where it is, or pushes it."""
+        if self._pushes(image):
+            return True
         pull = None if self._homing else image.pull
         return pull is not None and abs(pull) > self._pull_window
+
+    def _pushes(self, image: Image) -> bool:
+        """Whether a torque is left that has not come down yet, or never will (6087h is 0); one that holds a load is to stay."""
+        if (
+            image.mode not in _TORQUE_MODES
+            or image.state is not State.OPERATION_ENABLED
+            or image.torque is None
+        ):
+            return False
+        return self._parameters.holds_load is HoldsLoad.NO and abs(image.torque) > _PUSH
 
     def _knows_demand(self, image: Image) -> bool:
         """Whether 6062h says where the axis is led now that it rests.
@@ -93,6 +110,11 @@ class Standing:
             return f"{where} when it was last heard of, {image.now - image.position_stamp:.2g} s ago: no position has come since"
         if not image.still.since(self._first):
             return f"{where} and still moving{_speed_text(image, self._parameters)}"
+        if self._pushes(image):
+            return (
+                f"held {where}, but its drive pushes with {abs(image.torque or 0) / 10:g} % of its rated torque (6077h): when it "
+                "comes free, it moves on"
+            )
         pull = image.pull
         if pull is not None and self.pulls(image):
             return (

@@ -145,7 +145,7 @@ class Facts:
         """Whether the master says of an axis that it may move, or is energised still."""
         error = self.core[name].error
         lines = [str(error)] if error is not None else []
-        lines += [part for part in text.split("\0") if part.startswith(f"{name}:") or f"[{name}]" in part]
+        lines += [part for part in text.split("\0") if f"{name}: " in part or f"[{name}]" in part]
         return any(word in line for line in lines for word in HONEST)
 
     def moves(self, name: str) -> bool:

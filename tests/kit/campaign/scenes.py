@@ -10,7 +10,7 @@ from pathlib import Path
 
 from axisbus import eds
 from axisbus.cia402.port import Source
-from axisbus.errors import ConfigError, SdoAbort
+from axisbus.errors import AxisbusError, ConfigError, SdoAbort
 from kit.cell import Cell, Stage, cell_text
 from kit.corpus import corpus_files
 from kit.plants import PLANTS, Plant, bring_up, cell_on
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[3]
 ACCELERATION = 1000.0  # deg/s²: max_acceleration and the quick stop's deceleration of the usual cell
 _LIMITED = f"max_acceleration = {ACCELERATION}"
 _STIFF = ("stiff", "stiff", "lagging", "lagging-much", "coasting", "compliant", "late-feedback")
-_NO_DEMAND: Mapping[str, object] = {"inputs": {"position_demand": Source.NONE}}
+_NO_DEMAND: Mapping[str, object] = {"inputs": {"demand": Source.NONE}}
 _ON_CHANGE: Mapping[str, object] = {
     "event_timer": 0.1,
     "inputs": {
@@ -29,7 +29,7 @@ _ON_CHANGE: Mapping[str, object] = {
         "position": Source.EVENT_PDO,
         "velocity": Source.SDO,
         "torque": Source.NONE,
-        "position_demand": Source.SDO,
+        "demand": Source.SDO,
     },
     "outputs": {"controlword": Source.EVENT_PDO, "mode": Source.SDO, "target_position": Source.EVENT_PDO},
 }
@@ -92,7 +92,10 @@ def _of_maker(stage: Stage, _plant: Plant, *, file: str) -> Cell:
     for axis in cell.machine:
         with suppress(SdoAbort):  # the file's own window may be narrower than what our motor lags behind
             cell.device(axis.name).write(0x6065, 0, 0xFFFF_FFFF)
-        axis.enable().wait(5)
+        try:
+            axis.enable().wait(5)
+        except AxisbusError as error:
+            raise NotHere(f"{file} makes a drive that cannot be enabled: {error.message}") from error
     return cell
 
 

@@ -12,7 +12,16 @@ _NEAR = 1.5  # deg by which a position that is shown may be off
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
 _REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
 # What the master says of a command of its own user, without any mishap.
-_OWN = ("limit", "torque", "quick stop", "coast", "disable", "not homed", "another axis")
+_OWN = (
+    "limit",
+    "torque",
+    "quick stop",
+    "coast",
+    "disable",
+    "not homed",
+    "another axis",
+    "was never received",
+)
 
 
 class Truth:
