@@ -17,6 +17,9 @@ from kit.probe import OFF
 MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
 _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
+_OF_NODES = frozenset(
+    {"alive", "start", "heartbeat", "sdo_well"}
+)  # what ends a mishap of a node, for all of its axes
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 
 
@@ -49,9 +52,10 @@ class Asked:
 
 @dataclass
 class Trouble:
-    """A mishap of one axis, from when and until when."""
+    """A mishap of one axis, by whom it began, from when and until when."""
 
     what: str
+    axis: str
     since: float
     until: float = math.inf
 
@@ -88,14 +92,15 @@ class Facts:
         befallen = [name for name in self.names if kind.shared or self._share_node(name, axis)]
         for name in befallen:
             until = math.inf if kind.ends else self.now
-            self.troubles[name].append(Trouble(what, self.now, until))
+            self.troubles[name].append(Trouble(what, axis, self.now, until))
         return befallen
 
     def end(self, what: str, axis: str) -> None:
         """A mishap ends."""
         for name, troubles in self.troubles.items():
             for trouble in troubles:
-                here = trouble.kind.shared or self._share_node(name, axis)
+                here = trouble.kind.shared or trouble.axis == axis or what in _OF_NODES
+                here = here and (trouble.kind.shared or self._share_node(name, axis))
                 if here and trouble.kind.ends == what and trouble.until > self.now:
                     trouble.until = self.now
 
@@ -106,9 +111,11 @@ class Facts:
         """The troubles of an axis that last, or ended less than ``within`` seconds ago."""
         return (trouble for trouble in self.troubles[name] if trouble.until > self.now - within)
 
-    def falls_unseen(self, name: str) -> bool:
-        """Whether the motor has no power, and its feedback says nothing of it: nobody can know that it turns."""
-        return self.drive[name].dials.encoder_frozen and self.stage(name) in OFF
+    def turns_unseen(self, name: str) -> bool:
+        """Whether the feedback says nothing of the motor, nor does a demand: nobody can know that it turns."""
+        dials = self.drive[name].dials
+        demanded = self.core[name].image.demand is not None and not dials.demand_frozen
+        return dials.encoder_frozen and (self.stage(name) in OFF or not demanded)
 
     def has_a_will(self, name: str) -> bool:
         """Whether the drive moves by itself: then a moment's rest is nobody's promise."""

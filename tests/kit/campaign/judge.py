@@ -93,7 +93,7 @@ class Judge:
         for asked in facts.asked:
             busy = f"{asked.handle!r} is busy after the machine was left ({ending})"
             facts.must(not asked.handle.busy, "every handle ends", busy)
-        honest = [name for name in facts.names if facts.is_told(name, text) or facts.falls_unseen(name)]
+        honest = [name for name in facts.names if facts.is_told(name, text) or facts.turns_unseen(name)]
         for name in facts.names:
             if name not in honest:
                 self._is_left(name, text)
@@ -102,7 +102,7 @@ class Judge:
     def _is_left(self, name: str, text: str) -> None:
         facts = self.facts
         told = f"{facts.cell.told(name)}; it was said {text!r}"
-        stands = not facts.moves(name) or facts.is_dropped(name) or facts.falls_unseen(name)
+        stands = not facts.moves(name) or facts.is_dropped(name) or facts.turns_unseen(name)
         facts.must(stands, "closed means standing", told)
         core = facts.cell.core(name)
         off = facts.cell.stage(name) in OFF or not core.touched

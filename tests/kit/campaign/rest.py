@@ -14,6 +14,7 @@ BLIND = 0.8  # s for which a state may say Standstill while the plant moves
 UNCONFIRMED = 6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder
 ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
 _STANDS = "stands"  # what an error says of a stop that came otherwise than it was asked for
+_BY_OTHERS = ("other_enables", "other_shuts_down")
 RESTS = 1.0  # s after which an axis at rest is taken at its word
 
 
@@ -77,7 +78,7 @@ class Rest:
 
     def _promised(self, name: str, stop: Asked) -> None:
         facts = self._facts
-        unseen = facts.falls_unseen(name)
+        unseen = facts.turns_unseen(name)
         if facts.later(stop, name) or facts.has_a_will(name) or facts.may_fall(name) or unseen:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"
@@ -105,7 +106,8 @@ class Rest:
         recent = facts.now - ENABLE_LATE
         enables = [asked for asked in facts.asked if asked.what == "enable" and name in asked.names]
         asked_for = any(asked.ended is None or asked.ended > recent for asked in enables)
-        by_other = any(trouble.what == "other_enables" for trouble in facts.troubled(name, 0.1))
+        # A word of ours that was under way when another master shut the drive down is no command of now.
+        by_other = any(trouble.what in _BY_OTHERS for trouble in facts.troubled(name, 0.3))
         text = f"{facts.cell.told(name)}, was {STAGE_NAMES[before]}"
         facts.must(asked_for or by_other, "energised only when asked", text)
 

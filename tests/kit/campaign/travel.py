@@ -9,7 +9,7 @@ from kit.campaign.orders import PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
 _TORQUE_MODES = (4, 10)
-_LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters"})
+_LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
 _OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 4.0  # scan periods in which a guard can do nothing: its look, the way there and back, the drive's own step
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
