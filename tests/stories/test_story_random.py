@@ -213,6 +213,15 @@ FOUND: Mapping[str, Script] = {
             Event(0.2, "free", "x"),
         ),
     ),
+    "a halt in the cycle of a coast that came while a trajectory was being braked": Script(
+        "coasting",
+        (
+            Event(0.8, "follow", "y", -0.42),
+            Event(0.1, "stop", "y"),
+            Event(0.0, "coast", "y"),
+            Event(0.0, "halt", "y"),
+        ),
+    ),
 }
 
 

@@ -108,7 +108,7 @@ def _coast(core: AxisCore, handle: Handle) -> None:
         core.join(handle)
         return
     core.powered = False
-    before = None if core.activity is None else core.activity.leading
+    before = motion.leading_path(core)
     core.begin(Coast(core.parameters, before), handle)
     if core.state is not AxisState.ERRORSTOP:
         core.state = AxisState.DISABLED

@@ -36,7 +36,7 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
-    leading = None if _leaves_mode(core) else _leading(core)
+    leading = None if _leaves_mode(core) else leading_path(core)
     if leading is not None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
         core.last_target = target
@@ -235,13 +235,13 @@ def _prepare(
         ModeSwitch(mode, core.parameters, lead),
         Transfers(writes, core.parameters, OPTIONAL_PROFILE),
         gate,
-        _leading(core),
+        leading_path(core),
     )
 
 
 def _lead(core: AxisCore) -> Lead | None:
     """Return what leads an axis out of a trajectory: a drive that is in a velocity mode before we see it finds its speed there."""
-    leading = _leading(core)
+    leading = leading_path(core)
     if leading is None:
         return None
     units = core.parameters.units
@@ -253,7 +253,7 @@ def _lead(core: AxisCore) -> Lead | None:
     return lead
 
 
-def _leading(core: AxisCore) -> Follow | None:
+def leading_path(core: AxisCore) -> Follow | None:
     """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
     running = None if core.activity is None else core.activity.leading
     follow = running if core.ladder is None else core.ladder.follow
