@@ -144,7 +144,7 @@ def test_in_operation_the_other_axis_goes_on_and_all_is_closed(tmp_path, frames)
             with judged(cell, machine):
                 turning(machine, cell)
                 with MadNode(cell.channel, frames) as mad:
-                    until(lambda: mad.rounds > 3 * len(frames), 20)
+                    until(lambda: mad.rounds > 3 * len(frames), 40)
                     assert machine.scan.failure is None
                     assert machine["x"].error is None, machine["x"].error
                     cell.must_move("x")
@@ -170,7 +170,7 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
         if machine is not None:
             assert machine.scan.failure is None
             assert about_y(close(machine))
-        assert not any(thread.name.startswith("axisbus") for thread in threading.enumerate())
+        until(lambda: not any(thread.name.startswith("axisbus") for thread in threading.enumerate()), 15)
         assert not cell.was_energised("x")
 
 
