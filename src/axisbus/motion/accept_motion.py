@@ -230,20 +230,17 @@ def require_cyclic(core: AxisCore, handle: Handle) -> None:
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
-    lead = _lead(core)
+    leading = leading_path(core)
     return Prepare(
-        ModeSwitch(mode, core.parameters, lead),
+        ModeSwitch(mode, core.parameters, None if leading is None else _lead(core, leading)),
         Transfers(writes, core.parameters, OPTIONAL_PROFILE),
         gate,
-        leading_path(core),
+        leading,
     )
 
 
-def _lead(core: AxisCore) -> Lead | None:
+def _lead(core: AxisCore, leading: Follow) -> Lead:
     """Return what leads an axis out of a trajectory: a drive that is in a velocity mode before we see it finds its speed there."""
-    leading = leading_path(core)
-    if leading is None:
-        return None
     units = core.parameters.units
 
     def lead(image: Image, order: Order) -> None:

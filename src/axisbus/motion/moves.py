@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.activity import Activity, present_speed, require_position
+from axisbus.motion.activity import present_speed, require_position
 from axisbus.motion.braking import Course
 from axisbus.motion.image import Image
 from axisbus.motion.onchange import set_point
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.prepare import Prepare
+from axisbus.motion.prepare import Prepare, Prepared
 from axisbus.motion.profile import Profile, braking_distance, duration
 from axisbus.motion.proof import proof_of
 from axisbus.motion.setpoint import SetPoint
-
-if TYPE_CHECKING:
-    from axisbus.motion.follow import Follow
 
 _WINDOW_FLOOR = 20  # increments
 _ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken
 _WINDOW_SHARE = 0.02  # of the move's distance
 
 
-class PositionMove(Activity):
+class PositionMove(Prepared):
     """A move in profile position mode: prepare, set-point handshake, arrival; holds its deadline and its progress."""
 
     mode = ModeOfOperation.PROFILE_POSITION
@@ -76,15 +71,6 @@ class PositionMove(Activity):
         if self._before is not None and self._before.begun:
             return self._before
         return self.set_point if self.set_point.begun else None
-
-    @property
-    def leading(self) -> Follow | None:
-        """The trajectory before, until the drive is in the mode of this command."""
-        return self._prepare.leading
-
-    def cancel(self, order: Order) -> None:
-        """Take back what is queued."""
-        self._prepare.cancel(order)
 
     def _begins(self, image: Image, order: Order) -> bool:
         """Return True once nothing of another move is under way any more and all is prepared: from then on it goes."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
-from axisbus.motion.activity import ModeSwitch, Transfers
+from axisbus.motion.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.gate import Gate
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
@@ -82,3 +82,18 @@ class Prepare:
         """Take back queued transfers, and a mode that was asked for."""
         self._transfers.cancel(order)
         self._mode.cancel(order)
+
+
+class Prepared(Activity):
+    """A command in a profile mode; ``_prepare`` is what comes before it."""
+
+    _prepare: Prepare
+
+    @property
+    def leading(self) -> Follow | None:
+        """The trajectory before, until the drive is in the mode of this command."""
+        return self._prepare.leading
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        self._prepare.cancel(order)

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.activity import Activity, present_speed
+from axisbus.motion.activity import present_speed
 from axisbus.motion.braking import Course
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.prepare import Prepare
+from axisbus.motion.prepare import Prepare, Prepared
 from axisbus.motion.profile import Profile
 from axisbus.motion.ramped import ramped_way
-
-if TYPE_CHECKING:
-    from axisbus.motion.follow import Follow
 
 _VELOCITY_FLOOR = 2  # velocity increments
 _VELOCITY_SHARE = 0.05  # of the velocity asked for
@@ -27,7 +23,7 @@ _TORQUE_SHARE = 0.05  # of the torque asked for
 _UNKNOWN_SLOPE = 10.0  # seconds
 
 
-class VelocityMove(Activity):
+class VelocityMove(Prepared):
     """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and goes on moving."""
 
     mode = ModeOfOperation.PROFILE_VELOCITY
@@ -63,15 +59,6 @@ class VelocityMove(Activity):
             self.reached = self._in_velocity(image)
             self._watch(image)
         return self.reached
-
-    @property
-    def leading(self) -> Follow | None:
-        """The trajectory before, until the drive is in the mode of this command."""
-        return self._prepare.leading
-
-    def cancel(self, order: Order) -> None:
-        """Take back what is queued."""
-        self._prepare.cancel(order)
 
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
@@ -116,7 +103,7 @@ class VelocityMove(Activity):
         )
 
 
-class TorqueMove(Activity):
+class TorqueMove(Prepared):
     """A torque in profile torque mode; ends well when the drive reports it as reached, and keeps it."""
 
     mode = ModeOfOperation.PROFILE_TORQUE
@@ -153,15 +140,6 @@ class TorqueMove(Activity):
             self.reached = self._in_torque(image)
             self._watch(image)
         return self.reached
-
-    @property
-    def leading(self) -> Follow | None:
-        """The trajectory before, until the drive is in the mode of this command."""
-        return self._prepare.leading
-
-    def cancel(self, order: Order) -> None:
-        """Take back what is queued."""
-        self._prepare.cancel(order)
 
     def _allowed(self, torque: int) -> float:
         """Four times the slope from the present ``torque`` to the new one, and a margin."""
