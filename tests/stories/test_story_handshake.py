@@ -12,25 +12,12 @@ from axisbus.errors import Replaced, SetPointError
 from axisbus.sim.dials import NEVER
 from kit.cell import SCALE
 from kit.probe import ENABLED, OFF
+from kit.setpoints import edges
 
 PP = 1
 PERIOD = 0.01
 CYCLES = (0, 1, 5, 50)  # delays of the acknowledge
 PORTS = {"target first": {}, "controlword first": {"controlword_first": True}}
-
-
-def edges(cell) -> list[float]:
-    """The target, in degrees, at every rising edge of bit 4 that the drive hears from now on."""
-    seen: list[float] = []
-    mode = cell.drive()._all_modes[PP]
-    present = mode._present
-
-    def watched(axis, word: int) -> None:
-        seen.append(axis.target_position / SCALE)
-        present(axis, word)
-
-    mode._present = watched
-    return seen
 
 
 def ready(story, delay: int, **changes):

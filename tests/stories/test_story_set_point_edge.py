@@ -18,6 +18,7 @@ from axisbus.bus import edge
 from axisbus.eds.builtin import resolve
 from axisbus.errors import MotionTimeout
 from kit.cell import GENERIC, SCALE, Cell, Stage
+from kit.setpoints import edges
 
 PP = 1
 WORD, MODE, TARGET, SPEED = "6040", "6060", "607A", "60FF"
@@ -92,20 +93,6 @@ def opened(stage: Stage, name: str, travels: str) -> Cell:
     cell.device().dials.rpdos_in_order = True
     cell.x.enable().wait(10)
     return cell
-
-
-def edges(cell: Cell) -> list[float]:
-    """The target, in degrees, that the drive has at every rising edge of bit 4 from now on."""
-    seen: list[float] = []
-    mode = cell.drive()._all_modes[PP]
-    present = mode._present
-
-    def watched(axis, word: int) -> None:
-        seen.append(axis.target_position / SCALE)
-        present(axis, word)
-
-    mode._present = watched
-    return seen
 
 
 @pytest.mark.parametrize(("name", "travels"), CASES)
