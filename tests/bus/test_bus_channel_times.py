@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import can
 import pytest
+from bus_clock import SleepingClock as Clock
 from bus_peer import FakeBus, eventually
 
 from axisbus.bus import channel as module
@@ -14,22 +15,9 @@ from axisbus.bus.errorframe import Condition, ErrorCounters
 from axisbus.errors import AdapterError, BusOff
 
 
-class Clock:
-    """Time that goes on only while somebody sleeps."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.now += seconds
-
-
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    made = Clock()
+    made = Clock(100.0)
     monkeypatch.setattr(module, "time", made)
     return made
 

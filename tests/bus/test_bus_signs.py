@@ -7,6 +7,7 @@ from datetime import datetime, timedelta, timezone
 from types import SimpleNamespace
 
 import pytest
+from bus_clock import SleepingClock as Clock
 
 from axisbus.bus import candump, nmt_confirm
 from axisbus.bus.changeover import ChangedOver, Opening, _commands
@@ -466,17 +467,6 @@ def test_time_is_sent_in_its_period_and_heard_with_what_has_passed_since():
 
 
 # How a node shows its state.
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.now += seconds
 
 
 @pytest.fixture

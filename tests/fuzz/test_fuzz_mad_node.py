@@ -20,6 +20,7 @@ from story_bus import Line, enable, turning, until
 from axisbus.cia301.drops import Fault
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
+from kit.talker import Talker
 
 MAD = 2  # the node of y
 APART = '[groups.one]\naxes = ["x"]\n[groups.two]\naxes = ["y"]\n'
@@ -60,27 +61,16 @@ def mad_frames(draw: st.DrawFn) -> can.Message:
     )
 
 
-class MadNode:
+class MadNode(Talker):
     """Says its frames over and over on a channel while its block lasts."""
 
     def __init__(self, channel: str, frames: list[can.Message], pause: float = PAUSE) -> None:
+        super().__init__(channel)
         self.rounds = 0
         self._frames = frames
         self._pause = pause
-        self._bus = can.Bus(interface="virtual", channel=channel)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="mad node", daemon=True)
 
-    def __enter__(self) -> MadNode:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join(5.0)
-        self._bus.shutdown()
-
-    def _run(self) -> None:
+    def _talk(self) -> None:
         for frame in itertools.cycle(self._frames):
             if self._over.wait(self._pause):
                 return

@@ -9,6 +9,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import can
 import canopen
@@ -103,8 +104,9 @@ def test_a_move_in_hand_written_frames(channel, master):
         )
 
 
-def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
-    made = drive_eds(x1800_5=20)  # an event timer, so that its TPDO really is periodic
+@contextmanager
+def canopens_master(channel, made) -> Iterator[BaseNode402]:
+    """The node of canopen's own master for a stand-in made from an EDS, which has booted; its time-outs are ours."""
     with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
         network = canopen.Network()
         network.NOTIFIER_CYCLE = 0.05
@@ -116,22 +118,28 @@ def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
             for name in ("SWITCH_OP_MODE", "SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
                 setattr(node, f"TIMEOUT_{name}", DEADLINE)
             wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
-            node.nmt.state = "OPERATIONAL"
-            node.setup_402_state_machine()
-            for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
-                node.state = name
-                assert node.state == name
-            node.op_mode = "PROFILED POSITION"
-            assert node.op_mode == "PROFILED POSITION"
-            node.rpdo[1]["607A:0"].raw = -3_000  # it shares the RPDO with the controlword
-            node.controlword = 0x1F
-            wait_for(lambda: bool(node.sdo[0x6041].raw & 0x1000), "set-point acknowledge")
-            node.controlword = 0x0F
-            wait_for(lambda: node.sdo[0x6064].raw == -3_000, "the target")
-            node.state = "SWITCH ON DISABLED"
-            assert state(node.sdo[0x6041].raw) == "switch on disabled"
+            yield node
         finally:
             network.disconnect()
+
+
+def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
+    made = drive_eds(x1800_5=20)  # an event timer, so that its TPDO really is periodic
+    with canopens_master(channel, made) as node:
+        node.nmt.state = "OPERATIONAL"
+        node.setup_402_state_machine()
+        for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
+            node.state = name
+            assert node.state == name
+        node.op_mode = "PROFILED POSITION"
+        assert node.op_mode == "PROFILED POSITION"
+        node.rpdo[1]["607A:0"].raw = -3_000  # it shares the RPDO with the controlword
+        node.controlword = 0x1F
+        wait_for(lambda: bool(node.sdo[0x6041].raw & 0x1000), "set-point acknowledge")
+        node.controlword = 0x0F
+        wait_for(lambda: node.sdo[0x6064].raw == -3_000, "the target")
+        node.state = "SWITCH ON DISABLED"
+        assert state(node.sdo[0x6041].raw) == "switch on disabled"
 
 
 @pytest.mark.parametrize(
@@ -139,39 +147,25 @@ def test_canopens_own_402_master_enables_and_moves_a_stand_in(channel):
 )
 def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, changes):
     made = drive_eds(x605A=2, **changes)
-    with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
-        network = canopen.Network()
-        network.NOTIFIER_CYCLE = 0.05
-        network.connect(**options(channel))
-        try:
-            node = BaseNode402(5, object_dictionary(made, 5))
-            network.add_node(node)
-            node.sdo.RESPONSE_TIMEOUT = DEADLINE
-            for name in ("SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
-                setattr(node, f"TIMEOUT_{name}", DEADLINE)
-            seen = []
-            take = node.on_TPDOs_update_callback
+    with canopens_master(channel, made) as node:
+        seen = []
+        take = node.on_TPDOs_update_callback
 
-            def look(tpdo) -> None:
-                take(tpdo)
-                seen.append(node.state)
+        def look(tpdo) -> None:
+            take(tpdo)
+            seen.append(node.state)
 
-            node.on_TPDOs_update_callback = look
-            wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
-            node.nmt.state = "OPERATIONAL"
-            node.setup_402_state_machine()
-            for name in (
-                "PRE-OPERATIONAL",
-                "OPERATIONAL",
-            ):  # what is sent on change comes as the node starts, to one who listens
-                node.nmt.state = name
-            for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
-                node.state = name
-            node.controlword = 0x0002  # as the setter of its state does
-            wait_for(lambda: "QUICK STOP ACTIVE" in seen, "the quick stop")
-            wait_for(lambda: node.state == "SWITCH ON DISABLED", "its end")
-        finally:
-            network.disconnect()
+        node.on_TPDOs_update_callback = look
+        node.nmt.state = "OPERATIONAL"
+        node.setup_402_state_machine()
+        # What is sent on change comes as the node starts, to one who listens.
+        for name in ("PRE-OPERATIONAL", "OPERATIONAL"):
+            node.nmt.state = name
+        for name in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED"):
+            node.state = name
+        node.controlword = 0x0002  # as the setter of its state does
+        wait_for(lambda: "QUICK STOP ACTIVE" in seen, "the quick stop")
+        wait_for(lambda: node.state == "SWITCH ON DISABLED", "its end")
 
 
 def test_a_slow_node_keeps_nobody_waiting(channel, master):

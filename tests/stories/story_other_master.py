@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import NamedTuple
 
 import can
+
+from kit.talker import Talker
 
 TICK = 0.01  # seconds between two rounds
 
@@ -55,27 +56,16 @@ HARMLESS: dict[str, tuple[Says, ...]] = {
 }
 
 
-class OtherMaster:
+class OtherMaster(Talker):
     """Says something over and over on a channel while its block lasts; ``counted`` is how many frames went out."""
 
     def __init__(self, channel: str, says: tuple[Says, ...], tick: float = TICK) -> None:
+        super().__init__(channel)
         self.counted = 0
         self._says = says
         self._tick = tick
-        self._bus = can.Bus(interface="virtual", channel=channel)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="another master", daemon=True)
 
-    def __enter__(self) -> OtherMaster:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join(5.0)
-        self._bus.shutdown()
-
-    def _run(self) -> None:
+    def _talk(self) -> None:
         begin, rounds = time.monotonic(), 0
         while not self._over.wait(max(0.0, begin + rounds * self._tick - time.monotonic())):
             for one in self._says:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Self
 
 import can
 import pytest
@@ -21,6 +21,7 @@ from axisbus.machine import node_stop
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.talker import Talker
 
 STOPPED = (QUICK_STOP, *OFF)
 BESIDE = pytest.mark.nets("the stop beside", "the stop ladder", "the drive's watchdog")
@@ -70,24 +71,16 @@ def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path,
         assert "x: " in told
 
 
-class Stubborn:
+class Stubborn(Talker):
     """A master that sends *enable operation* in every cycle and looks at nothing: the frames of a live one, over and over."""
 
     def __init__(self, line: Line) -> None:
-        self._bus = can.Bus(interface="virtual", channel=line.channel)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._send, daemon=True)
+        super().__init__(line.channel)
         self._frames: dict[int, bytes] = {}
 
-    def __enter__(self) -> Stubborn:
+    def __enter__(self) -> Self:
         self._listen()
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join(5.0)
-        self._bus.shutdown()
+        return super().__enter__()
 
     def _listen(self) -> None:
         """Take a cycle of RPDOs, and the master's heartbeat."""
@@ -98,7 +91,7 @@ class Stubborn:
             if number == 0x77F or number & 0x780 in (0x200, 0x300, 0x400, 0x500):
                 self._frames[number] = bytes(frame.data)
 
-    def _send(self) -> None:
+    def _talk(self) -> None:
         while not self._over.wait(PERIOD):
             for number, data in [*self._frames.items(), (0x80, b"")]:
                 self._bus.send(can.Message(arbitration_id=number, data=data, is_extended_id=False))
