@@ -9,7 +9,6 @@ import configparser
 import io
 import logging
 import math
-import os
 import re
 import statistics
 import subprocess
@@ -40,6 +39,7 @@ from axisbus.machine.machine import Machine  # noqa: E402
 from axisbus.sim.build import device_from_eds  # noqa: E402
 from axisbus.sim.device import Device  # noqa: E402
 from axisbus.sim.network import StandIns  # noqa: E402
+from kit.corpus import CORPUS  # noqa: E402
 
 missed: list[str] = []
 
@@ -191,10 +191,9 @@ def reading() -> None:
 
 def corpus() -> None:
     """Reading and modelling of real files against canopen.import_od: the median of the ratios, and the least of a file of 20 kB."""
-    folder = Path(os.environ.get("AXISBUS_EDS_CORPUS", ROOT.parent / "shared" / "eds-corpus"))
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
     ratios, least = [], math.inf
-    for path in sorted(folder.glob("*.[ed][dc][sf]")):
+    for path in sorted(CORPUS.glob("*.[ed][dc][sf]")):
         data = path.read_bytes()
         try:
             theirs = best(canopen_import(data.decode("latin-1").replace("\r\n", "\n")), 1)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import pytest
 
 from axisbus.bus.mapping import DevicePdos, axis_objects
@@ -15,10 +12,8 @@ from axisbus.cia402.port import Source
 from axisbus.eds import Eds, load
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import EdsError
+from kit.corpus import CORPUS as FOLDER
 
-FOLDER = Path(
-    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
-)
 FILES = sorted(FOLDER.glob("*.eds")) if FOLDER.is_dir() else []
 NODE = 5
 

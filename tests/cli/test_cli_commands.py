@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import re
 import sys
 from pathlib import Path
@@ -14,10 +13,10 @@ from axisbus.bus.errorframe import Condition, ErrorCounters
 from axisbus.cli.common import run
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.machine.machine import Machine
+from kit.corpus import CORPUS
 
 ROOT = Path(__file__).parents[2]
 CELL = str(ROOT / "examples" / "cell.toml")
-CORPUS = Path(os.environ.get("AXISBUS_EDS_CORPUS", ROOT.parent / "shared" / "eds-corpus"))
 ONE_AXIS = """
 [bus]
 interface = "{interface}"

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from eds_texts import record, variable
 
 from axisbus.eds import Eds, load, loads
 from axisbus.eds.builtin import names, resolve
+from kit.corpus import CORPUS as FOLDER
 
-FOLDER = Path(
-    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
-)
 CORPUS = (
     sorted(path for path in FOLDER.glob("*") if path.suffix in (".eds", ".dcf")) if FOLDER.is_dir() else []
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import time
 from pathlib import Path
@@ -14,9 +13,9 @@ from rule_base import BASE
 
 from axisbus.eds import Severity, check, reader
 from axisbus.errors import EdsError
+from kit.corpus import CORPUS
 
 ROOT = Path(__file__).parents[2]
-CORPUS = Path(os.environ.get("AXISBUS_EDS_CORPUS", ROOT.resolve().parent / "shared" / "eds-corpus"))
 FILES = (
     sorted(path for path in CORPUS.iterdir() if path.suffix in (".eds", ".dcf")) if CORPUS.is_dir() else []
 )

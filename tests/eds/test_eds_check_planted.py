@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 from functools import cache
 from pathlib import Path
@@ -11,11 +10,9 @@ import pytest
 from planting import KINDS, Plant, Text, plant
 
 from axisbus.eds import Finding, Severity, check, reader
+from kit.corpus import CORPUS
 
 OURS = sorted((Path(__file__).parents[2] / "eds").glob("*.eds"))
-CORPUS = Path(
-    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
-)
 PLANTS_OF_A_KIND = 5
 
 

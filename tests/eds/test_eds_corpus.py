@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import configparser
 import logging
-import os
 import random
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from eds_texts import canopen_facts, import_text, our_facts
@@ -17,10 +15,8 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds import canopen_text, dcf, edit, reader, writer
 from axisbus.eds.fix import fix
 from axisbus.errors import ArgumentError
+from kit.corpus import CORPUS as FOLDER
 
-FOLDER = Path(
-    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
-)
 FILES = (
     sorted(path for path in FOLDER.glob("*") if path.suffix in (".eds", ".dcf")) if FOLDER.is_dir() else []
 )

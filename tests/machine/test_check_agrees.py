@@ -6,7 +6,6 @@ Each file makes a stand-in; each command is given to it in virtual time. The mac
 from __future__ import annotations
 
 import csv
-import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,9 +20,9 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
+from kit.corpus import CORPUS
 
 CHECKOUT = Path(__file__).parents[2]
-CORPUS = Path(os.environ.get("AXISBUS_EDS_CORPUS", CHECKOUT.resolve().parent / "shared" / "eds-corpus"))
 CELL = """\
 [bus]
 interface = "sim"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -15,10 +14,10 @@ from axisbus.errors import EdsError
 from axisbus.machine import config
 from axisbus.machine.check import check
 from axisbus.machine.parameters import axis_parameters
+from kit.corpus import CORPUS
 
 CHECKOUT = Path(__file__).parents[2]
 EXAMPLE = CHECKOUT / "examples" / "cell.toml"
-CORPUS = Path(os.environ.get("AXISBUS_EDS_CORPUS", CHECKOUT.resolve().parent / "shared" / "eds-corpus"))
 FILES = sorted([*CORPUS.glob("*.eds"), *CORPUS.glob("*.dcf")]) if CORPUS.is_dir() else []
 
 # As in the first pages of the manual: no stop table, y without limits.

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import pytest
 
 from axisbus.drives.make import GENERIC
@@ -13,10 +10,8 @@ from axisbus.machine.backup.items import select
 from axisbus.machine.backup.restore import Outcome, Restore
 from axisbus.machine.backup.save import backup
 from axisbus.sim.dictionary import Dictionary
+from kit.corpus import CORPUS as FOLDER
 
-FOLDER = Path(
-    os.environ.get("AXISBUS_EDS_CORPUS", Path(__file__).parents[2].resolve().parent / "shared" / "eds-corpus")
-)
 FILES = sorted(FOLDER.rglob("*.eds"))[::7] if FOLDER.is_dir() else []
 NODE = 5
 
