@@ -79,7 +79,7 @@ class PlantRecord:
             motor.velocity / scale,
             motor.torque,
             int(drive.power.stage),
-            axis.position / scale,
+            (axis.position + axis.drift) / scale,
         )
 
     def since(self, moment: float) -> list[PlantSample]:

@@ -285,9 +285,10 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
         (1002, False),
         (1001, True),
     ]:
+        assert [request.index for request in drive.order.sdo] == [0x6041, 0x6064, 0x6061, 0x6062]
         asked = [request.id for request in drive.order.sdo]
-        drive.answers(asked[0], 0x0007).answers(asked[1], position)
-        path.look(*drive.cycle())
+        drive.answers(asked[0], 0x0007).answers(asked[1], position).answers(asked[2], 1)
+        path.look(*drive.answers(asked[3], 1000).cycle())
         assert (path.state, path.stands) == (State.QUICK_STOP_ACTIVE, stands), position
         assert path.may_turn is not stands
         assert drive.order.sdo == []
@@ -304,6 +305,35 @@ def test_a_drive_without_pdos_is_looked_at_ten_times_a_second_until_two_position
     status, position = (request.id for request in near.order.sdo)
     once.look(*near.answers(status, 0x0237).answers(position, 1).cycle())
     assert not once.stands  # one position is none that has stayed
+
+
+@pytest.mark.parametrize(
+    ("mode", "demand", "before", "stands"),
+    [
+        (1, 5000, None, True),  # the window is of 4000
+        (1, 5001, None, False),
+        (1, -3001, None, False),
+        (1, None, None, True),  # nobody knows
+        (3, 9000, 9000, True),  # in pv it is of long ago
+        (3, 9000, 8000, False),  # unless it has moved in this mode
+    ],
+)
+def test_a_drive_that_pulls_is_not_said_by_sdo_to_stand(mode, demand, before, stands):
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, position=1000, demand=before, mode=mode)
+    drive.image.led.note(drive.now, mode, before, None, False)
+    path = SdoPath(drive.parameters)
+    for _ in range(3):
+        path.look(*drive.cycle(statusword=None, mode=None, position=None, demand=None))
+        while not drive.order.sdo:
+            path.look(*drive.cycle())
+        values = {0x6041: 0x0007, 0x6064: 1000, 0x6061: mode, 0x6062: demand}
+        for request in drive.order.sdo:
+            drive.answers(request.id, values[request.index])
+    path.look(*drive.cycle())
+    assert path.state is State.QUICK_STOP_ACTIVE
+    assert path.stands is stands
+    assert not path.may_turn
 
 
 def test_a_look_that_is_under_way_is_taken_back():

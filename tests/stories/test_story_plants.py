@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 import pytest
@@ -167,24 +166,13 @@ def must_be_told_plainly(ending: Ending) -> None:
         assert error.remedy or "\n" in str(error), f"no remedy: {error}"
 
 
-# Where the drive itself says what is not so, nobody can see through it: its 6062h stands still while it leads the axis on.
-BEYOND_SIGHT = ("jammed-6062h-stuck-pp-*", "jammed-6062h-stuck-hm-*")
-_UNSEEN = {"halt", "stop", "lost-node"}  # the ways that leave the power on
-
-
-def expectation(name: str) -> list[pytest.MarkDecorator]:
-    """Return the mark of a cell that fails, and must."""
-    unseen = any(fnmatchcase(name, pattern) for pattern in BEYOND_SIGHT) and name.split("-", 4)[-1] in _UNSEEN
-    return [pytest.mark.xfail(reason="its 6062h stands still, and lies", strict=True)] if unseen else []
-
-
 def has_cell(plant: str, mode: str, way: str) -> bool:
     """A move beyond a limit is refused at the call, a homing knows no limits yet, and a jammed axis does not come to one."""
     return way != "limit" or (mode in ("pv", "csp", "tq") and PLANTS[plant].jams is None)
 
 
 MATRIX = [
-    pytest.param(plant, mode, way, id=f"{plant}-{mode}-{way}", marks=expectation(f"{plant}-{mode}-{way}"))
+    pytest.param(plant, mode, way, id=f"{plant}-{mode}-{way}")
     for plant in PLANTS
     for mode in MOTIONS
     for way in WAYS

@@ -222,6 +222,109 @@ FOUND: Mapping[str, Script] = {
             Event(0.0, "halt", "y"),
         ),
     ),
+    "a move while the drive changes from a trajectory to pv": Script(
+        "late-feedback",
+        (
+            Event(0.01, "follow", "x", 0.83),
+            Event(0.2, "move_velocity", "x", 0.53),
+            Event(0.02, "move_additive", "x", 0.72),
+        ),
+        ending="ctrl-c",
+    ),
+    "a stop while the drive changes from a line to pv": Script(
+        "stiff",
+        (
+            Event(0.0, "move_linear", "", 0.68),
+            Event(1.5, "move_velocity", "x", -0.49),
+            Event(0.02, "stop", "x"),
+        ),
+        scene="two-axes",
+    ),
+    "a disable while the drive changes from a trajectory to pv": Script(
+        "stiff",
+        (
+            Event(0.4, "follow", "x", -0.73),
+            Event(0.8, "move_fast", "x", -0.06),
+            Event(0.01, "disable", "x"),
+        ),
+        scene="example",
+    ),
+    "a limit ahead of a velocity that is not asked of the drive yet": Script(
+        "coasting",
+        (
+            Event(0.1, "move_linear", "", 0.71),
+            Event(2.2, "halt", "x"),
+            Event(0.0, "jog", "x", 0.79),
+            Event(0.0, "move_fast", "x", 0.87),
+        ),
+        scene="ranged",
+        ending="exception",
+    ),
+    "a jam in the cycle of a halt, without 6062h": Script(
+        "stiff",
+        (
+            Event(0.2, "move_additive", "y", -0.4),
+            Event(0.4, "jam", "y"),
+            Event(0.0, "halt", "y"),
+            Event(1.5, "free", "y"),
+        ),
+        scene="no-demand",
+    ),
+    "a jam just before a stop in pv, without 6062h": Script(
+        "lagging",
+        (
+            Event(0.02, "move_fast", "x", -0.54),
+            Event(0.2, "jam", "x"),
+            Event(0.01, "stop", "x"),
+            Event(0.4, "disable", "x"),
+            Event(0.05, "free", "x"),
+        ),
+        scene="no-demand",
+    ),
+    "a jam just before a halt, and a 6062h that stands still": Script(
+        "stiff",
+        (
+            Event(0.0, "move_absolute", "x", 0.8),
+            Event(0.1, "jam", "x"),
+            Event(0.0, "demand_stuck", "x"),
+            Event(0.01, "halt", "x"),
+            Event(0.8, "free", "x"),
+        ),
+        scene="example",
+    ),
+    "a jammed axis that is stopped by SDO is pulled": Script(
+        "compliant",
+        (
+            Event(0.02, "move_fast", "y", -0.34),
+            Event(0.1, "jam", "y"),
+            Event(0.2, "stalls", "y"),
+            Event(0.1, "halt", "y"),
+            Event(0.4, "stop", "y"),
+            Event(0.0, "free", "y"),
+        ),
+        scene="held-by-torque",
+    ),
+    "a drive that is halted, ignores the quick stop, and gets no SYNC any more": Script(
+        "stiff",
+        (
+            Event(0.01, "move_absolute", "x", -0.41),
+            Event(0.4, "ignores_quick_stop", "x"),
+            Event(0.02, "stop", "x"),
+            Event(1.5, "sync_lost", "y"),
+        ),
+    ),
+    "a drive that restarts and is started by somebody else": Script(
+        "stiff",
+        (
+            Event(0.02, "reboots", "x"),
+            Event(0.05, "start", "x"),
+            Event(0.1, "reset", "x"),
+            Event(0.5, "enable", "x"),
+            Event(1.5, "move_additive", "x", 0.32),
+            Event(0.4, "stop", "x"),
+        ),
+        scene="example",
+    ),
 }
 
 

@@ -36,7 +36,7 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     _require_watch(core, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
-    leading = None if _leaves_mode(core) else leading_path(core)
+    leading = leading_path(core) if _leaving(core) is None else None
     if leading is not None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
         core.last_target = target
@@ -230,13 +230,10 @@ def require_cyclic(core: AxisCore, handle: Handle) -> None:
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
-    leading = leading_path(core)
-    return Prepare(
-        ModeSwitch(mode, core.parameters, None if leading is None else _lead(core, leading)),
-        Transfers(writes, core.parameters, OPTIONAL_PROFILE),
-        gate,
-        leading,
-    )
+    leading, before = leading_path(core), _leaving(core)
+    lead = None if leading is None or before is not None else _lead(core, leading)
+    transfers = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
+    return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, gate, leading, before)
 
 
 def _lead(core: AxisCore, leading: Follow) -> Lead:
@@ -257,9 +254,11 @@ def leading_path(core: AxisCore) -> Follow | None:
     return None if follow is None or follow.at_rest else follow
 
 
-def _leaves_mode(core: AxisCore) -> bool:
-    """Whether a command runs that has asked for another mode than that of the trajectory which leads the axis still."""
-    return core.activity is not None and core.activity is not core.activity.leading
+def _leaving(core: AxisCore) -> ModeSwitch | None:
+    """Return the change of mode that is about to end the trajectory which leads the axis still: what takes over sees it through."""
+    if core.ladder is not None:
+        return core.ladder.leaving
+    return None if core.activity is None else core.activity.leaving
 
 
 def require_motion(core: AxisCore, handle: Handle) -> None:

@@ -47,6 +47,11 @@ class Activity(ABC):
         """The trajectory that the axis is on: its own, or the one before until the drive is in the mode of this command."""
         return None
 
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that has been asked for and is to end that trajectory; what takes over must see it through."""
+        return None
+
     @abstractmethod
     def step(self, image: Image, order: Order) -> bool:
         """Do one cycle's work; return True when the command has ended well."""
@@ -157,6 +162,11 @@ class ModeSwitch:
     def reference(self) -> int | None:
         """The position that was preloaded, None before the first step."""
         return self._reference
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the mode has been asked for and is not shown yet."""
+        return self._left is not None
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive shows the mode.

@@ -216,7 +216,7 @@ class AxisCore:
             ):  # one that stood, and moves nevertheless, is not left to the halt's time
                 finding = supervision.unrest(image, None)
         if finding is not None:
-            self.fail(finding.error, finding.rung)
+            self.fail(finding.error, finding.rung, along=finding.along)
         elif not self.touched and self.error is None:
             self._show_found(image)
 
@@ -256,13 +256,14 @@ class AxisCore:
 
     # -- failure -----------------------------------------------------------------------------------------------------
 
-    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT, follow: Follow | None = None) -> None:
-        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on, along ``follow`` if that is given."""
+    def fail(self, error: AxisbusError, rung: Rung = Rung.HALT, *, along: bool = True) -> None:
+        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along`` the path that leads it."""
         self._trip(error)
         enrich(error, self.image, self.history)
+        activity = self.activity if along else None
         self.end_command(error)
         if self.touched and self.image.state in _MAY_BE_ENERGISED:
-            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message, follow=follow)
+            self._stop(StopKind.ERROR, Then.HOLD, rung, error.message, led_by=activity)
             return
         self.powered = False
         if self.order.goal is not None:
@@ -404,12 +405,13 @@ class AxisCore:
 
     def _activity_failed(self, error: AxisbusError) -> None:
         if isinstance(error, Interrupted):  # it ended by its own rule, as a jog does: the axis halts
+            activity = self.activity
             self.end_command(error)
-            self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message)
+            self._stop(StopKind.HALT, Then.HOLD, Rung.HALT, error.message, led_by=activity)
             return
         resetting = self.activity is not None and self.activity.clears_error
         if isinstance(self.activity, Follow) and self.activity.brakes_along:
-            self.fail(error, Rung.HALT, self.activity)
+            self.fail(error, Rung.HALT)
             return
         astray = self._runs_on_targets or isinstance(error, UncommandedMotion)
         self.fail(error, Rung.QUICK_STOP if astray else Rung.HALT)
@@ -431,9 +433,9 @@ class AxisCore:
         self, kind: StopKind, then: Then, rung: Rung, reason: str, handle: Handle | None
     ) -> None:
         """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
-        follow = None if self.activity is None else self.activity.leading
+        activity = self.activity
         self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
-        self._stop(kind, then, rung, reason, handle, follow)
+        self._stop(kind, then, rung, reason, handle, activity)
 
     def _stop(
         self,
@@ -442,9 +444,11 @@ class AxisCore:
         rung: Rung,
         reason: str,
         handle: Handle | None = None,
-        follow: Follow | None = None,
+        led_by: Activity | None = None,
     ) -> None:
-        self.stopping.ask(kind, then, rung, reason, handle, follow)
+        """``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked."""
+        follow, leaving = (None, None) if led_by is None else (led_by.leading, led_by.leaving)
+        self.stopping.ask(kind, then, rung, reason, handle, follow, leaving)
         self.touched = True
 
     def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:

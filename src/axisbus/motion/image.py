@@ -151,6 +151,11 @@ class Image:
         self._raw_position = None
 
     @property
+    def last_position(self) -> int:
+        """The last position that was known, however old (0: there was none)."""
+        return self._seen_position
+
+    @property
     def standstill(self) -> bool:
         """Whether the position has not moved over the window, by what is fresh; ``Standing`` asks more of a stop."""
         return self.still.still

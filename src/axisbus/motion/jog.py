@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
-from axisbus.motion.activity import Activity
+from axisbus.motion.activity import Activity, ModeSwitch
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
@@ -53,6 +53,11 @@ class Jog(Activity):
     def leading(self) -> Follow | None:
         """The trajectory before, until the drive is in the mode of this command."""
         return self._move.leading
+
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that ends it, once it has been asked for."""
+        return self._move.leaving
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""

@@ -22,12 +22,12 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError
-from axisbus.motion.activity import preload
+from axisbus.motion.activity import ModeSwitch, preload
 from axisbus.motion.follow import Follow
 from axisbus.motion.image import Image
 from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
-from axisbus.motion.relief import Relief, is_blind, needs_relief
+from axisbus.motion.relief import Relief, is_blind, needs_relief, pushes
 from axisbus.motion.rundown import RunDown
 from axisbus.motion.sdo_path import SdoPath
 from axisbus.motion.standing import Standing
@@ -61,6 +61,7 @@ _HOLDING_MODES = (
     ModeOfOperation.PROFILE_VELOCITY,
 )
 _UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
+_UNSEEN_PUSH = "it pushes with all its rated torque (6077h), and 6062h does not say where to"
 _NOT_RELIEVED = "it takes no new target while it is halted, and without 6062h nobody sees whether its drive pulls it to the old one"
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _MAY_DRIVE = ENERGISED | {State.UNKNOWN}
@@ -79,11 +80,17 @@ class StopLadder:
         *,
         start: Rung = Rung.HALT,
         follow: Follow | None = None,
+        leaving: ModeSwitch | None = None,
     ) -> None:
-        """``follow``: the trajectory that is being followed, if any; it is braked along its path."""
+        """``follow``: the trajectory that is being followed, if any; it is braked along its path.
+
+        ``leaving``: a change out of its mode that the drive has been asked for. The drive may have taken it already, and to be
+        called back for a cycle would be a jolt: it is seen through, along the path.
+        """
         self._parameters = parameters
         self._then = then
         self._follow = follow
+        self._leaving = leaving
         self._deadline: float | None = None
         self._standing = Standing(parameters, 0.0)  # since the present rung began
         self._relief: Relief | None = None
@@ -108,6 +115,11 @@ class StopLadder:
     def follow(self) -> Follow | None:
         """The trajectory that is being braked along, if any."""
         return self._follow
+
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that is to end that trajectory, if one has been asked for."""
+        return self._leaving
 
     @property
     def descended(self) -> bool:
@@ -136,6 +148,9 @@ class StopLadder:
             self._begin_rung(image)
         self._stands_now = self._standing.seen(image)
         ended = self._step(image, order, run_down)
+        if self._leaving is not None and self.rung is not Rung.HALT:
+            self._leaving.cancel(order)  # later nobody would expect it
+            self._leaving = None
         if ended:
             self.witness = self._standing.witness if self.seen in ENERGISED else ""
             if not self.confirmed and image.position is not None and self.seen in _MAY_DRIVE:
@@ -193,6 +208,8 @@ class StopLadder:
 
     def _halt_in_mode(self, image: Image, order: Order) -> bool:
         """Ask for a halt the way the mode wants it; return whether the axis stands."""
+        if self._leaving is not None and not self._has_left(self._leaving, image, order):
+            return False
         if self._follow is not None and image.mode == self._follow.mode:
             stands = self._brake_along(self._follow, image, order)
             if stands is not None:
@@ -218,8 +235,8 @@ class StopLadder:
         """
         if self._then is Then.DISABLE:
             return True  # that takes away whatever pulls
-        if self._blind_hold:
-            self.held, self.unseen = True, _UNSEEN_PULL
+        if self._blind_hold or pushes(image, self._parameters):
+            self.held, self.unseen = True, _UNSEEN_PULL if self._blind_hold else _UNSEEN_PUSH
             self._go(Rung.QUICK_STOP, image)
             return False
         if self._relief is None:
@@ -246,6 +263,19 @@ class StopLadder:
             self._follow = None
             return None
         return follow.at_rest and self._stands_now
+
+    def _has_left(self, leaving: ModeSwitch, image: Image, order: Order) -> bool:
+        """Go on along the path, braking, until the drive is in the mode that it was asked for; True once it is, or will not be."""
+        try:
+            if self._follow is not None:
+                self._follow.begin_braking()
+            if not leaving.step(image, order):
+                return False
+            self._follow = None
+        except AxisbusError:  # it does not take the mode, or the path breaks off: then along the path, else the drive's own halt
+            leaving.cancel(order)
+        self._leaving = None
+        return True
 
     def _hold_load(self, image: Image, order: Order) -> None:
         """A torque of 0 would drop the load: a mode that holds takes over."""
@@ -343,7 +373,7 @@ class StopLadder:
 
 def _still_halted(command: cw.Command, image: Image, order: Order) -> int:
     """Return a stop's word, with the halt bit if it stood: a drive that stays enabled all the same would go on without it."""
-    stays = image.state is State.OPERATION_ENABLED and order.halt
+    stays = image.state in (State.OPERATION_ENABLED, State.UNKNOWN) and order.halt
     return command.word | (cw.HALT if stays else 0)
 
 

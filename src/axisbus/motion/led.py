@@ -81,6 +81,8 @@ class Led:
         self, now: float, mode: int | None, demand: int | None, target: int | None, is_edge: bool
     ) -> None:
         """Take what is sent in this cycle: a target (None: none), and whether bit 4 (new set-point, homing start) goes with it."""
+        if mode is None:
+            return  # not known now; it has not changed by that
         if mode != self._mode:
             self._mode, self._before, self.taken = mode, demand, None
         if mode != _CSP:

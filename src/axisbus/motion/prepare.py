@@ -51,13 +51,23 @@ def slow_ramp_writes(parameters: AxisParameters) -> list[tuple[int, int, int | N
 class Prepare:
     """What comes before a profile move: the mode, the profile objects, and (in a group) waiting for the others."""
 
-    __slots__ = ("_gate", "_leading", "_mode", "_prepared", "_transfers")
+    __slots__ = ("_before", "_gate", "_leading", "_mode", "_prepared", "_transfers")
 
     def __init__(
-        self, mode: ModeSwitch, transfers: Transfers, gate: Gate, leading: Follow | None = None
+        self,
+        mode: ModeSwitch,
+        transfers: Transfers,
+        gate: Gate,
+        leading: Follow | None = None,
+        before: ModeSwitch | None = None,
     ) -> None:
-        """``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards."""
+        """``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards.
+
+        ``before``: the change of mode out of that trajectory that another command has begun. The drive may have taken it already:
+        to be called back for a cycle would be a jolt, so it is seen through.
+        """
         self._leading = leading
+        self._before = before
         self._mode = mode
         self._transfers = transfers
         self._gate = gate
@@ -68,20 +78,34 @@ class Prepare:
         """The trajectory that leads the axis still; None once the drive is in the mode of the command."""
         return None if self._prepared else self._leading
 
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that will end the trajectory, once it has been asked for."""
+        asked = self._before or (self._mode if self._mode.under_way else None)
+        return None if self.leading is None else asked
+
     def step(self, image: Image, order: Order) -> bool:
         """Return True from the cycle on in which the move may begin."""
-        if not self._prepared:
-            written = self._transfers.step(image, order)
-            if written or self._leading is None:
-                self._prepared = self._mode.step(image, order) and written
-            else:
-                self._mode.lead(image, order)
+        if not self._prepared and self._has_left(image, order):
+            self._prepared = self._makes_ready(image, order)
         return self._prepared and self._gate.pass_through(self)
 
     def cancel(self, order: Order) -> None:
         """Take back queued transfers, and a mode that was asked for."""
         self._transfers.cancel(order)
-        self._mode.cancel(order)
+        (self._before or self._mode).cancel(order)
+
+    def _has_left(self, image: Image, order: Order) -> bool:
+        if self._before is not None and self._before.step(image, order):
+            self._before = self._leading = None
+        return self._before is None
+
+    def _makes_ready(self, image: Image, order: Order) -> bool:
+        written = self._transfers.step(image, order)
+        if written or self._leading is None:
+            return self._mode.step(image, order) and written
+        self._mode.lead(image, order)
+        return False
 
 
 class Prepared(Activity):
@@ -93,6 +117,11 @@ class Prepared(Activity):
     def leading(self) -> Follow | None:
         """The trajectory before, until the drive is in the mode of this command."""
         return self._prepare.leading
+
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that ends it, once it has been asked for."""
+        return self._prepare.leaving
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""

@@ -16,9 +16,10 @@ from axisbus.motion.activity import Transfers
 from axisbus.motion.image import Image
 from axisbus.motion.onchange import set_point
 from axisbus.motion.order import Order
-from axisbus.motion.parameters import AxisParameters, Handshake
+from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.units import wrap
 
+_RATED = 1000  # ‰ of rated torque (6077h)
 _LOWEST = 1  # 6081h, in the drive's own velocity increments
 
 
@@ -35,6 +36,11 @@ def is_blind(image: Image, parameters: AxisParameters) -> bool:
     """Whether nobody sees where the drive's controller leads an axis that was in the middle of a move or of a homing."""
     searching = image.mode == ModeOfOperation.HOMING and image.led.searching_since < image.now
     return needs_relief(image, parameters) or (searching and image.pull is None)
+
+
+def pushes(image: Image, parameters: AxisParameters) -> bool:
+    """Whether an axis at rest that holds no load pushes with all its rated torque: something holds it."""
+    return parameters.holds_load is HoldsLoad.NO and image.torque is not None and abs(image.torque) >= _RATED
 
 
 class Relief:

@@ -6,6 +6,7 @@ from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError
+from axisbus.motion.activity import ModeSwitch
 from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status
 from axisbus.motion.ladder import Rung, StopLadder, Then
@@ -69,16 +70,17 @@ class Stopping:
         reason: str,
         handle: Handle | None,
         follow: Follow | None,
+        leaving: ModeSwitch | None = None,
     ) -> None:
         """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.
 
-        ``follow`` is the trajectory to be braked along.
+        ``follow`` is the trajectory to be braked along, ``leaving`` the change out of its mode that has been asked for.
         """
         if handle is not None:
             self.join(handle)
         self.locks = self.locks or kind is StopKind.STOP
         if self.ladder is None:
-            self.ladder = StopLadder(self._parameters, then, start=rung, follow=follow)
+            self.ladder = StopLadder(self._parameters, then, start=rung, follow=follow, leaving=leaving)
             self.kind, self.reason = kind, reason
             return
         self.ladder.harden(then, rung)

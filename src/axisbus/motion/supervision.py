@@ -32,10 +32,11 @@ _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
 
 
 class Finding(NamedTuple):
-    """Why the axis must be stopped, and the rung from which it is."""
+    """Why the axis must be stopped, the rung from which it is, and whether a halt may go on along the trajectory that leads it."""
 
     error: AxisbusError
     rung: Rung = Rung.HALT
+    along: bool = True
 
 
 class Supervision:
@@ -138,7 +139,8 @@ class Supervision:
                 observed=f"the scan has a period of {self._parameters.scan_period * 1000:g} ms; longer than "
                 f"{self._longest_gap:.3g} s the state of the drive cannot be trusted",
                 remedy=f"{REMEDY}; the axis was stopped",
-            )
+            ),
+            along=False,
         )
 
     def _unknown(self, image: Image) -> Finding:

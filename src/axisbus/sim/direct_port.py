@@ -70,6 +70,9 @@ class DirectPort:
         self._next_poll = self._next_beat = 0.0
         self._last_beat = -1e9
         self._reported, self._nmt = NmtState.UNKNOWN, int(NmtState.UNKNOWN)
+        self._boot_ups = device.boot_ups  # so many were heard, or could not be
+        self._in_service = False
+        self._rebooted = False  # since it was operational: its configuration is gone, as on a bus
         self.capabilities = Capabilities(
             self._sources(INPUT_OBJECTS, inputs),
             self._sources(OUTPUT_OBJECTS, outputs),
@@ -116,9 +119,11 @@ class DirectPort:
         emcy, self._emcy = self._emcy, ()
         statusword, mode, position, velocity, torque, demand = self._samples
         alive = now - self._last_beat <= 3.0 * self._node_heartbeat + 1e-9
+        if self._rebooted:
+            statusword = mode = position = velocity = torque = demand = None
         return Inputs(
             now,
-            alive and self._reported is _OPERATIONAL,
+            alive and self._reported is _OPERATIONAL and not self._rebooted,
             statusword,
             mode,
             position,
@@ -179,6 +184,9 @@ class DirectPort:
         """Let event-driven outputs take effect, hold synchronous ones for SYNC, queue SDO and NMT."""
         pending, self._pending = self._pending, _NOTHING
         sources = self.capabilities.outputs
+        if self._rebooted:
+            self._sdo.refuse(pending.sdo)
+            return
         if pending.cancel:
             self._sdo.cancel(pending.cancel)
         if pending.sdo:
@@ -223,8 +231,10 @@ class DirectPort:
         if emcy:
             self._emcy += emcy
         self._sdo.serve(now)
+        boot_ups, self._boot_ups = self._boot_ups, device.boot_ups
         if device.dials.dead:
             return
+        self._rebooted = self._rebooted or (self._in_service and boot_ups != self._boot_ups)
         if now >= self._next_beat - 1e-9 and device.nmt is not _INITIALISING:
             self._next_beat = now + self._node_heartbeat
             if not device.dials.heartbeat_stops:
@@ -238,11 +248,13 @@ class DirectPort:
     def know_state(self, now: float) -> None:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
         self._hear(now)
+        self._boot_ups = self.device.boot_ups
         self._next_beat = now + self._node_heartbeat
 
     def _hear(self, now: float) -> None:
         """A heartbeat came."""
         self._last_beat, self._reported, self._nmt = now, self.device.nmt, int(self.device.nmt)
+        self._in_service = self._in_service or self._reported is _OPERATIONAL
 
     def quick_stop(self) -> None:
         """Send the last controlword once more as a quick stop, where one was ever sent."""

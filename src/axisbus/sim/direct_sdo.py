@@ -54,6 +54,10 @@ class SdoQueue:
         else:
             self._queue.append(transfer)
 
+    def refuse(self, requests: Iterable[SdoRequest]) -> None:
+        """Answer at once that nobody answers."""
+        self._replies.extend(SdoReply(request.id, None, TIMED_OUT) for request in requests)
+
     def cancel(self, ids: Iterable[int]) -> None:
         """Forget requests that are no longer wanted; they get no reply."""
         unwanted = set(ids)

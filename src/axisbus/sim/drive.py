@@ -252,8 +252,9 @@ class Drive:
             self._mode.abandon(axis)
 
     def _lead_again(self) -> None:
-        """A motor that was pushed, or that coasted on a halt, is led by a position demand again: from where it is."""
-        if self._mode.by_torque or (self._halted and self.settings.halt_option == 0):
+        """A motor that was pushed, or coasted on a halt, or crept, is led by a position demand again: from where it is."""
+        coasted = self._halted and self.settings.halt_option == 0
+        if self._mode.by_torque or coasted or self.axis.drift:
             self.axis.seize()
 
     def _enabled(self) -> None:

@@ -14,6 +14,8 @@ from kit.campaign.scenes import Scene
 from kit.cell import Cell
 from kit.probe import OFF
 
+TORQUE_MODES = (4, 10)
+SMALL_TORQUE = 50  # ‰ of rated torque, which the master takes for noise
 MOVES = 5.0  # deg/s: faster is moving (an axis that rings, or the last of a lag, is slower)
 _POWER = frozenset({"enable", "disable", "coast"})
 _TAKES_POWER = frozenset({"disable", "coast", "quick_stop"})
@@ -78,6 +80,7 @@ class Facts:
         self.worst = 0.0  # seconds that a stop took at most
         self.core = {name: self.cell.core(name) for name in scene.names}
         self.drive = {name: self.cell.drive(name) for name in scene.names}
+        self._lost_sight: set[str] = set()  # axes whose feedback lied while they coasted, and that turn still
         self.scale = {name: self.cell.scale_of(name) for name in scene.names}
 
     @property
@@ -111,28 +114,50 @@ class Facts:
         """The troubles of an axis that last, or ended less than ``within`` seconds ago."""
         return (trouble for trouble in self.troubles[name] if trouble.until > self.now - within)
 
+    def look(self, name: str) -> None:
+        """Take this cycle's values."""
+        if not self.moves(name) or self.stage(name) not in OFF:
+            self._lost_sight.discard(name)
+        elif self.drive[name].dials.encoder_frozen or self._begins_to_lag(name):
+            self._lost_sight.add(name)
+
+    def _begins_to_lag(self, name: str) -> bool:
+        """Whether its feedback has just become late: until the first value that is, it stands still."""
+        lags = (trouble for trouble in self.troubles[name] if trouble.what == "late_feedback")
+        return any(trouble.since > self.now - 0.2 for trouble in lags)
+
     def turns_unseen(self, name: str) -> bool:
-        """Whether the feedback says nothing of the motor, nor does a demand: nobody can know that it turns."""
+        """Whether the feedback says nothing of the motor, nor does a demand: nobody can know that it turns.
+
+        Where it lied while the motor ran down, what it shows later may be a motor that is turned by hand.
+        """
         dials = self.drive[name].dials
         demanded = self.core[name].image.demand is not None and not dials.demand_frozen
-        return dials.encoder_frozen and (self.stage(name) in OFF or not demanded)
+        blind = dials.encoder_frozen and (self.stage(name) in OFF or not demanded)
+        return blind or name in self._lost_sight
 
     def has_a_will(self, name: str) -> bool:
-        """Whether the drive moves by itself: then a moment's rest is nobody's promise."""
-        dials = self.drive[name].dials
-        return bool(dials.creep) or dials.mode_slips_to is not None
+        """Whether the drive moves by itself: then a moment's rest is nobody's promise.
+
+        So does one with a torque left (6087h is 0) that counts as none, but overcomes what friction this motor has.
+        """
+        drive = self.drive[name]
+        pushed = drive.mode in TORQUE_MODES and drive.params.friction < abs(drive.torque) <= SMALL_TORQUE
+        return bool(drive.dials.creep) or drive.dials.mode_slips_to is not None or pushed
+
+    def hangs(self, name: str) -> bool:
+        """Whether only its motor holds a load."""
+        params = self.drive[name].params
+        return bool(params.load) and not params.brake
 
     def may_fall(self, name: str) -> bool:
         """Whether a load that only the motor holds is without power, or was let go by its user."""
-        params = self.drive[name].params
-        without = bool(params.load) and not params.brake and self.stage(name) in OFF
-        return without or self.is_dropped(name)
+        return (self.hangs(name) and self.stage(name) in OFF) or self.is_dropped(name)
 
     def is_dropped(self, name: str) -> bool:
         """Whether its user has let go of a load that only the motor holds: it falls."""
-        params = self.cell.drive(name).params
         own = [asked.what for asked in self.asked if name in asked.names and asked.what in _POWER]
-        return bool(params.load) and not params.brake and bool(own) and own[-1] != "enable"
+        return self.hangs(name) and bool(own) and own[-1] != "enable"
 
     # -- what was asked --------------------------------------------------------------------------------------------------
 

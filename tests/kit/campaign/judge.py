@@ -62,6 +62,8 @@ class Judge:
         facts = self.facts
         scan = facts.cell.machine.scan
         facts.must(not scan.ended and scan.failure is None, "the scan lives", f"{scan.failure!r}")
+        for name in facts.names:
+            facts.look(name)
         self._note_ends()
         for name in facts.names:
             self._rest.look(name)
@@ -117,8 +119,7 @@ class Judge:
             for name in facts.names:
                 came = abs(facts.cell.where(name) - places[name])
                 told = f"{facts.cell.told(name)}, {came:g} deg on; {text!r}"
-                falls = facts.cell.drive(name).params.load and not facts.cell.drive(name).params.brake
-                facts.must(name in honest or came <= WAY or falls, "closed stays so", told)
+                facts.must(name in honest or came <= WAY or facts.hangs(name), "closed stays so", told)
                 facts.cell.free(name)
 
     def forget(self) -> None:

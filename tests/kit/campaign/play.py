@@ -98,6 +98,8 @@ def _goals(facts: Facts, event: Event) -> Iterable[tuple[str, float]]:
     name, way = event.axis, order.goal * event.value
     if any(asked.ended is None and name in asked.names for asked in facts.asked):
         return  # what is under way may move the origin, or where it begins
+    if order.relative and facts.moves(name):
+        return  # it begins where the master saw it last
     units = facts.cell.core(name).parameters.units.position
     start = demand_of(facts.cell, name) if order.relative else 0.0
     if facts.cell.core(name).parameters.units.modulo is None:

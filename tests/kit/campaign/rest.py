@@ -8,13 +8,18 @@ from kit.campaign.facts import Asked, Facts
 from kit.campaign.orders import QUIET, STOPS
 from kit.probe import ENABLED, OFF, STAGE_NAMES
 
-WAY = 1.0  # deg that an axis may come from where it was said to stand
+WAY = 1.0  # deg that an axis may come from where it was said to stand; a pull within ``standstill_window`` is no pull
 SLOW = 0.5  # deg/s: a motor without power that is slower has all but run down
 BLIND = 0.8  # s for which a state may say Standstill while the plant moves
 UNCONFIRMED = 6.5  # s for which ErrorStop may leave an axis moving: all rungs of its ladder
 ENABLE_LATE = 1.0  # s: a transition that was under way when its enable ended
 _STANDS = "stands"  # what an error says of a stop that came otherwise than it was asked for
 _BY_OTHERS = ("other_enables", "other_shuts_down")
+_TAKES_POWER = frozenset(
+    {"fault", "drops_power", "other_shuts_down", "other_quick_stops", "heartbeat_lost", "stalls", "reboots"}
+)
+_AT_REST = ("jam", "resumes")  # by these nothing moves that was at rest with nothing to pull it
+_JUST = 0.5  # s within which the master may not have told yet that an axis moves by itself
 RESTS = 1.0  # s after which an axis at rest is taken at its word
 
 
@@ -42,7 +47,7 @@ class Rest:
     def befell(self, what: str, names: list[str], moves: bool) -> None:
         """Something happens to axes; by some of it a plant moves, and that is no broken promise."""
         for name in names:
-            if moves and what not in ("jam", "resumes"):
+            if moves and what not in _AT_REST:
                 self._forget(name)
 
     def ended(self, asked: Asked) -> None:
@@ -78,8 +83,10 @@ class Rest:
 
     def _promised(self, name: str, stop: Asked) -> None:
         facts = self._facts
-        unseen = facts.turns_unseen(name)
-        if facts.later(stop, name) or facts.has_a_will(name) or facts.may_fall(name) or unseen:
+        recent = facts.troubled(name, _JUST)
+        moved = any(trouble.kind.moves and trouble.what not in _AT_REST for trouble in recent)
+        restless = moved or facts.has_a_will(name) or facts.may_fall(name) or facts.turns_unseen(name)
+        if facts.later(stop, name) or restless:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"
         told = f"{stop.handle.name} was {said} at {facts.now:.2f} s"
@@ -90,10 +97,15 @@ class Rest:
         if name not in self._stood:
             return
         facts = self._facts
+        if facts.may_fall(name) and any(
+            trouble.what in _TAKES_POWER for trouble in facts.troubled(name, BLIND)
+        ):
+            self._forget(name)
+            return
         place, told = self._stood[name]
         came = abs(facts.where(name) - place)
         facts.must(
-            came <= WAY,
+            came <= max(WAY, facts.core[name].parameters.pull_window / abs(facts.scale[name])),
             "what was stopped stays",
             lambda: f"{told}; now {facts.cell.told(name)}, {came:g} deg on",
         )
@@ -107,7 +119,7 @@ class Rest:
         enables = [asked for asked in facts.asked if asked.what == "enable" and name in asked.names]
         asked_for = any(asked.ended is None or asked.ended > recent for asked in enables)
         # A word of ours that was under way when another master shut the drive down is no command of now.
-        by_other = any(trouble.what in _BY_OTHERS for trouble in facts.troubled(name, 0.3))
+        by_other = any(trouble.what in _BY_OTHERS for trouble in facts.troubled(name, ENABLE_LATE))
         text = f"{facts.cell.told(name)}, was {STAGE_NAMES[before]}"
         facts.must(asked_for or by_other, "energised only when asked", text)
 

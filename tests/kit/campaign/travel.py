@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from kit.campaign.facts import Asked, Facts, Trouble
+from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
 from kit.campaign.orders import PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
-_TORQUE_MODES = (4, 10)
 _LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
 _OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 4.0  # scan periods in which a guard can do nothing: its look, the way there and back, the drive's own step
@@ -44,7 +43,7 @@ class Travel:
 
     def look(self, name: str) -> None:
         drive = self._facts.drive[name]
-        if drive.mode_display in _TORQUE_MODES or drive.mode in _TORQUE_MODES:
+        if drive.mode_display in TORQUE_MODES or drive.mode in TORQUE_MODES:
             self._pushed[name] = self._facts.now
         samples = self._facts.cell.record(name).since(self._seen[name])
         exact = self._facts.scene.exact
@@ -104,7 +103,7 @@ class Travel:
     def _blind_speed(self, name: str) -> float:
         """What an unknown torque adds to the speed, in deg/s, before a stop can act."""
         drive, facts = self._facts.drive[name], self._facts
-        if drive.mode_display not in _TORQUE_MODES and drive.mode not in _TORQUE_MODES:
+        if drive.mode_display not in TORQUE_MODES and drive.mode not in TORQUE_MODES:
             return 0.0
         torque = max(0.0, abs(drive.target_torque) - drive.params.friction)
         per_second = torque / 1000.0 * drive.params.rated_acceleration / abs(facts.scale[name])

@@ -30,7 +30,8 @@ class Truth:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
         self._errors: dict[str, int] = {}
-        self._fresh = dict.fromkeys(facts.names, facts.now)
+        self._locked: dict[str, float] = {}  # since when an axis has had the error that it has
+        self._late_until: dict[str, float] = {}  # feedback that was delayed shows what it had
 
     def look(self, name: str) -> None:
         self._nothing_stale(name)
@@ -64,12 +65,15 @@ class Truth:
         here = facts.where(name) - (facts.place(name) - position) / facts.scale[name]
         if abs(here - facts.where(name)) < _NEAR or self._counts_anew(name):
             return
-        late = facts.drive[name].dials.feedback_delay > 0.0
-        if late or any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3)):
+        if facts.drive[name].dials.feedback_delay > 0.0:
+            self._late_until[name] = facts.now + 0.3
+        lies = any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3))
+        if lies or self._late_until.get(name, 0.0) > facts.now:
             return
         blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _REMEMBERED))
         age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
-        positions = facts.cell.positions(name, facts.cell.moment(name) - age)
+        blocked = facts.now - facts.core[name].image.now  # what was true when its cycle began
+        positions = facts.cell.positions(name, facts.cell.moment(name) - blocked - age)
         low, high = min(positions) - _NEAR, max(positions) + _NEAR
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
         facts.must(low <= here <= high, "nothing stale is shown", told)
@@ -86,7 +90,11 @@ class Truth:
 
     def _error_names_its_cause(self, name: str) -> None:
         error = self._facts.core[name].error
-        if error is None or self._errors.get(name) == id(error):
+        if error is None:
+            self._locked.pop(name, None)
+            return
+        self._locked.setdefault(name, self._facts.now)
+        if self._errors.get(name) == id(error):
             return
         self._errors[name] = id(error)
         if not self._has_cause(name, error):
@@ -100,7 +108,9 @@ class Truth:
         return any(word in text for word in _OWN)
 
     def _troubles(self, name: str) -> list[Trouble]:
-        return list(self._facts.troubled(name, _REMEMBERED))
+        """What has happened of late, or led to the error in which the axis is still."""
+        now = self._facts.now
+        return list(self._facts.troubled(name, _REMEMBERED + now - self._locked.get(name, now)))
 
     def _no_cause(self, names: str, error: AxisbusError) -> None:
         known = sorted({trouble.what for name in names for trouble in self._troubles(name)})
