@@ -138,7 +138,9 @@ MISHAPS: Mapping[str, Mishap] = {
     "slips_to_pv": Mishap(_dial(mode_slips_to=3), _MODE, "slips_no_more", moves=True),
     "slips_to_csp": Mishap(_dial(mode_slips_to=8), _MODE, "slips_no_more", moves=True),
     "resumes": Mishap(_dial(resumes_on_enable=True), (*_BY_ITSELF, *_STANDS), "resumes_no_more", moves=True),
-    "ignores_halt": Mishap(_dial(ignore_halt=True), _NO_STOP, "hears_halt", deaf=True),
+    "ignores_halt": Mishap(  # one that was halted goes on with its move
+        _dial(ignore_halt=True), (*_NO_STOP, *_BY_ITSELF), "hears_halt", moves=True, deaf=True
+    ),
     "ignores_quick_stop": Mishap(_dial(ignore_quick_stop=True), _NO_STOP, "hears_quick_stop", deaf=True),
     "ignores_off": Mishap(_dial(ignore_disable_voltage=True), _NO_STOP, "hears_off", deaf=True),
     "creeps": Mishap(_dial(creep=1500.0), (*_BY_ITSELF, *_STANDS), "creeps_no_more", moves=True, deaf=True),
