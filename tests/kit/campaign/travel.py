@@ -13,6 +13,7 @@ _OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 4.0  # scan periods in which a guard can do nothing: its look, the way there and back, the drive's own step
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
 _CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
+_SWINGS = 0.5  # s within which an axis that swings is fast again
 _SEIZED = 0.1  # s for which the demand shows how a motor was pushed
 _SPACING = 0.0039  # s between two positions of which a speed is made
 _QUANTUM = 2.0  # increments by which the difference of two positions may be off by rounding
@@ -25,7 +26,9 @@ class Travel:
         self._facts = facts
         self._seen = {name: facts.cell.moment(name) for name in facts.names}
         self._outside: dict[str, bool] = {}
-        self._astray: set[str] = set()  # may be as fast as a drive that led itself
+        self._astray: dict[
+            str, float
+        ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
         self._pushed = dict.fromkeys(facts.names, facts.now)  # when the drive was in a torque mode last
 
     def ended(self, asked: Asked) -> None:
@@ -53,7 +56,7 @@ class Travel:
             self._not_too_fast(name)
         else:
             self._outside.pop(name, None)
-            self._astray.add(name)
+            self._astray[name] = self._facts.now
         if len(samples) < 4:
             return
         self._seen[name] = samples[-3].time
@@ -94,8 +97,10 @@ class Travel:
         speed = abs(facts.drive[name].axis.motor.velocity / facts.scale[name])
         allowed = _OVERSPEED * limit + self._blind_speed(name)
         if name in self._astray:
-            if speed <= limit:
-                self._astray.remove(name)
+            if speed > limit:
+                self._astray[name] = facts.now
+            elif facts.now - self._astray[name] > _SWINGS:
+                del self._astray[name]
             return
         text = f"{speed:g} deg/s where {limit:g} is max_velocity"
         facts.must(speed <= allowed, "never faster than max_velocity", text)
