@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from axisbus.motion.handle import Handle, wait
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
+    from axisbus.record.plot import plot
     from axisbus.record.recorder import Recorder
 
 _HOME = {
@@ -31,6 +32,7 @@ _HOME = {
     "Sampled": "axisbus.motion.trajectory",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
+    "plot": "axisbus.record.plot",
     "wait": "axisbus.motion.handle",
 }
 
@@ -45,6 +47,7 @@ __all__ = [
     "Sampled",
     "Trajectory",
     "Trapezoid",
+    "plot",
     "wait",
 ]
 

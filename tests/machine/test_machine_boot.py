@@ -359,7 +359,7 @@ def test_no_scale_is_suggested_for_other_units():
 
 def test_a_recording_holds_every_cycle(tmp_path):
     with simulated(cell(tmp_path)) as machine:
-        with Recorder(machine.scan) as recorder:
+        with Recorder(machine) as recorder:
             machine["x"].enable().wait()
             machine["x"].move_absolute(5.0).wait()
         rows = list(recorder.rows())

@@ -358,3 +358,38 @@ def test_both_waiters_offer_the_seam():
     assert not seam(PumpWaiter(r.scan)).wait(lambda: False, 0.1)
     assert r.now - start == pytest.approx(0.1, abs=PERIOD)
     assert seam(NOBODY).wait(lambda: True, None)
+
+
+def test_a_handle_is_a_coroutine_for_any_number_of_tasks():
+    r = rig().enabled()
+    handle = r.axis.move_absolute(5.0)
+
+    async def job():
+        assert asyncio.iscoroutine(handle)
+        first, second = asyncio.create_task(handle), asyncio.create_task(handle)
+        return await asyncio.gather(first, second, asyncio.wait_for(handle, 5.0))
+
+    assert asyncio.run(job()) == [handle] * 3
+    assert handle.done
+    assert not handle._tasks
+
+
+def test_a_task_that_is_made_of_a_handle_fails_as_it_does_and_is_cancelled_alone():
+    r = rig().enabled()
+
+    async def job():
+        moving = r.axis.move_absolute(50.0)
+        task, other = asyncio.create_task(moving), asyncio.create_task(moving)
+        await asyncio.sleep(0)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert moving.busy
+        r.drive.dials.blocked = True
+        with pytest.raises(MotionTimeout):
+            await asyncio.create_task(r.axis.move_absolute(10.0, timeout=0.2))
+        with pytest.raises(Replaced):
+            await other
+        assert not moving._tasks
+
+    asyncio.run(job())

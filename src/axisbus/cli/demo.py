@@ -45,7 +45,7 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     tally = Tally()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
-    with Recorder(machine.scan) as recorder, machine:  # the recorder sees the stop, too
+    with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
         if not machine.is_simulated:
             raise click.UsageError(
                 'the demo provokes a fault: it runs on simulated cells only (interface = "sim")'
@@ -121,10 +121,10 @@ def _note(machine: Machine, tally: Tally, what: str, targets: list[float]) -> No
 
 
 def _draw(recorder: Recorder, output: Path, tally: Tally) -> None:
-    from axisbus.record.plot import draw
+    from axisbus.record.plot import plot
 
     try:
-        picture = draw(recorder, output / "motion.png", "axisbus demo: three simulated axes")
+        picture = plot(recorder, output / "motion.png", "axisbus demo: three simulated axes")
     except AxisbusError as error:
         tally.say(f"no picture: {error}")
     else:

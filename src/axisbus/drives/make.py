@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 Details = Mapping[tuple[int, int], int]
 Explain = Callable[[int, Details], list[str]]
@@ -15,6 +15,23 @@ def no_explanation(code: int, details: Details) -> list[str]:  # noqa: ARG001  t
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """A value that a drive tells: its object, and by what it is to be multiplied; ``of`` is an object that it is a part of."""
+
+    index: int
+    subindex: int
+    factor: float
+    of: int | None = None
+
+
+# What CiA 402-2 itself defines; temperatures are the makers' own.
+STANDARD_MEASURED: Mapping[str, Measured] = {
+    "voltage": Measured(0x6079, 0, 0.001),  # mV
+    "current": Measured(0x6078, 0, 0.001 * 0.001, of=0x6075),  # ‰ of rated current, which is in mA
+}
+
+
+@dataclass(frozen=True, slots=True)
 class Make:
     """One make of drive; the defaults are those of a drive of which nothing is known.
 
@@ -23,7 +40,7 @@ class Make:
     ``store_restarts`` says that storing parameters (1010h) reboots the drive. ``calibration_objects`` are those that belong to one
     specimen or whose writing makes the motor move to calibrate (sub-index None: all of the object); they are written only when the
     user names them one by one. ``scale_proposal`` is a text for a person: the
-    position scale is a setting, never taken from here.
+    position scale is a setting, never taken from here. ``measured`` names the make's own objects for *temperature* and the like.
     """
 
     name: str
@@ -34,6 +51,7 @@ class Make:
     store_restarts: bool = False
     calibration_objects: tuple[tuple[int, int | None], ...] = ()
     scale_proposal: str = ""
+    measured: Mapping[str, Measured] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def matches(self, vendor_id: int | None, product_code: int | None) -> bool:

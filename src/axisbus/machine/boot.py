@@ -334,7 +334,11 @@ class NodeBoot:
         if axis.max_torque is None:
             limits = torque.limited(replace(limits, torque=None), axis.rated_torque, read)
         return replace(
-            parameters, quick_stop_holds=holds, braking=braking_of(parameters.units, read), limits=limits
+            parameters,
+            quick_stop_holds=holds,
+            braking=braking_of(parameters.units, read),
+            limits=limits,
+            torque_slope=read(o.TORQUE_SLOPE),
         )
 
     def _modes_shown(

@@ -26,6 +26,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import CodeType, FrameType
 from typing import Any
 
@@ -34,6 +35,17 @@ from axisbus.machine.wakeup import Wakeup
 from axisbus.motion.scan import Scan
 
 _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
+
+
+@dataclass(frozen=True, slots=True)
+class Leaving:
+    """The way out has begun: every axis is stopped because of ``reason``; ``stamp`` in seconds of the monotonic clock."""
+
+    stamp: float
+    reason: str
+
+    def __str__(self) -> str:
+        return f"every axis is stopped, and no command is taken any more: {self.reason}"
 
 
 class ExitSignals:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import atexit
 import gc
 import itertools
@@ -26,7 +27,7 @@ from axisbus.machine.cell import CellConfig
 from axisbus.machine.check import check_cell
 from axisbus.machine.closing import Closing
 from axisbus.machine.direct import build_direct
-from axisbus.machine.exit import EXIT
+from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.parting import Stopped, lost_without_axes, scan_failure
 from axisbus.machine.pickup import Pickup
@@ -79,7 +80,7 @@ class Machine:
         )
         self._pickup = Pickup(runtime.late, self._join)
         self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan, self._between_cycles)
-        self._roster = Roster(cell, runtime.booted, self.scan, self._waiter)
+        self._roster = Roster(cell, runtime.booted, self.scan, self._waiter, runtime.nodes)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
         self._closing = Closing(
@@ -154,6 +155,21 @@ class Machine:
         """
         return self._roster[name]
 
+    def __repr__(self) -> str:
+        """Tell the cell and its axes, each with its state."""
+        axes = ", ".join(f"{name} {self.scan.snapshots[name].state.value}" for name in self.axes)
+        return f"<Machine {Path(self.cell.file).name}: {axes}>"
+
+    @property
+    def axes(self) -> Mapping[str, Axis]:
+        """The axes that are there, by name, in the order of cell.toml."""
+        return dict(self._roster.axes)
+
+    @property
+    def groups(self) -> Mapping[str, Group]:
+        """The groups of cell.toml whose axes are all there, by name."""
+        return self._roster.groups
+
     def group(self, *names: str) -> Group:
         """Return the group of this name in cell.toml, or a group of the axes named, in this order.
 
@@ -195,9 +211,13 @@ class Machine:
         return [booted.report for booted in self._runtime.booted.values()]
 
     @property
-    def events(self) -> list[NodeEvent]:
-        """What error control has told of all nodes since the scan began, in the order of time."""
-        found = [event for node in self._runtime.nodes.values() for event in node.events]
+    def events(self) -> list[NodeEvent | Leaving]:
+        """What error control has told of all nodes since the scan began, and why the machine was left; in the order of time."""
+        found: list[NodeEvent | Leaving] = [
+            event for node in self._runtime.nodes.values() for event in node.events
+        ]
+        if self.scan.leaving_because is not None:
+            found.append(Leaving(self.scan.leaving_since, self.scan.leaving_because))
         return sorted(found, key=lambda event: event.stamp)
 
     @property
@@ -260,6 +280,21 @@ class Machine:
         elif error is not None:
             EXIT.take()  # a signal that came meanwhile: the program ends already
             _add_notes(error, failures)
+
+    async def __aenter__(self) -> Machine:
+        """Enter as ``with`` does, in an asyncio program; leaving waits in a thread, so that the event loop goes on."""
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if not self._realtime:  # nothing goes on beside it in virtual time
+            self.__exit__(kind, error, trace)
+            return
+        try:
+            await asyncio.to_thread(self.__exit__, kind, error, trace)
+        finally:
+            EXIT.part(self.scan)  # once more: only the main thread can give signals back
 
     def close(self) -> None:
         """Stop every axis that this program has enabled or commanded, disable it, and release the bus. Harmless when repeated.

@@ -24,6 +24,7 @@ from axisbus.errors import NodeTimeout, StateError
 from axisbus.machine import errorstate
 from axisbus.machine.access import Objects, read_int
 from axisbus.machine.directnode import DirectNode
+from axisbus.machine.measuring import measure
 
 Key = int | str | tuple[int | str, int]
 
@@ -97,7 +98,17 @@ class NodeAccess:
         self._make = find(*(_number(eds, node_id, subindex) for subindex in (o.VENDOR_ID, o.PRODUCT_CODE)))
 
     def __repr__(self) -> str:
-        return f"<NodeAccess {self.node_id}>"
+        product = self.eds.info.get("deviceinfo", {}).get("productname", "") or self._make.name
+        return f"<NodeAccess {self.node_id}: {product}, {self.nmt.text}>"
+
+    def measure(self, what: str, drive_axis: int = 1) -> float:
+        """Read ``temperature`` (°C), ``voltage`` (V) or ``current`` (A) of one of its axes (from 1); blocks for a transfer or two.
+
+        Raises:
+            StateError: nobody knows by which object the drive tells it, or it has none.
+            SdoAbort, SdoTimeout: it refuses, or does not answer.
+        """
+        return measure(what, self._objects, self.eds, self._make, drive_axis)
 
     @property
     def nmt(self) -> NmtState:

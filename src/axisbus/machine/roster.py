@@ -8,10 +8,12 @@ from axisbus.cia402.port import Port, Waiter
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
+from axisbus.machine.node import NodeAccess
 from axisbus.machine.pickup import absent_axis
 from axisbus.motion.axes import Group
 from axisbus.motion.axis import Axis
 from axisbus.motion.core import AxisCore
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.scan import Scan
 
 _JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
@@ -27,15 +29,23 @@ def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
 class Roster:
     """Holds the axes that are there, and the groups of them that have been asked for or that the cell names."""
 
-    def __init__(self, cell: CellConfig, booted: Mapping[int, Booted], scan: Scan, waiter: Waiter) -> None:
+    def __init__(
+        self,
+        cell: CellConfig,
+        booted: Mapping[int, Booted],
+        scan: Scan,
+        waiter: Waiter,
+        nodes: Mapping[int, NodeAccess],
+    ) -> None:
         """Begin with the axes that the scan has."""
-        self.axes = {name: Axis(core.parameters, scan, waiter) for name, core in scan.axes.items()}
+        self._nodes = nodes
         self._groups: dict[str, Group] = {}  # of cell.toml
         self._chosen: dict[tuple[str, ...], Group] = {}  # by their axes
         self._cell = cell
         self._booted = booted
         self._scan = scan
         self._waiter = waiter
+        self.axes = {name: self._make_axis(core.parameters) for name, core in scan.axes.items()}
         self._make_groups()
 
     def __getitem__(self, name: str) -> Axis:
@@ -75,12 +85,24 @@ class Roster:
         axes = dict(self.axes)
         for name, parameters in booted.parameters.items():
             core = AxisCore(parameters, ports[name].capabilities)
-            axes[name] = Axis(parameters, self._scan, self._waiter)
+            axes[name] = self._make_axis(parameters)
             self._scan.add_axis(name, ports[name], core, members(self._cell, axes))
         scan = self._scan
         self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in axes), _JOIN_TIME)
         self.axes = axes
         self._make_groups()
+
+    @property
+    def groups(self) -> Mapping[str, Group]:
+        """The groups that the cell names and whose axes are all there, by name."""
+        return dict(self._groups)
+
+    def _make_axis(self, parameters: AxisParameters) -> Axis:
+        return Axis(parameters, self._scan, self._waiter, self._measure)
+
+    def _measure(self, name: str, what: str) -> float:
+        axis = self._cell.axes[name]
+        return self._nodes[axis.node].measure(what, axis.drive_axis)
 
     def has_values(self) -> bool:
         """Whether every axis has been heard of since the scan began (or the scan has ended)."""

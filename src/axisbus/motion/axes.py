@@ -34,7 +34,11 @@ class Group:
         self._waiter = waiter
 
     def __repr__(self) -> str:
-        return f"<Group {self.name}: {', '.join(self._axes)}>"
+        known = self._scan.dead is None
+        states = (
+            f"{name} {axis.snapshot.state.value if known else 'unknown'}" for name, axis in self._axes.items()
+        )
+        return f"<Group {self.name}: {', '.join(states)}>"
 
     def __iter__(self) -> Iterator[Axis]:
         return iter(self._axes.values())

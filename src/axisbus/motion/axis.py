@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source, Waiter
-from axisbus.errors import ArgumentError, AxisbusError, StaleError
+from axisbus.cia402.state import State
+from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.activity import age_text
+from axisbus.motion.ending import takes_nothing
 from axisbus.motion.handle import Handle
 from axisbus.motion.homing import HomingJob
-from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.request import Request, shown
 from axisbus.motion.scan import Scan
 from axisbus.motion.snapshot import Snapshot
@@ -22,6 +24,12 @@ from axisbus.motion.trajectory import Trajectory
 from axisbus.units import modulo_target
 
 _HOMING_TIMEOUT = 60.0
+Measure = Callable[[str, str], float]
+
+
+def tells_nothing(axis: str, what: str) -> float:
+    """Refuse to read ``what``: there is no way to the drive's objects."""
+    raise StateError(f"{axis}: its {what} is not known: the machine has no way to its objects")
 
 
 class Axis:
@@ -32,17 +40,24 @@ class Axis:
     to a number (see ``inbox``); halt, stop, quick_stop and disable never do.
     """
 
-    def __init__(self, parameters: AxisParameters, scan: Scan, waiter: Waiter) -> None:
+    def __init__(
+        self, parameters: AxisParameters, scan: Scan, waiter: Waiter, measure: Measure = tells_nothing
+    ) -> None:
+        """``measure`` reads what the drive tells beside the cyclic values, by name (see ``temperature``)."""
         self.name = parameters.name
         self._parameters = parameters
         self._scan = scan
         self._waiter = waiter
+        self._measure = measure
 
     def __repr__(self) -> str:
-        known = self._scan.dead is None
-        return (
-            f"<Axis {self.name}: {self.snapshot.state.value if known else 'unknown, its scan does not run'}>"
-        )
+        if self._scan.dead is not None:
+            return f"<Axis {self.name}: unknown, its scan does not run>"
+        try:
+            where = f" at {self.position:g} {self.unit}"
+        except StaleError:
+            where = ", its position is unknown"
+        return f"<Axis {self.name}: {self.snapshot.state.value}{where}>"
 
     # -- what it is and where it is ----------------------------------------------------------------------------------
 
@@ -63,9 +78,16 @@ class Axis:
 
     @property
     def error(self) -> AxisbusError | None:
-        """Why the axis is in ErrorStop, or why nothing is known of it: the scan has failed. None when all is well."""
-        dead = self._scan.dead
-        return self.snapshot.error if dead is None else self._unknown("state", dead)
+        """Why the axis is in ErrorStop, or nothing is known of it (the scan has failed), or it takes no command any more.
+
+        The last comes of Ctrl-C or SIGTERM, after which there is only the way out. None when all is well.
+        """
+        dead, leaving = self._scan.dead, self._scan.leaving_because
+        if dead is not None:
+            return self._unknown("state", dead)
+        if self.snapshot.error is None and leaving is not None and not self._scan.ended:
+            return takes_nothing(self.name, leaving)
+        return self.snapshot.error
 
     @property
     def homed(self) -> bool:
@@ -106,6 +128,66 @@ class Axis:
     def torque(self) -> float:
         """Actual torque in N·m (in parts of rated torque without ``rated_torque``); raises StaleError when it is unknown."""
         return self._parameters.units.torque(self._known(self.snapshot.torque, "torque (6077h)"))
+
+    @property
+    def target(self) -> float | None:
+        """Where the last move to a position leads, in the axis's unit; None without one, or after another kind of motion."""
+        snapshot = self.snapshot
+        if snapshot.target is None:
+            return None
+        value = self._parameters.units.position.to_units(snapshot.target - snapshot.origin)
+        modulo = self._parameters.units.modulo
+        return value if modulo is None else value % modulo
+
+    @property
+    def following_error(self) -> float:
+        """How far the actual position is behind the demand (6062h minus 6064h), in the axis's unit.
+
+        Raises:
+            StaleError: one of both is unknown; so it is on a drive whose 6062h says nothing (see the manual's page on standstill).
+        """
+        snapshot = self.snapshot
+        demand = self._known(snapshot.demand, "demand (6062h)")
+        return self._parameters.units.position.to_units(
+            demand - self._known(snapshot.position, "position (6064h)")
+        )
+
+    @property
+    def enabled(self) -> bool:
+        """Whether the drive is in *operation enabled*, as of the last cycle.
+
+        Raises:
+            StaleError: it is unknown: no fresh statusword, or the scan has failed.
+        """
+        self._require_scan("state")
+        snapshot = self.snapshot
+        self._known(snapshot.statusword, "statusword (6041h)")
+        return snapshot.power is State.OPERATION_ENABLED
+
+    @property
+    def limits(self) -> Limits:
+        """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
+        return self._parameters.limits
+
+    @property
+    def temperature(self) -> float:
+        """Motor temperature in °C, where the make's table names its object; read by SDO: it blocks until the drive has answered.
+
+        Raises:
+            StateError: the drive does not tell it, or nobody knows by which object.
+            SdoAbort, SdoTimeout: the drive refuses, or does not answer.
+        """
+        return self._measure(self.name, "temperature")
+
+    @property
+    def voltage(self) -> float:
+        """DC link voltage in V (6079h); blocks and raises as ``temperature``."""
+        return self._measure(self.name, "voltage")
+
+    @property
+    def current(self) -> float:
+        """Actual current in A (6078h in parts of 6075h); blocks and raises as ``temperature``."""
+        return self._measure(self.name, "current")
 
     def _known(self, value: int | None, what: str) -> int:
         silent = self._scan.silent
@@ -269,7 +351,8 @@ class Axis:
         """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) in profile torque mode (MC_TorqueControl).
 
         Raises:
-            ArgumentError: ``rated_torque`` is not in cell.toml, or a value is not finite.
+            ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: the call gives
+                none, nor does ``torque_slope`` of the defaults, and the drive's own (6087h) is 0.
             LimitError: beyond ``max_torque``, or beyond what 6071h holds.
         """
         name = f"torque_control({shown(torque)} N·m)"

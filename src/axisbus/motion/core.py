@@ -169,6 +169,7 @@ class AxisCore:
             image.mode,
             image.position,
             image.position_stamp,
+            image.demand,
             image.velocity,
             image.torque,
             self.last_target,

@@ -11,6 +11,7 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from enum import Enum
 from functools import partial
+from typing import Any
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import AxisbusError, Interrupted, StateError
@@ -37,12 +38,23 @@ _ENDED = frozenset({Status.DONE, Status.ABORTED, Status.ERROR})
 class Handle:
     """One command under way.
 
-    ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise what ended the command. A handle that
+    ``wait`` blocks a thread, ``await`` an asyncio task; both return the handle, or raise what ended the command. It is a coroutine
+    as well (``asyncio.create_task(handle)``, ``asyncio.gather``), in any number of tasks at once. A handle that
     failed and was never looked at is reported by name when it is dropped. ``note`` says what is to be known of an end that is
     otherwise well: of a stop, by what less than its position the axis was seen to stand.
     """
 
-    __slots__ = ("__weakref__", "_callbacks", "_looked", "_waiter", "error", "name", "note", "status")
+    __slots__ = (
+        "__weakref__",
+        "_callbacks",
+        "_looked",
+        "_tasks",
+        "_waiter",
+        "error",
+        "name",
+        "note",
+        "status",
+    )
 
     def __init__(self, name: str, waiter: Waiter) -> None:
         """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``."""
@@ -53,6 +65,7 @@ class Handle:
         self._waiter = waiter
         self._looked = False
         self._callbacks: deque[Callable[[], None]] = deque()
+        self._tasks: dict[int, Generator[object, None, Handle]] = {}  # who awaits it as a coroutine
 
     def __repr__(self) -> str:
         note = f" ({self.note})" if self.note else ""
@@ -105,6 +118,31 @@ class Handle:
             raise self.error
         return self
 
+    # As a coroutine: asyncio drives each task's own wait by these three.
+
+    def send(self, value: None) -> object:
+        """Go on with the wait of the present task, as asyncio does; ends by StopIteration."""
+        return self._wait_of_task().send(value)
+
+    def throw(self, *error: Any) -> object:
+        """Let the wait of the present task end by an exception, as asyncio does when it is cancelled."""
+        return self._wait_of_task().throw(*error)
+
+    def close(self) -> None:
+        """Forget the wait of the present task; the command goes on."""
+        waiting = self._tasks.pop(_task(), None)
+        if waiting is not None:
+            waiting.close()
+
+    def _wait_of_task(self) -> Generator[object, None, Handle]:
+        return self._tasks.setdefault(_task(), self._waited_by(_task()))
+
+    def _waited_by(self, task: int) -> Generator[object, None, Handle]:
+        try:
+            return (yield from self.__await__())
+        finally:
+            self._tasks.pop(task, None)
+
     def finish(self, status: Status, error: AxisbusError | None = None) -> None:
         """End the command; called once, by the scan. A second call changes nothing."""
         if self.status in _ENDED:
@@ -147,6 +185,10 @@ class Handle:
     def __del__(self) -> None:
         if self.status is Status.ERROR and not self._looked:
             log.error("%s failed, and nobody looked at its handle:\n%s", self.name, self.error)
+
+
+def _task() -> int:
+    return id(asyncio.current_task())
 
 
 async def _await(handle: Handle, waiter: Waiter) -> None:

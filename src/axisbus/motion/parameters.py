@@ -165,6 +165,7 @@ class AxisParameters:
     )
     drive_following_time: float = 0.0  # seconds: the drive's own 6066h
     standstill_speed: float | None = None  # position increments per second
+    torque_slope: int | None = None  # the drive's own 6087h when it was booted; None: it has none
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain_fault: Explain = no_explanation
     node: int = 0

@@ -109,13 +109,27 @@ class Request:
         )
 
     def torque_slope(self, slope: float | None) -> int | None:
-        """Return a slope (N·m/s) in 0.1 % of rated torque per second, None where neither call nor defaults give one."""
+        """Return a slope (N·m/s) in 0.1 % of rated torque per second, None where neither call nor defaults give one.
+
+        The drive's own is good enough then, unless it is 0: by that some drives never build up any torque, others all at once.
+        """
         slope = slope if slope is not None else self._parameters.defaults.torque_slope
         if slope is None:
+            self._require_own_slope()
             return None
         raw = self.positive("slope", slope, "N·m/s") / abs(self._rated_torque) * 1000
         self._countable(raw, DataType.UNSIGNED32, "6087h")
         return self._fits(round(raw), DataType.UNSIGNED32, "6087h")
+
+    def _require_own_slope(self) -> None:
+        if self._parameters.torque_slope != 0:
+            return
+        name = self._parameters.name
+        raise ArgumentError(
+            f"{self.text}: slope is missing",
+            observed="the drive's own torque slope (6087h) is 0: some drives never change their torque then, others at once",
+            remedy=f"give slope = ... (N·m/s) in the call, or torque_slope in [axes.{name}.defaults]; it is never guessed",
+        )
 
     @property
     def _rated_torque(self) -> float:

@@ -17,6 +17,7 @@ In virtual time the same ``once`` is pumped by whoever waits (``PumpWaiter``); i
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -105,6 +106,7 @@ class Scan:
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
         self._refusing: str | None = None  # why no command is taken any more
+        self.leaving_since = math.inf  # seconds of the cycle's clock
         self._inherited = False  # by a forked child
         self._lock = threading.Lock()
 
@@ -145,9 +147,15 @@ class Scan:
 
         From here on there is only the way out: no command is taken any more, also none that waits.
         """
-        self._refusing = self._refusing or reason
+        if self._refusing is None:
+            self._refusing, self.leaving_since = reason, self.cycle.now()
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
+
+    @property
+    def leaving_because(self) -> str | None:
+        """Why no command is taken any more, since ``leaving_since``; None while they are."""
+        return self._refusing
 
     def trip(self, error: AxisbusError) -> None:
         """Stop the whole cell because of something that is no axis's own; taken in this cycle or the next. Does not block."""

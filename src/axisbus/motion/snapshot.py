@@ -19,6 +19,7 @@ class Snapshot(NamedTuple):
     mode: int | None
     position: int | None
     position_stamp: float
+    demand: int | None
     velocity: int | None
     torque: int | None
     target: int | None

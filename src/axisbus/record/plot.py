@@ -21,8 +21,8 @@ _STATE_COLOURS = {
 _LINES = ("#1f6fb4", "#c8553d", "#3a7d44", "#7a4fa3", "#8a6d1d", "#1d7f86")
 
 
-def draw(recorder: Recorder, path: Path | str, title: str) -> Path:
-    """Draw the recording as a PNG at ``path`` and return it.
+def plot(recorder: Recorder, path: Path | str, title: str = "") -> Path:
+    """Draw the recording as a PNG at ``path`` and return it; the folder is made if needed.
 
     Raises:
         UserError: matplotlib is not installed, or nothing was recorded.

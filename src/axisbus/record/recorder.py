@@ -6,6 +6,7 @@ import csv
 from collections import deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Protocol
 
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.scan import Scan
@@ -15,15 +16,24 @@ COLUMNS = ("position", "velocity", "torque", "target", "state")
 LIMIT = 2_000_000  # cycles; the oldest go first
 
 
+class Scanned(Protocol):
+    """What has a scan: a ``Machine``."""
+
+    @property
+    def scan(self) -> Scan:
+        """The loop that moves all axes."""
+
+
 class Recorder:
     """Keeps the snapshots of each cycle in memory while it is attached to a scan; holds at most ``LIMIT`` cycles.
 
-    In the cycle it only keeps references; conversion to units happens when rows are read. Use it as a context manager.
+    In the cycle it only keeps references; conversion to units happens when rows are read. Use it as a context manager:
+    ``with Recorder(cell) as recorder:``.
     """
 
-    def __init__(self, scan: Scan, every: int = 1) -> None:
-        """``every``: record each n-th cycle."""
-        self._scan = scan
+    def __init__(self, machine: Scanned, every: int = 1) -> None:
+        """``machine`` is an open ``Machine``; ``every``: record each n-th cycle."""
+        self._scan = scan = machine.scan
         self._parameters: dict[str, AxisParameters] = {
             name: core.parameters for name, core in scan.axes.items()
         }

@@ -1,0 +1,46 @@
+"""What a drive tells beside its cyclic values: temperature, voltage, current, by the standard's objects or the make's own."""
+
+from __future__ import annotations
+
+from axisbus.drives.make import STANDARD_MEASURED, Make, Measured
+from axisbus.eds.model import Eds
+from axisbus.errors import StateError
+from axisbus.machine.access import Objects
+from axisbus.machine.writes import own_index
+
+
+def measure(what: str, objects: Objects, eds: Eds, make: Make, drive_axis: int = 1) -> float:
+    """Read ``what`` (``temperature`` in °C, ``voltage`` in V, ``current`` in A) of a drive's axis (from 1); blocks.
+
+    Raises:
+        StateError: nobody knows by which object the drive tells it, or the drive has none.
+        SdoAbort, SdoTimeout: the drive refuses, or does not answer.
+    """
+    found = make.measured.get(what) or STANDARD_MEASURED.get(what)
+    if found is None:
+        raise StateError(
+            f"node {objects.node_id}: its {what} is not known",
+            observed=f"CiA 402 has no object for it, and none of the make ({make.name}) is known",
+            remedy="read the maker's own object: machine.node(ID).sdo[0x2000]",
+        )
+    _require(found, what, objects, eds, drive_axis)
+    value = _read(objects, own_index(found.index, drive_axis), found.subindex) * found.factor
+    return value if found.of is None else value * _read(objects, own_index(found.of, drive_axis), 0)
+
+
+def _require(found: Measured, what: str, objects: Objects, eds: Eds, drive_axis: int) -> None:
+    wanted = [(found.index, found.subindex)] + ([] if found.of is None else [(found.of, 0)])
+    for index, subindex in wanted:
+        index = own_index(index, drive_axis)
+        if eds.get(index, subindex) is None:
+            raise StateError(
+                f"node {objects.node_id}: it does not tell its {what}",
+                observed=f"its EDS has no {index:04X}h:{subindex:02X}",
+                remedy="where the drive does have it, name the drive's own EDS in cell.toml",
+            )
+
+
+def _read(objects: Objects, index: int, subindex: int) -> float:
+    value = objects.read(index, subindex)
+    assert isinstance(value, (int, float)), f"{index:04X}h:{subindex:02X} is no number"
+    return float(value)
