@@ -6,11 +6,12 @@ from pathlib import Path
 from axisbus import Machine
 
 
-async def job(cell: Machine) -> None:
+async def main() -> None:
     """Home all axes at once, then let two of them run different ways."""
-    await asyncio.gather(*(axis.enable() for axis in cell))
-    await asyncio.gather(*(axis.home() for axis in cell))
-    await asyncio.gather(there_and_back(cell, "x"), there_and_back(cell, "y"))
+    async with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
+        await asyncio.gather(*(axis.enable() for axis in cell))
+        await asyncio.gather(*(axis.home() for axis in cell))
+        await asyncio.gather(there_and_back(cell, "x"), there_and_back(cell, "y"))
 
 
 async def there_and_back(cell: Machine, name: str) -> None:
@@ -22,5 +23,4 @@ async def there_and_back(cell: Machine, name: str) -> None:
     print(f"{name}: {axis.position:.2f} {axis.unit}")
 
 
-with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
-    asyncio.run(job(cell))
+asyncio.run(main())
