@@ -504,7 +504,7 @@ def test_a_group_needs_one_position_for_each_of_its_axes():
     ):
         with pytest.raises(ArgumentError, match=r"positions? for 2 axes"):
             call()
-    assert repr(r.groups["all"]) == "<Group all: x, y>"
+    assert repr(r.groups["all"]) == "<Group all: x Standstill, y Standstill>"
     bounded = rig("xy", limits=Limits(position=(-5.0, 5.0))).enabled()
     with pytest.raises(LimitError):
         bounded.groups["all"].move_direct((1.0, 6.0))

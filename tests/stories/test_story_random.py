@@ -325,6 +325,16 @@ FOUND: Mapping[str, Script] = {
         ),
         scene="example",
     ),
+    "disable of an axis that runs down in fault": Script(
+        "coasting",
+        (
+            Event(pause=0.2, what="follow", axis="x", value=-0.81),
+            Event(pause=0.4, what="group_quick_stop", axis="", value=-0.77),
+            Event(pause=0.01, what="coast", axis="x", value=0.56),
+            Event(pause=0.8, what="fault", axis="x", value=0.33),
+            Event(pause=0.1, what="group_disable", axis="", value=0.87),
+        ),
+    ),
 }
 
 

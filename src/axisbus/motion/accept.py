@@ -92,8 +92,8 @@ def _disable(core: AxisCore, command: c.Disable, handle: Handle, _: Gate) -> Non
     if command.coast:
         _coast(core, handle)
         return
-    if core.state is AxisState.ERRORSTOP and core.image.state is State.FAULT:
-        core.finish(handle)  # a drive in fault is off already
+    if core.state is AxisState.ERRORSTOP and core.image.state is State.FAULT and not core.run_down.under_way:
+        core.finish(handle)  # a drive in fault is off already, and its motor stands
         return
     core.stop_because(StopKind.DISABLE, Then.DISABLE, Rung.HALT, f"{handle.name} was asked for", handle)
 

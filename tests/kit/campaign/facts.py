@@ -133,7 +133,8 @@ class Facts:
         """
         dials = self.drive[name].dials
         demanded = self.core[name].image.demand is not None and not dials.demand_frozen
-        blind = dials.encoder_frozen and (self.stage(name) in OFF or not demanded)
+        lies = dials.encoder_frozen or self._begins_to_lag(name)
+        blind = lies and (self.stage(name) in OFF or not demanded)
         return blind or name in self._lost_sight
 
     def has_a_will(self, name: str) -> bool:

@@ -65,9 +65,14 @@ class Rest:
                 self._promised(name, asked)
 
     def _is_energised(self, name: str, enable: Asked) -> None:
-        """An enable that is done has a drive that is energised, unless something has just happened to it."""
+        """An enable that is done has a drive that is energised, unless something has just happened to it.
+
+        The master itself may take an axis to ErrorStop in the cycle in which it finds nothing left to enable.
+        """
         facts = self._facts
         if any(True for _ in facts.troubled(name, 1.0)) or facts.power_asked_after(enable, name):
+            return
+        if facts.core[name].state is AxisState.ERRORSTOP:
             return
         told = f"{enable.handle.name} was done at {facts.now:.2f} s: {facts.cell.told(name)}"
         facts.must(facts.cell.stage(name) == ENABLED, "an enable that is done has power", told)
