@@ -30,8 +30,9 @@ campaign: $(READY)        ## 10,000 fresh scenarios of random commands and misha
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py
 
-explore: $(READY)         ## the tests of properties with fresh examples, others in each run
+explore: $(READY)         ## the tests of properties with fresh examples, others in each run, and the whole sweep of lost frames
 	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 4 --dist loadfile -m hypothesis
+	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest tests/sim/test_sim_sdo_sweep.py
 
 mutants: $(READY)         ## small wrong changes of the source: at least 90 % must be noticed by a test
 	$(BIN)/python tests/mutants.py
