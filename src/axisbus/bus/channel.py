@@ -86,7 +86,7 @@ class Channel:
         self.bus = bus
         self.name = name
         self.counters = Counters()
-        self.drops = Drops()
+        self.drops = Drops(threading.Lock())
         self.on_failure: list[Callable[[BusError], None]] = []
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}

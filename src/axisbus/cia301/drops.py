@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import Enum
 
@@ -62,10 +62,11 @@ class Drop:
 
 
 class Drops:
-    """Counts dropped frames; holds state: a count and the newest frame for each reason and node. May be used from any thread."""
+    """Counts dropped frames; holds state: a count and the newest frame for each reason and node."""
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
+    def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
+        """``lock`` is held while it counts: whoever has several threads gives one."""
+        self._lock = nullcontext() if lock is None else lock
         self._found: dict[tuple[Fault, int | None], Drop] = {}
 
     def frame(self, fault: Fault, can_id: int, stamp: float, data: bytes) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 
 from axisbus.cia402 import objects as o
-from axisbus.machine.report import ScaleReport
 from axisbus.units import Scale
 
 # Units that are a part of a turn, as turns per unit.
@@ -33,6 +33,15 @@ OBJECTS = (
 )
 
 Values = Mapping[tuple[int, int], int | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ScaleReport:
+    """The configured scale (or rated torque) beside what the drive's objects suggest; ``agrees`` None: nothing is suggested."""
+
+    configured: str
+    proposed: str
+    agrees: bool | None
 
 
 def compare(scale: Scale, values: Values) -> ScaleReport:

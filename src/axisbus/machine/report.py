@@ -9,16 +9,8 @@ from axisbus.bus.eventtimer import EventTimer
 from axisbus.cia301.bootplan import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
 from axisbus.machine import boottext, programtext
+from axisbus.machine.proposal import ScaleReport
 from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
-
-
-@dataclass(frozen=True, slots=True)
-class ScaleReport:
-    """The configured scale (or rated torque) beside what the drive's objects suggest; ``agrees`` None: nothing is suggested."""
-
-    configured: str
-    proposed: str
-    agrees: bool | None
 
 
 @dataclass(frozen=True, slots=True)
