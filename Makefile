@@ -3,13 +3,16 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+# Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test test-socketcan check bench campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
 
-test: $(READY)            ## all tests, in five processes (many wait for drives in real time)
+test: $(READY)            ## all tests, in five processes (many wait for drives in real time); first compiled once, for all of them
+	$(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -n 5 --dist loadfile
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
