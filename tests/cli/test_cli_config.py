@@ -138,11 +138,11 @@ def test_a_backup_that_is_there_is_not_replaced(axisbus, bus, saved, tmp_path):
     assert (tmp_path / "x.dcf").read_bytes() != before
 
 
-def test_the_folder_is_looked_for_before_the_drive_is_read(axisbus, bus):
+def test_a_folder_that_is_not_there_is_made(axisbus, bus, tmp_path):
     options, _ = bus
-    code, _, err = axisbus("config", "backup", "5", *options, "--eds", kit.GENERIC, "-o", "none/x.dcf")
-    assert code == 1
-    assert "there is no folder none" in err
+    code, _, _ = axisbus("config", "backup", "5", *options, "--eds", kit.GENERIC, "-o", "new/deep/x.dcf")
+    assert code == 0
+    assert (tmp_path / "new" / "deep" / "x.dcf").is_file()
 
 
 def test_a_node_that_is_not_there_leaves_no_file(axisbus, bus, tmp_path):

@@ -98,7 +98,7 @@ def test_fix_through_a_link_mends_the_file_behind_it(axisbus, eds, tmp_path):
 
 
 def test_a_file_that_cannot_be_written_is_said_and_nothing_is_left_behind(axisbus, eds, tmp_path):
-    code, _, err = axisbus("eds", "fix", eds, "-o", tmp_path / "no" / "b.eds")
+    code, _, err = axisbus("eds", "fix", eds, "-o", tmp_path / "a.eds" / "b.eds")
     assert code == 1
     assert "b.eds cannot be written" in err
     assert [path.name for path in tmp_path.iterdir()] == ["a.eds"]

@@ -241,7 +241,7 @@ def test_set_node_id_as_json(lss, cell):
         (("set-node-id", 0, *WHO), "node-ID 0 cannot be given"),
         (("set-node-id", "x", *WHO), "'x' is not a number"),
         (("set-node-id", 7, "-s", 1, 2, 3, 1 << 32), "not a number of 32 bits"),
-        (("inquire", *WHO, "--timeout", 0), "time-out of 0 s"),
+        (("inquire", *WHO, "--timeout", 0), "is no time to wait"),
         (("set-bitrate", 100_000, *WHO, "--yes"), "no bit rate of 100000"),
         (("set-bitrate", 500_000, "--yes"), "name the slaves"),
         (("set-bitrate", 500_000, *WHO, "--all", "--yes"), "name the slaves"),

@@ -108,7 +108,7 @@ def test_dump_holds_every_object_with_its_value(axisbus, bus, tmp_path):
     assert code == 0
     assert {0x1000, 0x1018, 0x6041, 0x6502} <= {each["index"] for each in found}
     assert not [each for each in found if "value" not in each and "refused" not in each]
-    code, out, _ = axisbus("od", "dump", "5", *options, "-O", tmp_path / "dump.txt")
+    code, out, _ = axisbus("od", "dump", "5", *options, "-o", tmp_path / "dump.txt")
     assert code == 0
     assert "6041h Statusword = 0x" in (tmp_path / "dump.txt").read_text()
 

@@ -161,7 +161,7 @@ def test_error_frames_are_counted_by_what_they_say_and_what_to_check_is_told(axi
 
 
 def test_a_full_bus_is_told_by_the_exit_code(axisbus, log):
-    assert axisbus("load", log, "-b", "1000").code == 1
+    assert axisbus("load", log, "-b", "5000").code == 1
 
 
 def test_plan_and_measurement_side_by_side(axisbus):

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from typing import Any
 
 import click
@@ -136,48 +133,6 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
                 now = ""
 
         yield tell
-
-
-def require_free(path: Path | None, force: bool) -> None:
-    """Check before long work that a file may be written: it is not there yet (or ``force``), and its folder is.
-
-    Raises:
-        UserError: it may not.
-    """
-    if path is None:
-        return
-    if path.exists() and not force:
-        raise UserError(
-            f"{path} is there already; nothing was written",
-            remedy="give another name with -o, or --force to replace it",
-        )
-    if not path.parent.is_dir():
-        raise UserError(f"{path} cannot be written: there is no folder {path.parent}", remedy="make it first")
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is either the old one or the new one, never half of it; a link stays, and so do permissions.
-
-    Raises:
-        UserError: it cannot be written; then nothing has changed.
-    """
-    target = Path(os.path.realpath(path))
-    beside = target.with_name(f"{target.name}.{os.urandom(4).hex()}.new")  # a killed run may have left one
-    try:
-        try:
-            with beside.open("xb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            if target.exists():
-                shutil.copymode(target, beside)
-            beside.replace(target)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise UserError(
-            f"{path} cannot be written", observed=str(error), remedy="give another path"
-        ) from error
 
 
 def say_json(value: Any) -> None:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli import config_files, od_objects
-from axisbus.cli.common import OK, progress_bar, require_free, say, say_json, say_next, write_whole
-from axisbus.cli.nodes import Asked, Files, Session, node_options_beside_output, require_bus
+from axisbus.cli.common import OK, progress_bar, say, say_json, say_next
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.output import output_option, require_free, require_writable, write_whole
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -22,8 +23,8 @@ _PATH = click.Path(path_type=Path)
 
 @click.command("backup")
 @click.argument("node", shell_complete=od_objects.complete)
-@node_options_beside_output
-@click.option("-o", "--output", type=_PATH, help="The DCF to write [default: node-N-serial-S.dcf].")
+@node_options
+@output_option("The DCF to write [default: node-N-serial-S.dcf].")
 @click.option(
     "--concise", "concise_out", type=_PATH, help="Also write a concise DCF, the content of 1F22h, here."
 )
@@ -42,15 +43,16 @@ def command(
     Without --eds or --cell the drive is asked for its EDS (1021h), and then for the standard's objects one by one.
     """
     require_bus(asked)
-    for path in (output, concise_out):
-        require_free(path, force)
+    require_free(output, concise_out, force=force)
+    if output is None:
+        require_writable(Path(_default_name(1, None)))
     files = Files.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
-        device = Session(stack, asked, files).node(node_id)
+        device = Session(stack, asked, files, [node_id]).node(node_id)
         who = device.identity()
-        target = output or Path(_default_name(node_id, who))
-        require_free(target, force)
+        target = output or Path(_default_name(node_id, who.serial))
+        require_free(target, concise_out, force=force)
         made, origin = _taken(stack, asked, files, device, target.name)
     written = _write(made, target, concise_out)
     if as_json:
@@ -60,8 +62,8 @@ def command(
     return OK
 
 
-def _default_name(node_id: int, who: NodeIdentity) -> str:
-    return f"node-{node_id}.dcf" if not who.serial else f"node-{node_id}-serial-{who.serial:X}.dcf"
+def _default_name(node_id: int, serial: int | None) -> str:
+    return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
 
 
 def _taken(stack: ExitStack, asked: Asked, files: Files, device: Node, name: str) -> tuple[Backup, str]:

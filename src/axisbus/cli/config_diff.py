@@ -83,7 +83,7 @@ def _with_node(
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
     with ExitStack() as stack:
-        device = Session(stack, asked, files).node(node_id)
+        device = Session(stack, asked, files, [node_id]).node(node_id)
         eds = given or config_files.node_reading(files, device)[0].eds
         entries = _entries(eds, everything)
         file = _side(eds, node_id)

@@ -101,7 +101,7 @@ def command(
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
     with ExitStack() as stack:
-        device = Session(stack, asked, files).node(node_id)
+        device = Session(stack, asked, files, [node_id]).node(node_id)
         return _run(stack, device, eds, wish, as_json)
 
 

@@ -10,8 +10,12 @@ import click
 
 from axisbus import Recorder, wait
 from axisbus.cli.common import FAILURE, OK, say, say_next
+from axisbus.cli.output import output_option, require_writable
 from axisbus.errors import AxisbusError
+from axisbus.machine.cell import CellConfig
+from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
+from axisbus.machine.wire import SIM
 from axisbus.wording import counted
 
 # In an installed package the cell lies beside this module; in a checkout, among the examples.
@@ -34,7 +38,7 @@ class Tally:
 
 @click.command("demo")
 @click.argument("cell", type=click.Path(path_type=Path), required=False)
-@click.option("--output", type=click.Path(path_type=Path), default=Path("demo-output"), show_default=True)
+@output_option("The folder to write into.", default=Path("demo-output"), show_default=True)
 @click.option("--plot/--no-plot", default=True, help="Draw motion.png (needs matplotlib).")
 def command(cell: Path | None, output: Path, plot: bool) -> int:
     """Run the main job on the simulated cell of examples/cell.toml: boot, enable, home, move, move together, fault, reset, stop.
@@ -42,14 +46,12 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png.
     """
     path = cell or next(path for path in _CELLS if path.exists())
+    _require_simulated(checked(path))
+    require_writable(output / "recording.csv", output / "motion.png")
     tally = Tally()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
-        if not machine.is_simulated:
-            raise click.UsageError(
-                'the demo provokes a fault: it runs on simulated cells only (interface = "sim")'
-            )
         _job(machine, tally)
         lateness = machine.scan.lateness
     tally.say("the with block is left: every axis was halted and disabled, the nodes are pre-operational")
@@ -58,6 +60,16 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     if plot:
         _draw(recorder, output, tally)
     return _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
+
+
+def _require_simulated(cell: CellConfig) -> None:
+    """Refuse a cell on hardware before anything of it is opened."""
+    if cell.bus.interface != SIM:
+        raise click.UsageError(
+            f'{cell.file}: the demo provokes a fault, so it runs on simulated cells only (interface = "sim")'
+        )
+    if not cell.axes:
+        raise click.UsageError(f"{cell.file}: the demo moves axes, and this cell has none")
 
 
 def _job(machine: Machine, tally: Tally) -> None:

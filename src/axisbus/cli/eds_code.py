@@ -12,10 +12,9 @@ from axisbus.cli.eds_files import (
     node_of,
     node_option,
     open_eds,
-    output_option,
     say_text,
-    write,
 )
+from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.eds import codegen
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
@@ -23,7 +22,7 @@ from axisbus.wording import counted
 
 @click.command("code")
 @file_argument
-@output_option
+@output_option("Where to write [default: standard output].")
 @node_option
 def command(file: str, output: Path | None, node: int | None) -> int:
     """Write a Python module of the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
@@ -35,12 +34,13 @@ def command(file: str, output: Path | None, node: int | None) -> int:
         raise ArgumentError(
             f"{output.name} is no name of a Python module", remedy="give one such as -o drive.py"
         )
+    require_writable(output)
     eds = open_eds(file)
     text = codegen.module(eds, node_of(eds, node))
     if output is None:
         say_text(text)
         return OK
-    write(output, text)
+    write_whole(output, text.encode())
     entries = sum(len(entry.subs) for entry in eds)
     say(f"{output}: written, {counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}")
     say_next(f"in Python: from {output.stem} import Index, ENTRIES")

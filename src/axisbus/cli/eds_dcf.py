@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import OK, say, say_json, say_next, write_whole
+from axisbus.cli.common import OK, say, say_json, say_next
 from axisbus.cli.eds_files import file_argument, say_lines
+from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.eds import assign, builtin, concise, configuration, dcf, reader, writer
 from axisbus.eds.compose import written
 from axisbus.eds.model import Eds, Variable
@@ -32,7 +33,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--name", help="NodeName.")
 @click.option("--network-name", help="NetworkName.")
 @click.option("--net-number", type=int, help="NetNumber.")
-@click.option("-o", "--output", type=_PATH, help="Write the DCF (with --to-eds: the EDS) here.")
+@output_option("Write the DCF (with --to-eds: the EDS) here.")
 @click.option("--concise", "concise_out", type=_PATH, help="Write a concise DCF, the content of 1F22h, here.")
 @click.option("--from-concise", type=_PATH, help="Take the values of this concise DCF first.")
 @click.option("--values", is_flag=True, help="Print what differs from the defaults, and write nothing.")
@@ -60,6 +61,7 @@ def command(
 
     Nothing is sent to a device.
     """
+    require_writable(output, concise_out)
     path = builtin.resolve(file, Path())
     reading = reader.read(reader.file_bytes(path), str(path))
     if to_eds:

@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.eds_files import file_argument, node_of, node_option, open_eds, output_option, write
+from axisbus.cli.eds_files import file_argument, node_of, node_option, open_eds
+from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.eds.checking import check
 from axisbus.eds.reference import html, markdown, reference
 from axisbus.errors import ArgumentError
@@ -18,7 +19,7 @@ _WRITERS = {".html": html, ".htm": html, ".md": markdown, ".markdown": markdown}
 
 @click.command("doc")
 @file_argument
-@output_option
+@output_option("Where to write.")
 @node_option
 def command(file: str, output: Path | None, node: int | None) -> int:
     """Write a complete reference of the device of FILE (an EDS, a DCF or builtin:NAME): every object, the PDOs drawn.
@@ -26,13 +27,14 @@ def command(file: str, output: Path | None, node: int | None) -> int:
     -o names the file, x.html (one page that needs nothing else, made to be printed too) or x.md; without it, the name of FILE
     with .html in this folder. With --node, values are those for this node ID.
     """
+    require_writable(output)
     eds = open_eds(file)
     output = output or Path(f"{Path(eds.source).stem}.html")
     writer = _WRITERS.get(output.suffix.lower())
     if writer is None:
         raise ArgumentError(f"{output}: no such format", remedy="give a name that ends in .html or .md")
     page = reference(eds, node_of(eds, node), check(eds))
-    write(output, writer(page))
+    write_whole(output, writer(page).encode())
     entries = sum(len(entry.subs) for entry in eds)
     say(
         f"{output}: written, {counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}, {page.verdict}"

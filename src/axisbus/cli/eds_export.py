@@ -12,11 +12,10 @@ from axisbus.cli.eds_files import (
     node_of,
     node_option,
     open_eds,
-    output_option,
     say_text,
     tell,
-    write,
 )
+from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
@@ -31,7 +30,7 @@ _FORMATS = ("csv", "json", "dbc")
 @click.option(
     "--dbc", "form", flag_value="dbc", help="The frames of the node; needs --node and axisbus[dbc]."
 )
-@output_option
+@output_option("Where to write [default: standard output].")
 @node_option
 def command(file: str, form: str | None, output: Path | None, node: int | None) -> int:
     """Write the dictionary of FILE (an EDS, a DCF or builtin:NAME) as CSV or JSON, or its PDOs as DBC.
@@ -40,6 +39,7 @@ def command(file: str, form: str | None, output: Path | None, node: int | None) 
     depend on the node ID are those for it; a DBC needs it.
     """
     chosen = _chosen(form, output)
+    require_writable(output)
     eds = open_eds(file)
     text, left_out = _text(eds, chosen, node_of(eds, node))
     for each in left_out:
@@ -47,7 +47,7 @@ def command(file: str, form: str | None, output: Path | None, node: int | None) 
     if output is None:
         say_text(text)
         return OK
-    write(output, text)
+    write_whole(output, text.encode())
     say(f"{output}: written, {counted(len(text.splitlines()), 'line')}")
     say_next(f"axisbus eds doc {file} -o {output.with_suffix('.html')}")
     return OK

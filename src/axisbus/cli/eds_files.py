@@ -1,4 +1,4 @@
-"""What the subcommands about EDS files share: reading FILE, the node ID, the screen, writing an output file."""
+"""What the subcommands about EDS files share: reading FILE, the node ID, the screen."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from typing import Any, TypeVar
 
 import click
 
-from axisbus.cli.common import say, say_next, write_whole
+from axisbus.cli.common import say, say_next
 from axisbus.eds import Eds, builtin, load
-from axisbus.errors import UserError
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -26,17 +25,6 @@ def node_option(function: _F) -> _F:
         "--node",
         type=click.IntRange(1, 127),
         help="Node ID for values with $NODEID [default: that of a DCF].",
-    )
-    return option(function)
-
-
-def output_option(function: _F) -> _F:
-    """Add ``-o``."""
-    option = click.option(
-        "-o",
-        "--output",
-        type=click.Path(path_type=Path),
-        help="Where to write.",
     )
     return option(function)
 
@@ -96,18 +84,3 @@ def say_text(text: str) -> None:
 def tell(text: str) -> None:
     """Print a remark to standard error, so that it does not mix with a file on standard output."""
     click.echo(text, err=True)
-
-
-def write(path: Path, text: str) -> None:
-    """Write a text as UTF-8, whole or not at all; its folder is made.
-
-    Raises:
-        UserError: the file cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(
-            f"{path} cannot be written", observed=str(error), remedy="give another path with -o"
-        ) from error
-    write_whole(path, text.encode())

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next, write_whole
+from axisbus.cli.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next
 from axisbus.cli.eds_files import file_argument, say_lines
+from axisbus.cli.output import output_option, write_whole
 from axisbus.eds import builtin, fix, fix_diff, reader, writer
 from axisbus.errors import EdsError
 from axisbus.wording import counted
@@ -16,9 +17,7 @@ from axisbus.wording import counted
 
 @click.command("fix")
 @file_argument
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Write the mended file here; FILE stays."
-)
+@output_option("Write the mended file here; FILE stays.")
 @click.option("--write", is_flag=True, help="Write the mended text into FILE itself, whole or not at all.")
 @click.option("--json", "as_json", is_flag=True, help="Print what is mended as JSON.")
 def command(file: str, output: Path | None, write: bool, as_json: bool) -> int:

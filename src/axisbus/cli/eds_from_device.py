@@ -9,8 +9,9 @@ from pathlib import Path
 import click
 
 from axisbus.cli.buses import open_bus
-from axisbus.cli.common import OK, progress_bar, say, say_next, write_whole
+from axisbus.cli.common import OK, progress_bar, say, say_next
 from axisbus.cli.options import bus_options
+from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.wording import counted
 
 
@@ -18,7 +19,7 @@ from axisbus.wording import counted
 @click.argument("node", type=click.IntRange(1, 127))
 @bus_options
 @click.option("--cell", type=click.Path(path_type=Path), help="Take the bus from this cell file instead.")
-@click.option("-O", "--output", type=click.Path(path_type=Path), help="Where to write; node-N.eds without.")
+@output_option("Where to write [default: node-N.eds].")
 @click.option(
     "--skeleton", "only_skeleton", is_flag=True, help="Do not ask for the EDS that the drive stores."
 )
@@ -41,6 +42,7 @@ def command(
     from axisbus.eds import writer
 
     target = output or Path(f"node-{node}.eds")
+    require_writable(target)
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
         device = stack.enter_context(Node(bus, node))

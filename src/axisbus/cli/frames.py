@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from axisbus.cli.buses import require_rate, with_options
 from axisbus.cli.options import Decorated, parse_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
@@ -124,13 +125,15 @@ def _live(
         from axisbus.bus.listen import listen
 
         options = parse_options(asked.option)
+        require_rate(asked.interface, asked.bitrate, options)
         return stack.enter_context(listen(asked.interface, asked.channel, asked.bitrate, options)).frames(
             seconds
         )
     from axisbus.machine.listening import listen_to
 
     assert loaded is not None  # ``Asked.check``
-    return listen_to(loaded, stack).frames(seconds)
+    bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
+    return listen_to(bus, stack).frames(seconds)
 
 
 def _known(asked: Asked) -> tuple[CellConfig | None, Known]:

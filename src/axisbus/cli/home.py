@@ -6,10 +6,13 @@ from pathlib import Path
 
 import click
 
+from axisbus.cli import axes as named
 from axisbus.cli import move
 from axisbus.cli.common import OK, say, say_next
 from axisbus.cli.options import beside_option
+from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
+from axisbus.machine.rehearsal import Rehearsal
 
 
 @click.command("home")
@@ -17,14 +20,20 @@ from axisbus.machine.machine import Machine
 @click.argument("axes", nargs=-1)
 @beside_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
-    """Boot CELL, enable its axes (or those named), home them as [axes.NAME.homing] says, stop and disable them.
+    """Boot CELL, enable its axes (or those named, by themselves or by a group), home them as [axes.NAME.homing] says, stop and
+    disable them.
 
     MOVES REAL MOTORS, unless the homing method takes the present position. Ctrl-C halts them.
     """
+    config = checked(cell)
+    names = named.chosen(config, axes)
+    rehearsal = Rehearsal(config)
+    for name in names:  # what cannot be is told before the bus is opened
+        rehearsal[name].home()
     with Machine.open(cell, beside=beside) as machine:
-        chosen = [machine[name] for name in axes] or list(machine)
+        chosen = [machine[name] for name in names]
         move.enable(chosen)
         move.home(chosen)
     say("all axes stand and are disabled")
-    say_next(f"axisbus move {cell} {chosen[0].name}=... --home")
+    say_next(f"axisbus move {cell} {names[0]}=... --home")
     return OK

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.buses import open_bus
-from axisbus.cli.common import OK, WRONG, progress_bar, require_free, say, say_json, say_next, write_whole
-from axisbus.cli.options import bus_options_beside_output, parse_options
+from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
+from axisbus.cli.options import bus_options, parse_options
+from axisbus.cli.output import output_option, require_free, write_whole
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -24,15 +25,8 @@ if TYPE_CHECKING:
 
 
 @click.command("init")
-@bus_options_beside_output
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    default=Path("cell.toml"),
-    show_default=True,
-    help="The cell file to write.",
-)
+@bus_options
+@output_option("The cell file to write.", default=Path("cell.toml"), show_default=True)
 @click.option(
     "--eds",
     "folders",
@@ -61,7 +55,7 @@ def command(
 
     if interface is None:
         raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
-    require_free(output, force)
+    require_free(output, force=force)
     known, unreadable = match.collect(folders)
     with ExitStack() as stack:
         bus = open_bus(stack, None, interface, channel, bitrate, option)

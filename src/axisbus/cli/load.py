@@ -12,6 +12,7 @@ import click
 from axisbus.bus.errorframe import WHAT_TO_CHECK
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import bus_options
 from axisbus.errors import ArgumentError, UserError
 from axisbus.wording import counted
@@ -29,9 +30,7 @@ _LISTEN = 5.0
 @click.argument("source", required=False)
 @bus_options
 @source_options
-@click.option(
-    "--seconds", type=click.FloatRange(min=0.1), help="Listen so long to the bus [default with -i: 5]."
-)
+@click.option("--seconds", type=Seconds(0.1), help="Listen so long to the bus [default with -i: 5].")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def command(
     source: str | None,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.cli.buses import open_bus
+from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import bus_options
 from axisbus.errors import UserError
 from axisbus.wording import counted
@@ -27,16 +28,22 @@ _FLOOR = 0.015  # s, as cia301.lss_dialogue.Timing
 
 
 class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """An integer in any notation of Python, such as 0x1F or 31."""
+    """An integer in any notation of Python, such as 0x1F or 31; with ``bits`` one of so many bits, without sign."""
 
     name = "number"
+
+    def __init__(self, bits: int | None = None) -> None:
+        self._bits = bits
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         """Turn text into a number."""
         try:
-            return int(value, 0) if isinstance(value, str) else int(value)
+            number = int(value, 0) if isinstance(value, str) else int(value)
         except ValueError:
             self.fail(f"{value!r} is not a number (write 31 or 0x1F)", param, ctx)
+        if self._bits is not None and not 0 <= number < 1 << self._bits:
+            self.fail(f"{value!r} is not a number of {self._bits} bits", param, ctx)
+        return number
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +70,7 @@ class Where:
         for flag, value in (("-i", self.interface), ("-c", self.channel)):
             texts += [flag, value] if value is not None else []
         for each in self.option:
-            texts += ["-o", each]
+            texts += ["-O", each]
         return " ".join(texts)
 
     @property
@@ -73,7 +80,7 @@ class Where:
 
 
 def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add CELL, -i, -c, -b, -o, --timeout, --beside-operation and --json; the first seven come as ``where``."""
+    """Add CELL, -i, -c, -b, -O, --timeout, --beside-operation and --json; the first seven come as ``where``."""
 
     def call(
         cell: Path | None,
@@ -100,7 +107,7 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--timeout",
-            type=float,
+            type=Seconds(),
             default=_FLOOR,
             show_default=True,
             metavar="SECONDS",
@@ -132,7 +139,7 @@ def slave_option(*, multiple: bool) -> Callable[[Callable[..., Any]], Callable[.
         "-s",
         "--slave",
         nargs=4,
-        type=NumberType(),
+        type=NumberType(32),
         multiple=multiple,
         metavar="VENDOR PRODUCT REVISION SERIAL",
         help="The slave with this identity (1018h:1 to 4).",

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 @click.command("find")
 @lss_options
-@click.option("--vendor", type=NumberType(), help="Only this vendor-ID (spares 32 bits).")
-@click.option("--product", type=NumberType(), help="Only this product code.")
-@click.option("--revision", type=NumberType(), help="Only this revision number.")
-@click.option("--serial", type=NumberType(), help="Only this serial number.")
+@click.option("--vendor", type=NumberType(32), help="Only this vendor-ID (spares 32 bits).")
+@click.option("--product", type=NumberType(32), help="Only this product code.")
+@click.option("--revision", type=NumberType(32), help="Only this revision number.")
+@click.option("--serial", type=NumberType(32), help="Only this serial number.")
 def command(
     where: Where,
     as_json: bool,
@@ -36,8 +36,9 @@ def command(
     """
     from axisbus.cia301.lss_found import Known
 
+    known = Known(vendor, product, revision, serial)
     with open_master(where) as master:
-        scanned = master.find(Known(vendor, product, revision, serial))
+        scanned = master.find(known)
     if as_json:
         slaves = [_as_json(each) for each in scanned.slaves]
         say_json({"slaves": slaves, "others": scanned.others, "incomplete": scanned.incomplete or None})

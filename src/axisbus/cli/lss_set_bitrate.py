@@ -10,6 +10,7 @@ import click
 from axisbus.cli.buses import opening_of
 from axisbus.cli.common import FAILURE, OK, say, say_error, say_json, say_next
 from axisbus.cli.lss_common import NumberType, Where, lss_options, open_master, slave_option
+from axisbus.cli.numbers import Seconds
 
 if TYPE_CHECKING:
     from axisbus.bus.changeover import ChangedOver
@@ -33,7 +34,7 @@ A node without LSS must be set by its switches or its own tool."""
 )
 @click.option(
     "--delay",
-    type=float,
+    type=Seconds(0.01),
     default=1.0,
     show_default=True,
     metavar="SECONDS",

@@ -13,6 +13,7 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import beside_option
 from axisbus.machine.machine import Machine
 from axisbus.machine.node import NodeAccess
@@ -25,12 +26,12 @@ _SHOWN = 3  # of each node and sort, in one look
 @click.argument("cell", type=click.Path(path_type=Path))
 @click.option(
     "--every",
-    type=click.FloatRange(min=0.01),
+    type=Seconds(0.01),
     default=1.0,
     show_default=True,
     help="Seconds between two looks.",
 )
-@click.option("--count", type=int, help="How many looks; without, until Ctrl-C.")
+@click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
 @click.option(
     "--listen", is_flag=True, help="Boot nothing and send nothing: show what the bus tells by itself."

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 from axisbus import wait
+from axisbus.cia402.state import State
 from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import beside_option, parse_targets
+from axisbus.errors import StateError
+from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
+from axisbus.machine.rehearsal import Rehearsal
 from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
+from axisbus.motion.states import AxisState
+
+_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 @click.command("move")
@@ -22,7 +32,7 @@ from axisbus.motion.handle import Handle
 @click.option("--relative", is_flag=True, help="Move by these distances instead of to these positions.")
 @click.option("--home", "home_first", is_flag=True, help="Home the axes first, as [axes.NAME.homing] says.")
 @click.option(
-    "--timeout", type=float, help="Seconds that each move may take, instead of the worked-out time."
+    "--timeout", type=Seconds(), help="Seconds that each move may take, instead of the worked-out time."
 )
 @beside_option
 def command(
@@ -41,25 +51,76 @@ def command(
     run (--home), unless cell.toml says required = false for it.
     """
     wanted = parse_targets(targets)
+    course = _Course(wanted, relative, velocity, acceleration, timeout)
+    rehearsal = Rehearsal(checked(cell))
+    course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
     with Machine.open(cell, beside=beside) as machine:
-        axes = {name: machine[name] for name in wanted}
-        enable(list(axes.values()))
+        axes = [machine[name] for name in wanted]
+        for axis in axes:
+            rehearsal.see(axis.name, axis.snapshot)
+        course.rehearse(rehearsal, home_first)  # once more, by where the axes are, before any is enabled
+        enable(axes)
         if home_first:
-            home(list(axes.values()))
-        moves = [
-            _start(axis, wanted[name], relative, velocity, acceleration, timeout)
-            for name, axis in axes.items()
-        ]
-        wait(moves)
-        for axis in axes.values():
+            home(axes)
+        wait([course.start(axis) for axis in axes])
+        for axis in axes:
             say_position(axis, "at")
     say("all axes stand and are disabled")
     say_next(f"axisbus monitor {cell}")
     return OK
 
 
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """What the axes are asked for: a position or distance each, in units, and how fast."""
+
+    targets: Mapping[str, float]
+    relative: bool
+    velocity: float | None
+    acceleration: float | None
+    timeout: float | None
+
+    def rehearse(self, rehearsal: Rehearsal, home_first: bool) -> None:
+        """Check everything that can be known by now; nothing is sent.
+
+        Raises:
+            UserError: what speaks against it, as the call itself.
+        """
+        for name in self.targets:
+            axis = rehearsal[name]
+            if home_first:
+                axis.home()
+            self._move(axis)
+
+    def start(self, axis: Axis) -> Handle:
+        """Let an axis begin, with a line of progress."""
+        handle = self._move(axis)
+        say(f"{axis.name}: moving {'by' if self.relative else 'to'} {self.targets[axis.name]:g} {axis.unit}")
+        return handle
+
+    def _move(self, axis: Axis) -> Handle:
+        move = axis.move_relative if self.relative else axis.move_absolute
+        return move(
+            self.targets[axis.name],
+            velocity=self.velocity,
+            acceleration=self.acceleration,
+            timeout=self.timeout,
+        )
+
+
 def enable(axes: list[Axis]) -> None:
-    """Enable axes, with a line of progress."""
+    """Enable axes, with a line of progress: all, or none where one of them is in fault.
+
+    Raises:
+        StateError: one is; none was enabled.
+    """
+    for axis in axes:
+        if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
+            raise StateError(
+                f"{axis.name}: the axis is in fault; no axis was enabled",
+                observed="" if axis.error is None else axis.error.message,
+                remedy=f"read why and reset it: axisbus reset CELL {axis.name}",
+            )
     wait([axis.enable() for axis in axes])
     say(f"enabled: {', '.join(axis.name for axis in axes)}")
 
@@ -78,17 +139,3 @@ def say_position(axis: Axis, what: str) -> None:
         f"{axis.name}: {what} "
         + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known")
     )
-
-
-def _start(
-    axis: Axis,
-    value: float,
-    relative: bool,
-    velocity: float | None,
-    acceleration: float | None,
-    timeout: float | None,
-) -> Handle:
-    move = axis.move_relative if relative else axis.move_absolute
-    handle = move(value, velocity=velocity, acceleration=acceleration, timeout=timeout)
-    say(f"{axis.name}: moving {'by' if relative else 'to'} {value:g} {axis.unit}")
-    return handle

@@ -53,8 +53,9 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     ids = [] if everybody else list(dict.fromkeys(files.address(each).node_id for each in who))
     order = COMMANDS[wanted]
     with ExitStack() as stack:
-        session = Session(stack, asked, files)
-        nodes = [session.node(node_id) for node_id in ids or _everybody(session)]
+        known = list(files.cell.nodes) if everybody and files.cell is not None else ids
+        session = Session(stack, asked, files, known)
+        nodes = [session.node(node_id) for node_id in known or _everybody(session)]
         found = nmt_confirm.ways(nodes)
         if order is not NmtCommand.START and not force:
             _require_at_rest(nodes)
@@ -73,8 +74,6 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
 
 
 def _everybody(session: Session) -> list[int]:
-    if session.files.cell is not None:
-        return list(session.files.cell.nodes)
     from axisbus.bus.discover import scan
 
     found = [each.node_id for each in scan(session.bus)]

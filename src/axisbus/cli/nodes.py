@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +13,7 @@ import click
 
 from axisbus.cli.buses import open_bus
 from axisbus.cli.frames import eds_of
-from axisbus.cli.options import Decorated, bus_options, bus_options_beside_output
+from axisbus.cli.options import Decorated, bus_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 from axisbus.machine import config
@@ -97,15 +97,6 @@ class Asked:
 
 def node_options(function: Decorated) -> Decorated:
     """Add the bus options, --cell and --eds; the command gets them together as ``asked``."""
-    return _node_options(function, bus_options)
-
-
-def node_options_beside_output(function: Decorated) -> Decorated:
-    """As ``node_options``, for a command whose -o is the file that it writes."""
-    return _node_options(function, bus_options_beside_output)
-
-
-def _node_options(function: Decorated, with_bus: Callable[[Decorated], Decorated]) -> Decorated:
 
     @functools.wraps(function)
     def packed(
@@ -128,22 +119,23 @@ def _node_options(function: Decorated, with_bus: Callable[[Decorated], Decorated
     with_cell: Decorated = click.option(
         "--cell", type=click.Path(path_type=Path), help="Take bus, EDS files and units from this cell file."
     )
-    return with_cell(with_bus(with_eds(packed)))  # type: ignore[no-any-return]
+    return with_cell(bus_options(with_eds(packed)))  # type: ignore[no-any-return]
 
 
 class Session:
     """A bus with the nodes that were asked for; holds state: the open channel and nodes, which ``stack`` closes."""
 
-    def __init__(self, stack: ExitStack, asked: Asked, files: Files | None = None) -> None:
-        """Read the files and open the bus.
+    def __init__(self, stack: ExitStack, asked: Asked, files: Files, node_ids: Iterable[int] = ()) -> None:
+        """Read the EDS files of the nodes that are known by now, then open the bus.
 
         Raises:
             UsageError: neither --cell nor -i is given.
-            others as ``Files.of`` and ``buses.open_bus``.
+            others as ``Files.eds_for`` and ``buses.open_bus``.
         """
         require_bus(asked)
-        self.files = files or Files.of(asked.cell, asked.eds)
+        self.files = files
         self._stack = stack
+        self._eds = {node_id: files.eds_for(node_id) for node_id in node_ids}
         self.bus: Channel = open_bus(
             stack, asked.cell, asked.interface, asked.channel, asked.bitrate, asked.option
         )
@@ -154,9 +146,8 @@ class Session:
         from axisbus.bus.node import Node
 
         if node_id not in self._nodes:
-            self._nodes[node_id] = self._stack.enter_context(
-                Node(self.bus, node_id, self.files.eds_for(node_id))
-            )
+            eds = self._eds[node_id] if node_id in self._eds else self.files.eds_for(node_id)
+            self._nodes[node_id] = self._stack.enter_context(Node(self.bus, node_id, eds))
         return self._nodes[node_id]
 
 

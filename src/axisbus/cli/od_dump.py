@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli import od_objects as od
-from axisbus.cli.common import OK, progress_bar, say, say_json, say_next, write_whole
+from axisbus.cli.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.errors import SdoAbort
 from axisbus.machine.trace import text
 from axisbus.machine.trace.decoded import ObjectValue
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 @click.command("dump")
 @click.argument("node", shell_complete=od.complete)
 @node_options
-@click.option("-O", "--output", type=click.Path(path_type=Path), help="Write to this file instead.")
+@output_option("Write to this file instead.")
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def command(node: str, asked: Asked, output: Path | None, as_json: bool) -> int:
     """Read every object of NODE that its EDS lets be read, and say what each means; writes nothing to the drive.
@@ -32,10 +33,11 @@ def command(node: str, asked: Asked, output: Path | None, as_json: bool) -> int:
     Without an EDS the objects of CiA 301 and CiA 402 are asked for. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
     """
     require_bus(asked)
+    require_writable(output)
     files = Files.of(asked.cell, asked.eds)
     address = files.address(node.rstrip(":"))
     with ExitStack() as stack:
-        device = Session(stack, asked, files).node(address.node_id)
+        device = Session(stack, asked, files, [address.node_id]).node(address.node_id)
         found = _all(stack, files, device)
     values = [value for value, _ in found]
     if output is not None:

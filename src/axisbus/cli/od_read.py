@@ -30,7 +30,7 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, as_json:
     files = Files.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
-        session = Session(stack, asked, files)
+        session = Session(stack, asked, files, {each.address.node_id for each in wanted})
         found = [
             (each, od.read(files, session.node(each.address.node_id), each.entry, data_type))
             for each in wanted

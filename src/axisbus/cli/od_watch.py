@@ -11,6 +11,7 @@ import click
 from axisbus.cli import od_objects as od
 from axisbus.cli.common import FAILURE, OK, say
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.numbers import Seconds
 from axisbus.errors import SdoError
 
 
@@ -19,7 +20,7 @@ from axisbus.errors import SdoError
 @node_options
 @click.option(
     "--every",
-    type=click.FloatRange(min=0.01),
+    type=Seconds(0.01),
     default=0.5,
     show_default=True,
     help="Seconds between two looks.",
@@ -38,7 +39,7 @@ def command(
     files = Files.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
-        session = Session(stack, asked, files)
+        session = Session(stack, asked, files, {each.address.node_id for each in wanted})
         look = _Look(session, files, wanted, everything, as_json)
         looks, due = 0, time.monotonic()
         with suppress(KeyboardInterrupt):  # the usual end of watching

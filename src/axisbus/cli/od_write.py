@@ -55,7 +55,7 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move
     if not may_move:
         careful.require_harmless(eds, node_id, entry)
     with ExitStack() as stack:
-        node = Session(stack, asked, files).node(node_id)
+        node = Session(stack, asked, files, [node_id]).node(node_id)
         written = careful.write(node, entry, value, data_type, may_move=may_move)
         now = careful.energised(node) if may_move else []
     if as_json:

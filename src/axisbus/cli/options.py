@@ -7,7 +7,11 @@ from typing import Any
 
 import click
 
+from axisbus.cli.axes import once
+from axisbus.cli.numbers import BitRate
+
 Decorated = Callable[..., Any]
+_OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}
 
 
 def beside_option(function: Decorated) -> Decorated:
@@ -20,19 +24,12 @@ def beside_option(function: Decorated) -> Decorated:
 
 
 def bus_options(function: Decorated) -> Decorated:
-    """Add -i, -c, -b and -o: which bus to open."""
-    return _bus_options(function, "-o", "--option")
-
-
-def bus_options_beside_output(function: Decorated) -> Decorated:
-    """Add -i, -c, -b and --option, for a command whose -o is the file that it writes."""
-    return _bus_options(function, "--option")
-
-
-def _bus_options(function: Decorated, *option: str) -> Decorated:
+    """Add -i, -c, -b and -O: which bus to open. With a cell file, -c, -b and -O replace what its [bus] says."""
     for decorate in (
-        click.option(*option, multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."),
-        click.option("-b", "--bitrate", type=int, help="Bit rate in bit/s, where the adapter sets it."),
+        click.option(
+            "-O", "--option", multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."
+        ),
+        click.option("-b", "--bitrate", type=BitRate(), help="Bit rate in bit/s, where the adapter sets it."),
         click.option("-c", "--channel", help="Channel, such as can0 or PCAN_USBBUS1."),
         click.option(
             "-i", "--interface", help="python-can interface, such as socketcan, pcan, kvaser, slcan."
@@ -47,8 +44,10 @@ def parse_options(pairs: tuple[str, ...]) -> dict[str, Any]:
     options: dict[str, Any] = {}
     for pair in pairs:
         key, sign, text = pair.partition("=")
-        if not sign:
-            raise click.UsageError(f"-o {pair}: write KEY=VALUE")
+        if not sign or not key:
+            raise click.UsageError(f"-O {pair}: write KEY=VALUE")
+        if key in _OWN_OPTIONS:
+            raise click.UsageError(f"-O {pair}: the {key} has an option of its own, {_OWN_OPTIONS[key]}")
         options[key] = _value(text)
     return options
 
@@ -73,4 +72,5 @@ def parse_targets(pairs: tuple[str, ...]) -> dict[str, float]:
             sign = ""
         if not sign:
             raise click.UsageError(f"{pair!r}: write AXIS=POSITION, such as x=90")
+    once(pair.partition("=")[0] for pair in pairs)
     return targets

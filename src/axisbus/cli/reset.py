@@ -7,8 +7,10 @@ from pathlib import Path
 import click
 
 from axisbus import wait
+from axisbus.cli import axes as named
 from axisbus.cli.common import OK, say, say_next
 from axisbus.cli.options import beside_option
+from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
 
 
@@ -17,17 +19,18 @@ from axisbus.machine.machine import Machine
 @click.argument("axes", nargs=-1)
 @beside_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
-    """Boot CELL and reset the faults of its axes (or of those named); enables nothing.
+    """Boot CELL and reset the faults of its axes (or of those named, by themselves or by a group); enables nothing.
 
     Each fault is told before it is reset. Exit code 3 when one does not go away.
     """
+    names = named.chosen(checked(cell), axes)
     with Machine.open(cell, beside=beside) as machine:
         machine.sleep(0.5)  # a fault explains itself by SDO
-        chosen = [machine[name] for name in axes] or list(machine)
+        chosen = [machine[name] for name in names]
         for axis in chosen:
             say(f"{axis.name}: {axis.error}" if axis.error is not None else f"{axis.name}: no fault")
         wait([axis.reset() for axis in chosen])
         for axis in chosen:
             say(f"{axis.name}: {axis.state.value}")
-    say_next(f"axisbus home {cell}, or axisbus move {cell} {chosen[0].name}=...")
+    say_next(f"axisbus home {cell}, or axisbus move {cell} {names[0]}=...")
     return OK

@@ -12,6 +12,7 @@ import click
 
 from axisbus.cli.common import OK, WRONG
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import bus_options
 from axisbus.wording import counted
 
@@ -58,9 +59,7 @@ class Count(NamedTuple):
 @click.option(
     "--absolute", is_flag=True, help="Show the recording's own times, not seconds since the first frame."
 )
-@click.option(
-    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Listen so long; without, until Ctrl-C."
-)
+@click.option("--seconds", type=Seconds(), help="Listen so long; without, until Ctrl-C.")
 @click.option("--count", type=click.IntRange(min=1), help="End after so many frames shown.")
 def command(
     source: str | None,

@@ -10,7 +10,6 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -21,17 +20,15 @@ from axisbus.bus.nodeevents import BAD, NodeEvent
 from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Port, Waiter
 from axisbus.errors import AxisbusError, StateError
-from axisbus.machine import config
 from axisbus.machine.boot import Booted
 from axisbus.machine.cell import CellConfig
-from axisbus.machine.check import check_cell
+from axisbus.machine.checked import checked
 from axisbus.machine.closing import Closing
 from axisbus.machine.direct import build_direct
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.parting import Stopped, lost_without_axes, scan_failure
 from axisbus.machine.pickup import Pickup
-from axisbus.machine.problem import errors
 from axisbus.machine.report import NodeReport
 from axisbus.machine.roster import Roster, members
 from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
@@ -105,7 +102,7 @@ class Machine:
         """
         from axisbus.machine.wire import build_on_bus
 
-        cell = _checked(path, beside)
+        cell = checked(path, beside)
         dictionaries = load_dictionaries(cell)
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         return cls._start(cell, build_on_bus(cell, dictionaries), realtime=True)
@@ -116,7 +113,7 @@ class Machine:
 
         ``devices`` replaces the stand-ins, by node ID. Raises as ``open``.
         """
-        cell = _checked(path)
+        cell = checked(path)
         return cls._start(cell, build_direct(cell, load_dictionaries(cell), devices), realtime=False)
 
     @classmethod
@@ -426,7 +423,7 @@ def boot(
     """
     from axisbus.machine.wire import build_on_bus
 
-    cell = _checked(path, beside)
+    cell = checked(path, beside)
     lock, through = threading.Lock(), itertools.count(1)
 
     def told(_: Booted) -> None:
@@ -439,18 +436,6 @@ def boot(
         return [booted.report for booted in runtime.booted.values()]
     finally:
         runtime.leave()
-
-
-def _checked(path: str | Path, beside: bool = False) -> CellConfig:
-    """Return the cell of a file in which ``check`` finds no error; the exception tells the first and lists the others.
-
-    ``beside`` is as if the file said so.
-    """
-    cell, problems = config.read(path)
-    wrong = errors(problems if cell is None else check_cell(cell, problems))
-    if cell is None or wrong:
-        raise config.as_exception(wrong)
-    return replace(cell, bus=replace(cell.bus, beside=True)) if beside else cell
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:

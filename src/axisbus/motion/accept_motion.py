@@ -21,6 +21,7 @@ from axisbus.motion.image import Image
 from axisbus.motion.jog import Jog
 from axisbus.motion.moves import PositionMove
 from axisbus.motion.order import Order
+from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
 from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
@@ -33,7 +34,7 @@ _M = ModeOfOperation
 def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
     """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
     require_motion(core, handle)
-    _require_watch(core, command.profile, handle)
+    require_watch(core.parameters, command.profile, handle)
     target = _target(core, command, handle)
     profile = command.profile
     leading = leading_path(core) if _leaving(core) is None else None
@@ -41,7 +42,7 @@ def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
         core.last_target = target
         return
-    require_objects(core, _M.PROFILE_POSITION, handle)
+    require_objects(core.parameters, _M.PROFILE_POSITION, handle)
     _require_braking(core, profile, handle)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
@@ -61,9 +62,9 @@ def _go_on(core: AxisCore, going_on: GoingOn, handle: Handle) -> None:
     core.begin(going_on, handle, AxisState.DISCRETE_MOTION)
 
 
-def _require_watch(core: AxisCore, profile: Profile, handle: Handle) -> None:
-    """Every move needs a deadline; without 6064h neither distance nor progress is known."""
-    if profile.timeout is None and not core.parameters.has(objects.POSITION_ACTUAL):
+def require_watch(parameters: AxisParameters, profile: Profile, handle: Handle) -> None:
+    """Raise StateError where a move has no deadline: without 6064h neither distance nor progress is known."""
+    if profile.timeout is None and not parameters.has(objects.POSITION_ACTUAL):
         raise StateError(
             f"{handle.name}: nothing tells how long it may take",
             observed="the drive has no position actual value (6064h), so neither distance nor progress can be seen",
@@ -80,7 +81,8 @@ def _target(core: AxisCore, command: c.Move, handle: Handle) -> int:
     base = actual
     if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
         base = core.last_target
-    _check_limits(core, base + command.value - origin, handle)
+    if core.bounded:
+        require_within_limits(core.parameters, base + command.value - origin, handle)
     return _within_reach(core, base + command.value, handle)
 
 
@@ -97,14 +99,15 @@ def _within_reach(core: AxisCore, target: int, handle: Handle) -> int:
     return target
 
 
-def _check_limits(core: AxisCore, position: int, handle: Handle) -> None:
-    limits, units = core.parameters.limits.position, core.parameters.units.position
+def require_within_limits(parameters: AxisParameters, position: int, handle: Handle) -> None:
+    """Raise LimitError where a position (user increments) lies beyond the axis's limits."""
+    limits, units = parameters.limits.position, parameters.units.position
     value = units.to_units(position)
-    if core.bounded and limits is not None and not limits[0] <= value <= limits[1]:
+    if limits is not None and not limits[0] <= value <= limits[1]:
         raise LimitError(
             f"{handle.name}: would end beyond the position limits",
             observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
-            remedy=f"move less far, or change position_limits in [axes.{core.parameters.name}] of cell.toml",
+            remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
         )
 
 
@@ -114,7 +117,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate:
         core.finish(handle)
         return
     require_motion(core, handle)
-    require_objects(core, _M.PROFILE_VELOCITY, handle)
+    require_objects(core.parameters, _M.PROFILE_VELOCITY, handle)
     profile = command.profile
     prepare = _prepare(
         core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
@@ -152,7 +155,7 @@ def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
 def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate) -> None:
     """MC_TorqueControl."""
     require_motion(core, handle)
-    require_objects(core, _M.PROFILE_TORQUE, handle)
+    require_objects(core.parameters, _M.PROFILE_TORQUE, handle)
     parameters = core.parameters
     writes: list[tuple[int, int, int | None]] = []
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
@@ -169,7 +172,7 @@ def home(core: AxisCore, command: c.Home, handle: Handle, _: Gate) -> None:
     require_motion(core, handle)
     if core.state is not AxisState.STANDSTILL:
         raise StateError(f"{handle.name}: the axis moves", remedy="halt it first: axis.halt()")
-    require_objects(core, _M.HOMING, handle, command.job.method)
+    require_objects(core.parameters, _M.HOMING, handle, command.job.method)
     core.homed = False
     core.begin(HomingRun(command.job, core.parameters), handle, AxisState.HOMING)
 
@@ -275,12 +278,14 @@ def require_motion(core: AxisCore, handle: Handle) -> None:
         )
 
 
-def require_objects(core: AxisCore, mode: ModeOfOperation, handle: Handle, method: int | None = None) -> None:
+def require_objects(
+    parameters: AxisParameters, mode: ModeOfOperation, handle: Handle, method: int | None = None
+) -> None:
     """Raise StateError where the drive lacks an object without which ``mode`` cannot be run; ``method``: of 6098h."""
-    missing = [index for index in modes.needed(mode, method) if not core.parameters.has(index)]
+    missing = [index for index in modes.needed(mode, method) if not parameters.has(index)]
     if missing:
         raise StateError(
-            f"{handle.name}: {core.parameters.name} cannot run {modes.short(mode)} ({mode.text})",
+            f"{handle.name}: {parameters.name} cannot run {modes.short(mode)} ({mode.text})",
             observed=f"its EDS lacks {', '.join(object_text(index) for index in missing)}",
             remedy="use another command; where the drive does have it, name the drive's own EDS in cell.toml",
         )

@@ -1,0 +1,44 @@
+"""Axes on the command line: which are named, by themselves or by a group, and that none is named twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import click
+
+from axisbus.errors import StateError
+from axisbus.machine.cell import CellConfig
+
+
+def chosen(cell: CellConfig, names: Iterable[str]) -> list[str]:
+    """Return the axes that are named, a group for all of its axes; all of the cell where none is.
+
+    Raises:
+        UsageError: one is named twice. StateError: the cell has no such axis or group, or no axis at all.
+    """
+    found = [axis for name in names for axis in _named(cell, name)]
+    once(found)
+    if not found and not cell.axes:
+        raise StateError("the cell has no axis", remedy="add [axes.x] with node, unit and scale to cell.toml")
+    return found or list(cell.axes)
+
+
+def once(names: Iterable[str]) -> None:
+    """Check that no axis is named twice.
+
+    Raises:
+        UsageError: one is.
+    """
+    names = list(names)
+    twice = next((name for number, name in enumerate(names) if name in names[:number]), None)
+    if twice is not None:
+        raise click.UsageError(f"axis {twice} is named twice; nothing was sent: name it once")
+
+
+def _named(cell: CellConfig, name: str) -> tuple[str, ...]:
+    if name in cell.axes:
+        return (name,)
+    if name in cell.groups:
+        return cell.groups[name].axes
+    groups = f"; its groups are {', '.join(cell.groups)}" if cell.groups else ""
+    raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(cell.axes)}{groups}")

@@ -1,0 +1,47 @@
+"""Numbers on the command line: seconds that can be waited, and bit rates that a CAN bus can have."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+_LONGEST = 1e8  # seconds, some years: what the system's clock functions still take
+_SLOWEST, _FASTEST = 5_000, 1_000_000  # bit/s of classic CAN
+
+
+class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A time in seconds, finite and from ``least`` on."""
+
+    name = "seconds"
+
+    def __init__(self, least: float = 0.001) -> None:
+        self._least = least
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Turn text into seconds."""
+        try:
+            found = float(value)
+        except ValueError:
+            found = math.nan
+        if not self._least <= found <= _LONGEST:
+            self.fail(f"{value!r} is no time to wait: give seconds, {self._least:g} or more", param, ctx)
+        return found
+
+
+class BitRate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
+    """A bit rate in bit/s."""
+
+    name = "bit/s"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Turn text into bit/s; kbit/s, given by mistake, are told."""
+        try:
+            rate = int(value)
+        except ValueError:
+            rate = 0
+        if not _SLOWEST <= rate <= _FASTEST:
+            meant = f", such as {rate * 1000}" if _SLOWEST <= rate * 1000 <= _FASTEST else ", such as 500000"
+            self.fail(f"{value!r} is no bit rate of a CAN bus: give bit/s{meant}", param, ctx)
+        return rate

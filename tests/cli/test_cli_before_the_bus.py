@@ -1,0 +1,251 @@
+"""What cannot be is refused before the bus is opened: arguments, limits of the cell file, EDS files, and where outputs go."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cli_bus_kit as kit
+import pytest
+
+from axisbus.bus import adapter
+from axisbus.errors import LimitError, StateError
+from axisbus.machine.checked import checked
+from axisbus.machine.rehearsal import Rehearsal
+
+BUS = ("-i", "virtual", "-c", "nobody")
+NODE = ("--eds", kit.GENERIC, *BUS)
+HARD = kit.ROOT / "examples" / "cell.toml"
+
+
+class Opened(BaseException):
+    """The bus was opened."""
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys, tmp_path):
+    """The command line, where opening any bus ends the test."""
+
+    def opened(*_, **__):
+        raise Opened
+
+    monkeypatch.setattr(adapter, "open_adapter", opened)
+    monkeypatch.chdir(tmp_path)
+    return kit.runner(monkeypatch, capsys)
+
+
+@pytest.fixture
+def hard(tmp_path):
+    """The example on a bus that is not simulated."""
+    path = tmp_path / "hard.toml"
+    path.write_text(HARD.read_text("utf-8").replace('"sim"', '"virtual"\nchannel = "c"'), "utf-8")
+    return path
+
+
+def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
+    for arguments in (
+        ("move", kit.CELL, "x=10", "--home"),
+        ("home", hard),
+        ("demo", "--no-plot"),
+        ("od", "read", "5:6041", *NODE),
+        ("scan", *BUS),
+    ):
+        with pytest.raises(Opened):
+            axisbus(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (("x=10", "--home", "--velocity", "-5"), 2, "velocity -5 must be above 0"),
+        (("x=10", "--home", "--velocity", "0"), 2, "velocity 0 must be above 0"),
+        (("x=10", "--home", "--velocity", "nan"), 2, "is no finite number"),
+        (("x=10", "--home", "--velocity", "400"), 2, "max_velocity is 360"),
+        (("x=10", "--home", "--acceleration", "1e9"), 2, "max_acceleration is 3600"),
+        (("x=10", "--home", "--acceleration", "-1"), 2, "acceleration -1 must be above 0"),
+        (("x=10", "--home", "--timeout", "-1"), 2, "is no time to wait"),
+        (("x=10", "--home", "--timeout", "nan"), 2, "is no time to wait"),
+        (("x=181", "--home"), 2, "allowed are -180 to 180"),
+        (("x=10", "y=91", "--home"), 2, "allowed are -90 to 90"),
+        (("x=nan", "--home"), 2, "is no finite number"),
+        (("z=1e300", "--home"), 2, "does not fit INTEGER32"),
+        (("x=10",), 2, "the axis is not homed"),
+        (("x=181", "--home", "--relative"), 2, "allowed are -180 to 180"),  # homing by method 35 makes it 0
+        (("x=10", "w=1", "--home"), 1, "the cell has no axis 'w'"),
+        (("x=10", "x=20", "--home"), 2, "axis x is named twice"),
+        (("x=", "--home"), 2, "write AXIS=POSITION"),
+    ],
+)  # fmt: skip
+def test_a_move_that_cannot_be(axisbus, hard, arguments, code, words):
+    for cell in (kit.CELL, hard):
+        found = axisbus("move", cell, *arguments)
+        assert (found.code, found.out) == (code, "")
+        assert words in found.err
+
+
+def test_a_homing_that_cannot_be(axisbus, hard):
+    hard.write_text(hard.read_text("utf-8").replace("method = 35", "method = 17", 1), "utf-8")
+    assert "speed_switch is missing" in axisbus("home", hard).err
+    assert "speed_switch is missing" in axisbus("move", hard, "x=1", "--home").err
+    hard.write_text(hard.read_text("utf-8").replace("method = 17 ", "# none    ", 1), "utf-8")
+    assert "method is missing" in axisbus("home", hard).err
+
+
+@pytest.mark.parametrize("command", ["home", "reset"])
+def test_axes_by_name(axisbus, hard, command):
+    code, _, err = axisbus(command, hard, "x", "w")
+    assert (code, "the cell has no axis 'w'" in err, "its groups are xyz" in err) == (1, True, True)
+    code, _, err = axisbus(command, hard, "xyz", "y")
+    assert (code, "axis y is named twice" in err) == (2, True)
+
+
+def test_the_demo_does_not_touch_hardware(axisbus, hard):
+    code, _, err = axisbus("demo", hard)
+    assert (code, "it runs on simulated cells only" in err) == (2, True)
+
+
+PATHS = {
+    "file/x": "is no folder",
+    "folder": "it is a folder",
+    "/proc/x": "cannot be written",
+    "x" * 300: "too long",
+}
+
+
+@pytest.mark.parametrize("path", PATHS, ids=["below a file", "a folder", "proc", "long"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("demo",),
+        ("init", *BUS, "--force"),
+        ("config", "backup", "5", *NODE, "--force"),
+        ("od", "dump", "5", *NODE),
+        ("eds", "from-device", "5", *BUS),
+        ("eds", "doc", kit.GENERIC),
+        ("eds", "export", kit.GENERIC, "--csv"),
+        ("eds", "dcf", kit.GENERIC, "--node", "5"),
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_where_an_output_goes(axisbus, tmp_path, command, path):
+    (tmp_path / "file").write_text("kept")
+    (tmp_path / "folder").mkdir()
+    if command == ("demo",) and path == "folder":
+        path = "file"
+    code, out, err = axisbus(*command, "-o", path)
+    assert (code, out) == (1, "")
+    assert "cannot be written" in err
+    assert PATHS.get(path, "is no folder") in err
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["file", "folder"]
+    assert (tmp_path / "file").read_text() == "kept"
+    assert not any((tmp_path / "folder").iterdir())
+
+
+def test_one_file_is_not_written_twice(axisbus):
+    code, _, err = axisbus("config", "backup", "5", *NODE, "-o", "x.dcf", "--concise", "./x.dcf")
+    assert (code, "is named for two files" in err) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("monitor", "CELL", "--every", "-1"), "is no time to wait"),
+        (("monitor", "CELL", "--every", "nan"), "is no time to wait"),
+        (("monitor", "CELL", "--every", "inf"), "is no time to wait"),
+        (("monitor", "CELL", "--count", "0"), "0 is not in the range"),
+        (("monitor", "CELL", "--count", "-1"), "-1 is not in the range"),
+        (("od", "watch", "5:6041", *NODE, "--every", "0"), "is no time to wait"),
+        (("trace", *BUS, "--seconds", "0"), "is no time to wait"),
+        (("trace", *BUS, "--seconds", "nan"), "is no time to wait"),
+        (("load", *BUS, "-b", "500000", "--seconds", "0"), "is no time to wait"),
+        (("lss", "find", *BUS, "--timeout", "nan"), "is no time to wait"),
+        (("lss", "find", *BUS, "--vendor", "-1"), "32 bits"),
+        (("scan", *BUS, "-b", "500"), "give bit/s, such as 500000"),
+        (("scan", *BUS, "-b", "-1"), "is no bit rate"),
+        (("scan", *BUS, "-O", "speed"), "write KEY=VALUE"),
+        (("scan", *BUS, "-O", "channel=1"), "has an option of its own, -c"),
+        (("scan", "CELL", "-c", "can1"), "leave -c and -O out"),
+        (("scan", "-i", "pcan", "-c", "PCAN_USBBUS1"), "add -b 1000000"),
+        (("trace", "-i", "pcan", "-c", "PCAN_USBBUS1"), "add -b 1000000"),
+        (("nmt", "start", "5", *BUS, "--eds", "none.eds"), "none.eds"),
+        (("od", "dump", "x", "--cell", "BROKEN"), "none.eds"),
+        (("nmt", "start", "x", "--cell", "BROKEN"), "none.eds"),
+        (("nmt", "start", "all", "--cell", "BROKEN"), "none.eds"),
+        (("config", "backup", "x", "--cell", "BROKEN"), "none.eds"),
+    ],
+)  # fmt: skip
+def test_options_and_files(axisbus, hard, arguments, words):
+    broken = hard.with_name("broken.toml")
+    broken.write_text(hard.read_text("utf-8").replace("builtin:gim6010-8", "none.eds"), "utf-8")
+    names = {"CELL": kit.CELL, "BROKEN": str(broken)}
+    code, out, err = axisbus(*(names.get(each, each) for each in arguments))
+    assert (code in (1, 2), out) == (True, "")
+    assert words in err
+
+
+def test_with_a_cell_file_the_bus_can_be_opened_otherwise(monkeypatch, capsys, hard):
+    seen = []
+
+    def opened(*arguments, **_):
+        seen.append(arguments)
+        raise Opened
+
+    monkeypatch.setattr(adapter, "open_adapter", opened)
+    axisbus = kit.runner(monkeypatch, capsys)
+    for arguments in (("scan", hard), ("trace", hard), ("od", "read", "x:6041", "--cell", hard)):
+        with pytest.raises(Opened):
+            axisbus(*arguments, "-c", "other", "-b", "500000", "-O", "key=7")
+        assert seen.pop() == ("virtual", "other", 500_000, {"key": 7})
+
+
+def test_a_letter_means_one_thing_in_all_commands(axisbus):
+    from axisbus.cli.main import cli
+
+    letters: dict[str, set[str]] = {}
+    for command in _commands(cli):
+        for option in command.params:
+            for short in (each for each in option.opts if re.fullmatch("-[A-Za-z]", each)):
+                letters.setdefault(short, set()).add(max(option.opts, key=len))
+    assert letters.pop("-s") == {"--slave"}
+    assert letters == {
+        "-o": {"--output"}, "-O": {"--option"}, "-i": {"--interface"}, "-c": {"--channel"}, "-b": {"--bitrate"},
+    }  # fmt: skip
+
+
+def _commands(group):
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
+        yield from _commands(command) if hasattr(command, "list_commands") else [command]
+
+
+# -- a rehearsal by itself ---------------------------------------------------------------------------------------------
+
+
+def test_an_axis_is_judged_by_where_it_is_seen():
+    rehearsal = Rehearsal(checked(kit.CELL))
+    x, here = rehearsal["x"], rehearsal["x"].snapshot
+    assert x.move_relative(300.0).done  # it may be at -180, and is not homed
+    x.home()
+    with pytest.raises(LimitError, match="would end beyond"):
+        x.move_relative(300.0)
+    rehearsal.see("x", here._replace(position=round(-170 * 131072 / 360), homed=True))
+    assert x.move_relative(300.0).done
+    with pytest.raises(LimitError, match="at 190 deg"):
+        x.move_relative(360.0)
+    rehearsal.see("x", here._replace(position=None, homed=True))
+    assert x.move_relative(300.0).done
+
+
+def test_a_drive_without_the_objects_is_not_enabled_for_them(tmp_path):
+    text = (kit.ROOT / "eds" / "gim6010-8.eds").read_text("ascii")
+    (tmp_path / "poor.eds").write_text(
+        re.sub(r"(?s)\[607A\].*?(?=\n\[)", "", text).replace("=0x607A", "=0x607C"), "ascii"
+    )
+    cell = tmp_path / "cell.toml"
+    cell.write_text(Path(kit.CELL).read_text("utf-8").replace("builtin:gim6010-8", "poor.eds", 1), "utf-8")
+    from axisbus.machine import config
+
+    rehearsal = Rehearsal(config.load(cell))
+    rehearsal["x"].home()
+    with pytest.raises(StateError, match="cannot run"):
+        rehearsal["x"].move_absolute(1.0)
