@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 import click
@@ -17,6 +19,7 @@ OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
 
 def run(command: click.Command) -> int:
     """Run ``command`` with the arguments of the process; return the exit code."""
+    _make_printable()
     try:
         result = command.main(prog_name="axisbus", standalone_mode=False)
     except click.exceptions.Abort:
@@ -32,7 +35,27 @@ def run(command: click.Command) -> int:
     except KeyboardInterrupt:
         say_error("stopped by Ctrl-C")
         return 130
+    except OSError as error:
+        return _unusable(error)
     return result if isinstance(result, int) else OK
+
+
+def _make_printable() -> None:
+    """Let no character end a command: what an output does not have is escaped, and one that is closed takes everything."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the shell (>&-)
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115  # until the process ends
+        elif isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _unusable(error: OSError) -> int:
+    """Report a file or an output that failed on the way, such as a full disk; the commands tell better what they foresee."""
+    named = error.filename if error.filename is not None else "the output"
+    with suppress(OSError):  # standard error may be what failed
+        say_error(f"{named} cannot be used: {error.strerror or error}")
+    return FAILURE
 
 
 def _report(errors: Any) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import click
@@ -44,6 +45,12 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit."""
-    from axisbus.cli.common import run
+    from axisbus.cli.common import FAILURE, run
 
-    sys.exit(run(cli))
+    code = run(cli)
+    try:
+        sys.stdout.flush()
+    except OSError:  # a pipe that nobody reads any more: Python would complain of it once more on its way out
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = code or FAILURE
+    sys.exit(code)

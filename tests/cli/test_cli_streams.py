@@ -1,0 +1,76 @@
+"""Outputs as a shell connects them: pipes that nobody reads, full disks, closed streams, few characters; devices as files."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import cli_bus_kit as kit
+import pytest
+
+from axisbus.cli.output import require_writable, write_whole
+
+SHOW = ("eds", "show", "builtin:gim6010-8")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a shell of Unix connects them")
+
+
+def shell(command: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run ``command`` with ``axisbus`` in it, and return what came out."""
+    program = f'{sys.executable} -m axisbus "$@"'
+    return subprocess.run(
+        ["bash", "-c", command.replace("axisbus", program), "bash", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+def test_a_pipe_that_nobody_reads():
+    ran = shell("set -o pipefail; axisbus | head -0", *SHOW)
+    assert (ran.returncode in (0, 1, 3), ran.stdout, ran.stderr) == (True, "", "")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
+def test_a_disk_that_is_full():
+    ran = shell("axisbus >/dev/full", *SHOW)
+    assert (ran.returncode, ran.stderr) == (
+        3,
+        "axisbus: the output cannot be used: No space left on device\n",
+    )
+    assert shell("axisbus >/dev/full 2>/dev/full", *SHOW).returncode == 3
+
+
+def test_streams_that_are_closed():
+    assert shell("axisbus >&-", "check", kit.CELL).returncode == 0
+    assert shell("axisbus 2>&-", "check", "nothing.toml").returncode == 1
+
+
+def test_a_terminal_without_the_characters():
+    ran = shell(
+        "axisbus", "move", kit.CELL, "x=1", "--home", "--velocity", "nan", "-h", PYTHONIOENCODING="ascii"
+    )
+    assert ran.returncode == 0
+    assert "\\xb2" in ran.stdout
+
+
+def test_a_device_is_written_to_and_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    require_writable(pipe)
+    reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE)
+    write_whole(pipe, b"all of it")
+    assert reader.communicate(timeout=10)[0] == b"all of it"
+    assert pipe.is_fifo()
+
+
+def test_a_link_stays_and_so_do_permissions(tmp_path):
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_text("old")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    write_whole(link, b"new")
+    assert (link.is_symlink(), target.read_text(), target.stat().st_mode & 0o777) == (True, "new", 0o640)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["link", "target"]
