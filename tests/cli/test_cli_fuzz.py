@@ -276,7 +276,7 @@ def outputs(chance: random.Random) -> tuple[io.TextIOWrapper, bool]:
     if kind < 0.15:
         number = chance.choice((errno.EPIPE, errno.ENOSPC))
         return io.TextIOWrapper(io.BufferedWriter(Breaks(chance.choice((0, 1, 200)), number)), "utf-8"), True
-    return io.TextIOWrapper(io.BytesIO(), "ascii" if kind < 0.3 else "utf-8"), False
+    return io.TextIOWrapper(io.BytesIO(), "cp866" if kind < 0.3 else "utf-8"), False
 
 
 @pytest.mark.parametrize("number", range(ROUNDS))

@@ -50,7 +50,7 @@ def test_streams_that_are_closed():
 
 def test_a_terminal_without_the_characters():
     ran = shell(
-        "axisbus", "move", kit.CELL, "x=1", "--home", "--velocity", "nan", "-h", PYTHONIOENCODING="ascii"
+        "axisbus", "move", kit.CELL, "x=1", "--home", "--velocity", "nan", "-h", PYTHONIOENCODING="cp866"
     )
     assert ran.returncode == 0
     assert "\\xb2" in ran.stdout
