@@ -76,7 +76,7 @@ def test_a_node_without_the_table_has_no_expected_program():
         ("date_time = 1983-12-31T12:00:00\n", "from 1984-01-01 to 2163-06-06"),
         ("identification = '0x17'\n", "a whole number from 0 to 4294967295"),
         (DATE + "download = 'yes'\n", "true or false"),
-        (DATE + "deadline = 60\n", 'add the unit: "60ms" or "60s"'),
+        (DATE + "deadline = 60\n", 'add the unit: "60s"'),
         (DATE + "deadline = '10ms'\n", 'from "1s" to "60min"'),
         (DATE + "fiel = 'x.bin'\n", "did you mean file?"),
     ],

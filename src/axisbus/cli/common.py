@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from axisbus.cli.speech import in_commands
 from axisbus.errors import ArgumentError, AxisbusError, UserError
 
 OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3
@@ -63,7 +64,7 @@ def _report(errors: Any) -> int:
     for error in errors:
         if not isinstance(error, AxisbusError):
             raise error
-        say_error(str(error))
+        say_error(in_commands(error))
         code = max(code, exit_code(error))
     return code
 

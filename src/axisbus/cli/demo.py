@@ -11,6 +11,7 @@ import click
 from axisbus import Recorder, wait
 from axisbus.cli.common import FAILURE, OK, say, say_next
 from axisbus.cli.output import output_option, require_writable
+from axisbus.cli.speech import in_commands
 from axisbus.errors import AxisbusError
 from axisbus.machine.cell import CellConfig
 from axisbus.machine.checked import checked
@@ -54,12 +55,15 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
         _job(machine, tally)
         lateness = machine.scan.lateness
-    tally.say("the with block is left: every axis was halted and disabled, the nodes are pre-operational")
+    tally.say("every axis was halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
     tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")
+    picture = None
     if plot:
-        _draw(recorder, output, tally)
-    return _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
+        picture = _draw(recorder, output, tally)
+    code = _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
+    say_next(f"open {picture or csv}, then write a cell.toml of your own: axisbus check cell.toml")
+    return code
 
 
 def _require_simulated(cell: CellConfig) -> None:
@@ -119,7 +123,7 @@ def _fault(machine: Machine, tally: Tally) -> None:
         wait(handles)
     except ExceptionGroup as group:
         for error in group.exceptions:
-            tally.say(str(error).replace("\n", "\n          "))
+            tally.say(in_commands(error).replace("\n", "\n          "))
     machine.sleep(0.4)  # the others brake, and stand
     tally.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
     tally.say(f"reset and enable {victim.name}; its position was not lost")
@@ -132,15 +136,17 @@ def _note(machine: Machine, tally: Tally, what: str, targets: list[float]) -> No
         tally.moves.append((what, axis.name, target, axis.position, axis.unit))
 
 
-def _draw(recorder: Recorder, output: Path, tally: Tally) -> None:
+def _draw(recorder: Recorder, output: Path, tally: Tally) -> Path | None:
+    """Draw the recording; return the picture, None where there is none."""
     from axisbus.record.plot import plot
 
     try:
         picture = plot(recorder, output / "motion.png", "axisbus demo: three simulated axes")
     except AxisbusError as error:
         tally.say(f"no picture: {error}")
-    else:
-        tally.say(f"picture: {picture}")
+        return None
+    tally.say(f"picture: {picture}")
+    return picture
 
 
 def _summary(tally: Tally, worst: float, skipped: int, cycles: int) -> int:
@@ -149,7 +155,6 @@ def _summary(tally: Tally, worst: float, skipped: int, cycles: int) -> int:
     for what, axis, target, reached, unit in tally.moves:
         say(f"{what:<22}{axis:<6}{target:>12.3f}{reached:>12.3f} {unit}")
     say(f"worst cycle lateness {worst * 1000:.2f} ms, {skipped} of {counted(cycles, 'cycle')} skipped")
-    say_next("open demo-output/motion.png, then write a cell.toml of your own: axisbus check cell.toml")
     off = [axis for _, axis, target, reached, _ in tally.moves if abs(target - reached) > 0.5]
     if off:
         say(f"NOT as commanded: {', '.join(off)}")

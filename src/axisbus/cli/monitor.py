@@ -15,6 +15,7 @@ from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.common import OK, say, say_json, say_next
 from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import beside_option
+from axisbus.cli.speech import in_commands
 from axisbus.machine.machine import Machine
 from axisbus.machine.node import NodeAccess
 from axisbus.motion.axis import Axis
@@ -195,7 +196,7 @@ def describe(axis: Axis) -> dict[str, object]:
         "bits": ""
         if snapshot.statusword is None
         else ", ".join(statusword.bit_words(snapshot.statusword, mode)),
-        "error": None if snapshot.error is None else str(snapshot.error),
+        "error": None if snapshot.error is None else in_commands(snapshot.error),
     }
 
 

@@ -119,7 +119,7 @@ def enable(axes: list[Axis]) -> None:
             raise StateError(
                 f"{axis.name}: the axis is in fault; no axis was enabled",
                 observed="" if axis.error is None else axis.error.message,
-                remedy=f"read why and reset it: axisbus reset CELL {axis.name}",
+                remedy="read why (axis.error), then reset it: axis.reset()",
             )
     wait([axis.enable() for axis in axes])
     say(f"enabled: {', '.join(axis.name for axis in axes)}")

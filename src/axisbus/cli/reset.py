@@ -10,6 +10,7 @@ from axisbus import wait
 from axisbus.cli import axes as named
 from axisbus.cli.common import OK, say, say_next
 from axisbus.cli.options import beside_option
+from axisbus.cli.speech import in_commands
 from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
 
@@ -28,7 +29,11 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
         machine.sleep(0.5)  # a fault explains itself by SDO
         chosen = [machine[name] for name in names]
         for axis in chosen:
-            say(f"{axis.name}: {axis.error}" if axis.error is not None else f"{axis.name}: no fault")
+            say(
+                f"{axis.name}: {in_commands(axis.error)}"
+                if axis.error is not None
+                else f"{axis.name}: no fault"
+            )
         wait([axis.reset() for axis in chosen])
         for axis in chosen:
             say(f"{axis.name}: {axis.state.value}")

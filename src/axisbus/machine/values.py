@@ -246,12 +246,18 @@ def duration(low: str, high: str) -> Reader:
     lowest, highest = _seconds(low), _seconds(high)
     expected = f'a time with its unit, from "{low}" to "{high}"'
 
+    def within(seconds: Fraction | None) -> bool:
+        return None not in (seconds, lowest, highest) and lowest <= seconds <= highest  # type: ignore[operator]
+
     def read(value: Any) -> float:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             number = _short(repr(value))
-            raise Unfit(expected, f'add the unit: "{number}ms" or "{number}s"')
+            fit = [f'"{number}{unit}"' for unit in ("ms", "s") if within(_seconds(f"{number}{unit}"))]
+            raise Unfit(
+                expected, f"add the unit: {' or '.join(fit)}" if fit else "add the unit: us, ms, s or min"
+            )
         seconds = _seconds(value) if isinstance(value, str) else None
-        if seconds is None or lowest is None or highest is None or not lowest <= seconds <= highest:
+        if seconds is None or not within(seconds):
             raise Unfit(expected, "units are us, ms, s and min")
         return float(seconds)
 

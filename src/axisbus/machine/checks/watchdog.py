@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import options
 from axisbus.eds.model import Eds
@@ -9,6 +11,11 @@ from axisbus.machine.cell import NodeConfig
 from axisbus.machine.checks.case import Case, Check, Found
 
 _MILLISECOND = 0.001
+
+
+def _whole(seconds: float) -> int:
+    """Return the next whole number of milliseconds, which is not shorter."""
+    return math.ceil(seconds / _MILLISECOND - 1e-6)
 
 
 def heartbeat(case: Case) -> Found:
@@ -29,14 +36,14 @@ def heartbeat(case: Case) -> Found:
             line,
             f"a heartbeat of {bus.heartbeat * 1000:g} ms cannot be set in the drives",
             "1016h and 1017h count whole milliseconds",
-            f'heartbeat = "{max(1, round(bus.heartbeat / _MILLISECOND))}ms"',
+            f'heartbeat = "{_whole(bus.heartbeat)}ms"',
         )
     elif bus.heartbeat < bus.scan_period:
         yield case.error(
             line,
             f"a heartbeat of {bus.heartbeat * 1000:g} ms is faster than the scan that sends it",
             f"scan_period is {bus.scan_period * 1000:g} ms",
-            'heartbeat = "100ms", or a shorter scan_period',
+            f'heartbeat = "{_whole(bus.scan_period)}ms", or scan_period = "{bus.heartbeat * 1000:g}ms" or shorter',
         )
 
 

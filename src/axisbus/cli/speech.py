@@ -1,0 +1,69 @@
+"""Errors for who types commands: what a library remedy says in calls, in options and commands of this command line."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+_WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
+
+# Longer ones first: what is left of a call after them is told by the short ones.
+_TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
+    (re.compile(call), command)
+    for call, command in (
+        (r"home it \(axis\.home\(\)\) or confirm its position \(axis\.set_position\(\.\.\.\)\)", "add --home"),
+        (r"read why \(axis\.error\), then reset it: axis\.reset\(\)", "reset it: axisbus reset CELL AXIS"),
+        (r"see why it is in ErrorStop \(axis\.error\)", "see why it is in ErrorStop (axisbus monitor CELL)"),
+        (r"\(axis\.disable\(\), axis\.reset\(\), then axis\.enable\(\)\)", "(axisbus stop CELL, then axisbus boot CELL)"),
+        (r"enable it again \(axis\.enable\(\)\) or disable it \(axis\.disable\(\)\)", "stop it: axisbus stop CELL"),
+        (r"take it over with axis\.enable\(\), or switch it off with axis\.disable\(\)", "switch it off: axisbus stop CELL"),
+        (r"axis\.reset\(\) and axis\.enable\(\)", "axisbus reset CELL AXIS"),
+        (r"axis\.enable\(moving=True\) catches it in motion; ", ""),
+        (r"wait until it is off: axis\.disable\(coast=True\)\.wait\(\)", "wait until it is off"),
+        (r"let it stand, then release it: axis\.release\(\)", "wait until it stands"),
+        (r"enable it first: axis\.enable\(\)", "give the command again"),
+        (r"axis\.reset\(\)", "axisbus reset CELL AXIS"),
+        (r"axis\.home\(\)", "axisbus home CELL AXIS"),
+        (r"axis\.(?:halt|stop|quick_stop|disable|release)\(\)", "axisbus stop CELL"),
+        (r"axis\.enable\(\)", "axisbus move CELL AXIS=..., which enables it"),
+        (r"axis\.position", "where the axis is"),
+        (r"axis\.error", "axisbus monitor CELL"),
+        (r"; axis\.snapshot keeps what was seen last, with its time", ""),
+        (r"machine\.node\(ID\)\.sdo\[(0x)?(\w+)\]", r"axisbus od read ID:\2"),
+        (r"Machine\.open\(\.\.\., beside=True\) or ", "or "),
+        (r"--beside, or ", "--beside, or "),
+        (r"open the machine with Machine\.open and .* instead of Machine\.simulated", "boot it: axisbus boot CELL"),
+        (r"give (velocity|acceleration|timeout) = \.\.\.(?: \(seconds\))? in the call", r"give --\1"),
+        (r"give \w+ = \.\.\.(?: \([^)]*\))? in the call, or", "write"),
+        (r"the call does not give it, and", "no option gives it, and"),
+        (r"(?:then )?close the machine,? (?:and|which)[^;]*", "then give the command again"),
+        (r"(?:close it, and )?open (?:the machine|it) again(?: to go on)?", "give the command again"),
+        (r"read it while the machine is open", "give the command again"),
+    )
+)  # fmt: skip
+# Of a bus that was given by options there is no [bus].
+_WITHOUT_CELL: tuple[tuple[re.Pattern[str], str], ...] = (
+    (
+        re.compile(r"write the bus's rate, such as bitrate = ([\d_]+), in \[bus\]"),
+        r"give the bus's rate with -b",
+    ),
+    (re.compile(r"correct bitrate in \[bus\]"), "give the link's with -b"),
+    (re.compile(r" \(\[bus\.options\]\)"), " (-O)"),
+    (re.compile(r"interface = \"socketcan\""), "-i socketcan"),
+)
+
+
+def in_commands(error: BaseException) -> str:
+    """Return all texts of an error; where it names a call, the command for it stands instead."""
+    text = str(error)
+    who = _WHO.match(text)
+    cell = next((each for each in sys.argv[1:] if each.endswith(".toml")), "")
+    for pattern, command in (*_TABLE, *(() if cell else _WITHOUT_CELL)):
+        command = command.replace("CELL", cell or "cell.toml").replace("AXIS", who[1] if who else "AXIS")
+        text = pattern.sub(_literal(command), text)
+    return text
+
+
+def _literal(command: str) -> str:
+    """Keep the backslashes of a path on Windows from being read as groups."""
+    return re.sub(r"\\(?!\d)", r"\\\\", command)
