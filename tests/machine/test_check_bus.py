@@ -155,7 +155,7 @@ def test_a_heartbeat_that_is_off_is_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("written", "words", "remedy"),
     [
-        ("2.5ms", "cannot be set in the drives", '"2ms"'),
+        ("2.5ms", "cannot be set in the drives", '"4ms"'),
         ("3ms", "faster than the scan that sends it", '"100ms"'),
         ("19.9999s", "cannot be set in the drives", '"20000ms"'),
     ],

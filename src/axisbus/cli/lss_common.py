@@ -42,7 +42,7 @@ class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         except ValueError:
             self.fail(f"{value!r} is not a number (write 31 or 0x1F)", param, ctx)
         if self._bits is not None and not 0 <= number < 1 << self._bits:
-            self.fail(f"{value!r} is not a number of {self._bits} bits", param, ctx)
+            self.fail(f"{value!r} is not a number of {counted(self._bits, 'bit')}", param, ctx)
         return number
 
 

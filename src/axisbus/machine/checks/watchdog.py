@@ -36,14 +36,14 @@ def heartbeat(case: Case) -> Found:
             line,
             f"a heartbeat of {bus.heartbeat * 1000:g} ms cannot be set in the drives",
             "1016h and 1017h count whole milliseconds",
-            f'heartbeat = "{_whole(bus.heartbeat)}ms"',
+            f'heartbeat = "{_whole(max(bus.heartbeat, bus.scan_period))}ms"',
         )
     elif bus.heartbeat < bus.scan_period:
         yield case.error(
             line,
             f"a heartbeat of {bus.heartbeat * 1000:g} ms is faster than the scan that sends it",
             f"scan_period is {bus.scan_period * 1000:g} ms",
-            f'heartbeat = "{_whole(bus.scan_period)}ms", or scan_period = "{bus.heartbeat * 1000:g}ms" or shorter',
+            f'heartbeat = "{max(100, _whole(bus.scan_period))}ms", or scan_period = "{bus.heartbeat * 1000:g}ms" or shorter',
         )
 
 
