@@ -79,6 +79,11 @@ def open_adapter(
     return _construct(interface, channel, bitrate, dict(options))
 
 
+def interfaces() -> list[str]:
+    """Return the names of the interfaces that python-can knows."""
+    return sorted(VALID_INTERFACES)
+
+
 def check_interface(interface: str) -> None:
     """Check that python-can knows the interface.
 
@@ -87,10 +92,10 @@ def check_interface(interface: str) -> None:
     """
     if interface in VALID_INTERFACES:
         return
-    near = difflib.get_close_matches(interface.lower(), sorted(VALID_INTERFACES), n=3, cutoff=0.5)
+    near = difflib.get_close_matches(interface.lower(), interfaces(), n=3, cutoff=0.5)
     raise AdapterError(
         f"CAN interface {interface!r} is not known to python-can",
-        observed=f"known are {', '.join(sorted(VALID_INTERFACES))}",
+        observed=f"known are {', '.join(interfaces())}",
         remedy=f"did you mean {' or '.join(repr(name) for name in near)}?" if near else "choose one of these",
     )
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli import config_files, od_objects
+from axisbus.cli import config_files
 from axisbus.cli.common import OK, progress_bar, say, say_json, say_next
+from axisbus.cli.completion import complete_node
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.cli.output import output_option, require_free, require_writable, write_whole
 from axisbus.wording import counted
@@ -22,7 +23,7 @@ _PATH = click.Path(path_type=Path)
 
 
 @click.command("backup")
-@click.argument("node", shell_complete=od_objects.complete)
+@click.argument("node", shell_complete=complete_node)
 @node_options
 @output_option("The DCF to write [default: node-N-serial-S.dcf].")
 @click.option(

@@ -11,11 +11,9 @@ import click
 from axisbus.cli import config_files
 from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.errors import SdoAbort
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node import Node
     from axisbus.eds.model import Eds, Variable
     from axisbus.machine.backup.compare import Comparison, Side
 
@@ -78,7 +76,7 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 def _with_node(
     asked: Asked, files: Files, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.machine.backup import compare
+    from axisbus.machine.backup import compare, live
 
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
@@ -89,7 +87,7 @@ def _with_node(
         file = _side(eds, node_id)
         asked_for = [each for each in entries if (each.index, each.subindex) in file.values]
         tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
-        now = _device_side(device, asked_for, tell)
+        now = live.of_device(device, asked_for, tell)
     return compare.compare(asked_for, file, now), (file.name, now.name)
 
 
@@ -103,21 +101,6 @@ def _side(eds: Eds, node_id: int | None) -> Side:
     from axisbus.machine.backup import compare
 
     return compare.of_file(eds, node_id)
-
-
-def _device_side(device: Node, entries: list[Variable], tell: config_files.Tell | None) -> Side:
-    from axisbus.machine.backup import compare
-
-    values, unread = {}, {}
-    for number, variable in enumerate(entries, start=1):
-        key = variable.index, variable.subindex
-        try:
-            values[key] = compare.typed(variable, device.sdo.upload(*key))
-        except SdoAbort as refusal:
-            unread[key] = f"the device refuses it: {refusal.observed}"
-        if tell is not None:
-            tell(number, len(entries))
-    return compare.Side(f"node {device.node_id}", values, unread)
 
 
 def _show(comparison: Comparison, names: tuple[str, str]) -> None:

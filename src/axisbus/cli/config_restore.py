@@ -19,6 +19,7 @@ from axisbus.cli.common import (
     say_error,
     say_json,
 )
+from axisbus.cli.completion import complete_node
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import BusError, EdsError, SdoAbort, StateError
 from axisbus.wording import counted
@@ -47,7 +48,7 @@ class _Wish:
 
 @click.command("restore")
 @click.argument("file")
-@click.argument("node")
+@click.argument("node", shell_complete=complete_node)
 @node_options
 @click.option(
     "--include",

@@ -9,6 +9,7 @@ import click
 from axisbus.cli import axes as named
 from axisbus.cli import move
 from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.completion import complete_axes
 from axisbus.cli.options import beside_option
 from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
@@ -17,7 +18,7 @@ from axisbus.machine.rehearsal import Rehearsal
 
 @click.command("home")
 @click.argument("cell", type=click.Path(path_type=Path))
-@click.argument("axes", nargs=-1)
+@click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @beside_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
     """Boot CELL, enable its axes (or those named, by themselves or by a group), home them as [axes.NAME.homing] says, stop and

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 from collections.abc import Mapping
 from typing import Any
@@ -28,6 +29,28 @@ class LazyGroup(click.Group):
             return None
         command: click.Command = importlib.import_module(self._table[cmd_name][0]).command
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the subcommand; where there is none, name those that may be meant."""
+        name = args[0]
+        if name not in self._table and not name.startswith("-"):
+            meant = self._meant(ctx, name)
+            ask = f"; did you mean {' or '.join(meant)}?" if meant else f"; {ctx.command_path} -h lists all"
+            ctx.fail(f"there is no command {name!r}{ask}")
+        return super().resolve_command(ctx, args)
+
+    def _meant(self, ctx: click.Context, name: str) -> list[str]:
+        """Return the commands that are called so one level down, else those of a similar name."""
+        inner = [
+            f"{ctx.command_path} {group} {name}"
+            for group in self._table
+            if isinstance(found := self.get_command(ctx, group), LazyGroup)
+            and name in found.list_commands(ctx)
+        ]
+        near = difflib.get_close_matches(name.lower(), self._table, n=3, cutoff=0.6)
+        return inner or [f"{ctx.command_path} {each}" for each in near]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the subcommands without importing them."""

@@ -21,6 +21,7 @@ COMMANDS = {
     "nmt": ("axisbus.cli.nmt", "Start, stop or reset nodes (NMT), and say what they did."),
     "od": ("axisbus.cli.od", "Read, write, list and watch the objects of a node."),
     "config": ("axisbus.cli.config", "Back up, compare and restore the configuration of a node as a DCF."),
+    "save": ("axisbus.cli.save", "Have a node store its parameters (1010h), so that they are kept."),
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
     "trace": ("axisbus.cli.trace", "Show the frames of a bus or a recording in words."),

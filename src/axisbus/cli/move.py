@@ -11,6 +11,7 @@ import click
 from axisbus import wait
 from axisbus.cia402.state import State
 from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.completion import complete_targets
 from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import beside_option, parse_targets
 from axisbus.errors import StateError
@@ -26,7 +27,9 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 @click.command("move")
 @click.argument("cell", type=click.Path(path_type=Path))
-@click.argument("targets", nargs=-1, required=True, metavar="AXIS=POSITION...")
+@click.argument(
+    "targets", nargs=-1, required=True, metavar="AXIS=POSITION...", shell_complete=complete_targets
+)
 @click.option("--velocity", type=float, help="Velocity in unit/s, instead of the axes' defaults.")
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
 @click.option("--relative", is_flag=True, help="Move by these distances instead of to these positions.")

@@ -10,6 +10,7 @@ import click
 
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
+from axisbus.cli.completion import complete_nodes_or_all
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import NodeTimeout, StateError
 
@@ -29,7 +30,7 @@ ALL = "all"
 
 @click.command("nmt")
 @click.argument("wanted", metavar="COMMAND", type=click.Choice(list(COMMANDS)))
-@click.argument("who", metavar="NODE...|all", nargs=-1, required=True)
+@click.argument("who", metavar="NODE...|all", nargs=-1, required=True, shell_complete=complete_nodes_or_all)
 @node_options
 @click.option(
     "--force", is_flag=True, help="Also where a drive is energised: it may coast, or drop its load."

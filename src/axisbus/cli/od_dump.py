@@ -10,6 +10,7 @@ import click
 
 from axisbus.cli import od_objects as od
 from axisbus.cli.common import OK, progress_bar, say, say_json, say_next
+from axisbus.cli.completion import complete_node
 from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.cli.output import output_option, require_writable, write_whole
 from axisbus.errors import SdoAbort
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @click.command("dump")
-@click.argument("node", shell_complete=od.complete)
+@click.argument("node", shell_complete=complete_node)
 @node_options
 @output_option("Write to this file instead.")
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")

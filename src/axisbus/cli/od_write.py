@@ -18,8 +18,6 @@ from axisbus.machine.careful import Written, is_command
 from axisbus.machine.trace import text
 from axisbus.wording import counted
 
-_SAVE = 0x6576_6173  # "save" (CiA 301 7.5.2.13)
-
 
 @click.command("write", context_settings={"ignore_unknown_options": True})
 @click.argument("arguments", metavar="NODE:OBJECT VALUE", nargs=-1, required=True, shell_complete=od.complete)
@@ -104,7 +102,7 @@ def _say(files: Files, target: od.Target, value: Value, written: Written, energi
         cell = files.cell.file if files.cell is not None else "CELL"
         say_next(f"stop it: axisbus stop {cell}")
     elif dictionary.has(c301.STORE_PARAMETERS, 1) and not is_command(entry.index):
-        say_next(f"it is in RAM only; to keep it: axisbus od write ... {node_id}:1010:1 0x{_SAVE:X}")
+        say_next(f"it is in RAM only; to keep it: axisbus save {node_id} ...")
 
 
 def _plain(

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from axisbus.cli.axes import once
+from axisbus.cli.completion import complete_channel, complete_interface
 from axisbus.cli.numbers import BitRate
 
 Decorated = Callable[..., Any]
@@ -30,9 +31,14 @@ def bus_options(function: Decorated) -> Decorated:
             "-O", "--option", multiple=True, metavar="KEY=VALUE", help="Further option for the adapter."
         ),
         click.option("-b", "--bitrate", type=BitRate(), help="Bit rate in bit/s, where the adapter sets it."),
-        click.option("-c", "--channel", help="Channel, such as can0 or PCAN_USBBUS1."),
         click.option(
-            "-i", "--interface", help="python-can interface, such as socketcan, pcan, kvaser, slcan."
+            "-c", "--channel", shell_complete=complete_channel, help="Channel, such as can0 or PCAN_USBBUS1."
+        ),
+        click.option(
+            "-i",
+            "--interface",
+            shell_complete=complete_interface,
+            help="python-can interface, such as socketcan, pcan, kvaser, slcan.",
         ),
     ):
         function = decorate(function)

@@ -9,6 +9,7 @@ import click
 from axisbus import wait
 from axisbus.cli import axes as named
 from axisbus.cli.common import OK, say, say_next
+from axisbus.cli.completion import complete_axes
 from axisbus.cli.options import beside_option
 from axisbus.cli.speech import in_commands
 from axisbus.machine.checked import checked
@@ -17,7 +18,7 @@ from axisbus.machine.machine import Machine
 
 @click.command("reset")
 @click.argument("cell", type=click.Path(path_type=Path))
-@click.argument("axes", nargs=-1)
+@click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @beside_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
     """Boot CELL and reset the faults of its axes (or of those named, by themselves or by a group); enables nothing.

@@ -1,0 +1,92 @@
+"""What a shell may complete: nodes and axes of the cell file, its groups, CAN interfaces and their channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+from axisbus.machine.cell import CellConfig
+
+Items = list[CompletionItem]
+
+
+def complete_axes(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
+    """Return the axes and groups that are not named yet."""
+    cell = _cell(ctx)
+    named = ctx.params.get("axes") or ()
+    return _fitting(incomplete, [each for each in _axes_and_groups(cell) if each[0] not in named])
+
+
+def complete_targets(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
+    """Return the axes that have no target yet, each with its ``=``."""
+    cell = _cell(ctx)
+    named = {each.partition("=")[0] for each in ctx.params.get("targets") or ()}
+    axes = [] if cell is None else list(cell.axes.values())
+    found = [
+        (f"{axis.name}=", _range(axis.position_limits, axis.unit)) for axis in axes if axis.name not in named
+    ]
+    return _fitting(incomplete, found)
+
+
+def complete_node(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
+    """Return the nodes and axes of the cell file."""
+    return _fitting(incomplete, _nodes(_cell(ctx)))
+
+
+def complete_nodes_or_all(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
+    """Return the nodes and axes of the cell file, and the word for all of them."""
+    return _fitting(incomplete, [*_nodes(_cell(ctx)), ("all", "every node of the bus")])
+
+
+def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -> Items:
+    """Return python-can's interfaces."""
+    from axisbus.bus.adapter import interfaces
+
+    return _fitting(incomplete, [(name, "") for name in interfaces()])
+
+
+def complete_channel(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
+    """Return the CAN interfaces of this computer, where SocketCAN is meant."""
+    from axisbus.bus.socketcan import links
+
+    known = ctx.params.get("interface") in (None, "socketcan")
+    return _fitting(incomplete, [(name, "") for name in links()] if known else [])
+
+
+def _cell(ctx: click.Context) -> CellConfig | None:
+    """Read the cell file that is named; a completion has nowhere to say what is wrong with it: the command itself will."""
+    given = ctx.params.get("cell")
+    if given is None:
+        return None
+    from axisbus.machine import config
+
+    return config.read(Path(str(given)))[0]
+
+
+def _axes_and_groups(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
+    if cell is None:
+        return
+    for name, axis in cell.axes.items():
+        yield name, f"axis of node {axis.node}"
+    for name, group in cell.groups.items():
+        yield name, f"group of {', '.join(group.axes)}"
+
+
+def _nodes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
+    if cell is None:
+        return
+    for node_id, node in cell.nodes.items():
+        yield str(node_id), node.file or ""
+    for name, axis in cell.axes.items():
+        yield name, f"axis of node {axis.node}"
+
+
+def _range(limits: tuple[float, float] | None, unit: str) -> str:
+    return unit if limits is None else f"{limits[0]:g} to {limits[1]:g} {unit}"
+
+
+def _fitting(incomplete: str, found: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> Items:
+    return [CompletionItem(name, help=text or None) for name, text in found if name.startswith(incomplete)]

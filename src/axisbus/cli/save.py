@@ -1,0 +1,86 @@
+"""``axisbus save``: have a node store its parameters."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import click
+
+from axisbus.cli import config_files
+from axisbus.cli.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
+from axisbus.cli.completion import complete_node
+from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.wording import counted
+
+if TYPE_CHECKING:
+    from axisbus.machine.backup.keep import Kept
+
+
+@click.command("save")
+@click.argument("node", shell_complete=complete_node)
+@node_options
+@click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
+def command(node: str, asked: Asked, as_json: bool) -> int:
+    """Have NODE (its ID, or an axis of --cell) store all its parameters (1010h:01, Save all parameters), so that they are kept
+    without power.
+
+    Refused while a drive of the node is energised: some drives restart when they store. Such a restart is waited for, and the node
+    must answer again; with its EDS (--cell, --eds) all that it had is then read once more. Exit code 1 when the restart has lost a
+    value, 3 when the node refuses or does not come back.
+
+    \b
+    axisbus save x --cell cell.toml
+    axisbus save 5 -i socketcan -c can0 --eds drive.eds
+    """
+    from axisbus.machine.backup.keep import keep
+
+    require_bus(asked)
+    files = Files.of(asked.cell, asked.eds)
+    node_id = files.address(node.rstrip(":")).node_id
+    with ExitStack() as stack:
+        device = Session(stack, asked, files, [node_id]).node(node_id)
+        kept = keep(device, stack.enter_context(progress_phases(quiet=as_json)))
+    if as_json:
+        say_json(_plain(node_id, kept))
+    else:
+        _show(node_id, kept, device.eds is not None)
+    return WRONG if kept.comparison.differences else OK
+
+
+def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
+    from axisbus.machine.backup.keep import OBJECT
+
+    restart = ", restarted" if kept.restarted else ""
+    say(f"node {node_id}: stored by {OBJECT} in {kept.seconds:.1f} s{restart}, and answers")
+    for each in kept.comparison.differences:
+        was, now = (config_files.shown(each.variable, value) for value in (each.left, each.right))
+        say_error(
+            f"{config_files.place(each.variable)} was {was}, is {each.note or now} since the restart: it was not stored"
+        )
+    if kept.restarted and with_eds:
+        lost = len(kept.comparison.differences)
+        say(f"{counted(kept.comparison.compared, 'object')} read again after the restart, {lost} differ")
+    say_next(f"keep a copy in a file: axisbus config backup {node_id} ... -o FILE.dcf")
+
+
+def _plain(node_id: int, kept: Kept) -> dict[str, object]:
+    lost = [
+        {
+            "index": each.variable.index,
+            "subindex": each.variable.subindex,
+            "name": each.variable.name,
+            "before": config_files.plain(each.left),
+            "after": config_files.plain(each.right),
+        }
+        for each in kept.comparison.differences
+    ]
+    return {
+        "node": node_id,
+        "stored": True,
+        "object": "1010h:01",
+        "restarted": kept.restarted,
+        "seconds": kept.seconds,
+        "compared": kept.comparison.compared,
+        "lost": lost,
+    }
