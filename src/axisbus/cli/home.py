@@ -34,7 +34,7 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
     with Machine.open(cell, beside=beside) as machine:
         chosen = [machine[name] for name in names]
         move.enable(chosen)
-        move.home(chosen)
+        move.home(machine, chosen)
     say("all axes stand and are disabled")
     say_next(f"axisbus move {cell} {names[0]}=... --home")
     return OK

@@ -14,6 +14,7 @@ from axisbus.cli.common import OK, say, say_next
 from axisbus.cli.completion import complete_targets
 from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import beside_option, parse_targets
+from axisbus.cli.underway import Way, follow
 from axisbus.errors import StateError
 from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
@@ -64,8 +65,8 @@ def command(
         course.rehearse(rehearsal, home_first)  # once more, by where the axes are, before any is enabled
         enable(axes)
         if home_first:
-            home(axes)
-        wait([course.start(axis) for axis in axes])
+            home(machine, axes)
+        follow(machine, [Way(axis, course.start(axis)) for axis in axes])
         for axis in axes:
             say_position(axis, "at")
     say("all axes stand and are disabled")
@@ -128,9 +129,9 @@ def enable(axes: list[Axis]) -> None:
     say(f"enabled: {', '.join(axis.name for axis in axes)}")
 
 
-def home(axes: list[Axis]) -> None:
+def home(machine: Machine, axes: list[Axis]) -> None:
     """Home axes, with lines of progress."""
-    wait([axis.home() for axis in axes])
+    follow(machine, [Way(axis, axis.home()) for axis in axes])
     for axis in axes:
         say_position(axis, "homed, at")
 

@@ -140,6 +140,17 @@ class Axis:
         return value if modulo is None else value % modulo
 
     @property
+    def distance_to_go(self) -> float | None:
+        """How far the target of the last move to a position is from where the axis is, signed, in the axis's unit.
+
+        None without such a move, or while the position is unknown.
+        """
+        snapshot = self.snapshot
+        if snapshot.target is None or snapshot.position is None or self._scan.silent is not None:
+            return None
+        return self._parameters.units.position.to_units(snapshot.target - snapshot.position)
+
+    @property
     def following_error(self) -> float:
         """How far the actual position is behind the demand (6062h minus 6064h), in the axis's unit.
 

@@ -1,0 +1,78 @@
+"""Axes under way, on a terminal: position, percent, and what is left, in a line that is drawn again and again."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import click
+
+from axisbus import wait
+from axisbus.errors import StaleError
+from axisbus.machine.machine import Machine
+from axisbus.motion.axis import Axis
+from axisbus.motion.handle import Handle
+
+_REDRAW = 0.1  # seconds
+_SLOWEST = 0.001  # of the way per second: below that nobody knows how long it will take
+
+
+@dataclass(slots=True)
+class Way:
+    """A command of an axis under way; holds the longest distance that was left, which is all of the way."""
+
+    axis: Axis
+    handle: Handle
+    whole: float = 0.0
+
+    def text(self) -> str:
+        """Return where the axis is and what is left; a homing has no end that is known before."""
+        axis = self.axis
+        try:
+            where = f"{axis.name} {axis.position:.3f} {axis.unit}"
+        except StaleError:
+            return f"{axis.name} position unknown"
+        left = axis.distance_to_go
+        if not self.handle.busy or left is None:
+            return where
+        self.whole = max(self.whole, abs(left))
+        share = 1.0 - abs(left) / self.whole if self.whole else 1.0
+        return f"{where}, {share:.0%}, {abs(left):.3f} {axis.unit}{self._seconds(abs(left))} left"
+
+    def _seconds(self, left: float) -> str:
+        try:
+            speed = abs(self.axis.velocity)
+        except StaleError:
+            return ""
+        return f" and {left / speed:.1f} s" if speed > self.whole * _SLOWEST else ""
+
+
+def follow(machine: Machine, ways: Sequence[Way]) -> None:
+    """Wait until all have ended; on a terminal with a line that shows how far they are.
+
+    Raises:
+        ExceptionGroup: as ``wait``.
+    """
+    handles = [way.handle for way in ways]
+    if is_terminal():
+        try:
+            while any(handle.busy for handle in handles):
+                _draw("; ".join(way.text() for way in ways))
+                machine.sleep(_REDRAW)
+        finally:
+            _draw("")
+    wait(handles)
+
+
+def is_terminal() -> bool:
+    """Whether standard error is one, and so is looked at."""
+    return sys.stderr.isatty()
+
+
+def _draw(text: str) -> None:
+    room = shutil.get_terminal_size().columns - 1
+    with suppress(OSError):  # a terminal that is gone must not end a motion
+        click.echo(f"\r{text[:room]}\x1b[K", err=True, nl=False)
