@@ -141,6 +141,12 @@ def test_where_an_output_goes(axisbus, tmp_path, command, path):
     assert not any((tmp_path / "folder").iterdir())
 
 
+def test_a_restore_of_what_the_file_does_not_have(axisbus):
+    assert axisbus("eds", "dcf", kit.GENERIC, "--node", "5", "--set", "6081=7", "-o", "x.dcf").code == 0
+    code, _, err = axisbus("config", "restore", "x.dcf", "5", *NODE, "--include", "2105:1")
+    assert (code, "gives no value for 2105h:01" in err) == (2, True)
+
+
 def test_one_file_is_not_written_twice(axisbus):
     code, _, err = axisbus("config", "backup", "5", *NODE, "-o", "x.dcf", "--concise", "./x.dcf")
     assert (code, "is named for two files" in err) == (1, True)

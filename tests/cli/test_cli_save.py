@@ -123,6 +123,14 @@ def test_a_node_that_is_not_there(axisbus, bus):
     assert "got no answer" in err
 
 
+def test_a_simulated_cell_restarts_as_its_make_does(axisbus):
+    """Of the reference module it is known that storing restarts it."""
+    code, out, _ = axisbus("save", "x", "--cell", kit.CELL)
+    assert code == 0
+    assert ", restarted, and answers" in out
+    assert "read again after the restart, 0 differ" in out
+
+
 def test_another_master_is_not_disturbed(axisbus, tmp_path):
     """A machine runs the node: it is refused, and the machine goes on."""
     with kit.drives(NODE) as (_, channel):

@@ -101,6 +101,7 @@ def command(
     files = Files.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
+    _select(eds, node_id, wish)  # what the file cannot give is told before the bus is opened
     with ExitStack() as stack:
         device = Session(stack, asked, files, [node_id]).node(node_id)
         return _run(stack, device, eds, wish, as_json)
@@ -137,6 +138,19 @@ def _concise_values(file: str, files: Files, node_id: int) -> Eds:
 
 
 # -- the run -----------------------------------------------------------------------------------------------------------
+
+
+def _select(eds: Eds, node_id: int, wish: _Wish) -> None:
+    """Choose from the file for the device that it names.
+
+    Raises:
+        ArgumentError: an object is not in it, or has no value that can be written.
+    """
+    from axisbus.drives import registry
+    from axisbus.machine.backup.items import select
+
+    make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
+    select(eds, node_id, make, wish.include, wish.exclude)
 
 
 def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:

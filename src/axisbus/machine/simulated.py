@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from axisbus.drives import registry
 from axisbus.eds.model import Eds
 from axisbus.errors import ConfigError
 from axisbus.machine.cell import CellConfig
@@ -28,9 +29,12 @@ def devices(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Devi
             f"[bus.options] {_KEY} = {bare!r} is not a list of nodes of this cell",
             remedy=f"write some of {sorted(cell.nodes)}, such as {_KEY} = [{min(cell.nodes, default=1)}]",
         )
-    return {
-        node_id: device_from_eds(eds, NO_NODE_ID, seed=node_id, serial=node_id)
-        if node_id in bare
-        else device_from_eds(eds, node_id, seed=node_id)
-        for node_id, eds in dictionaries.items()
-    }
+    return {node_id: _device(node_id, eds, bare=node_id in bare) for node_id, eds in dictionaries.items()}
+
+
+def _device(node_id: int, eds: Eds, *, bare: bool) -> Device:
+    own, serial = (NO_NODE_ID, node_id) if bare else (node_id, None)
+    device = device_from_eds(eds, own, seed=node_id, serial=serial)
+    make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
+    device.dials.reboot_on_store = make.store_restarts
+    return device
