@@ -7,9 +7,12 @@ import subprocess
 import sys
 
 import cli_bus_kit as kit
+import click
 import pytest
 
+from axisbus.cli.common import run
 from axisbus.cli.output import require_writable, write_whole
+from axisbus.errors import ArgumentError, BusError, StateError
 
 SHOW = ("eds", "show", "builtin:gim6010-8")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a shell of Unix connects them")
@@ -74,3 +77,39 @@ def test_a_link_stays_and_so_do_permissions(tmp_path):
     write_whole(link, b"new")
     assert (link.is_symlink(), target.read_text(), target.stat().st_mode & 0o777) == (True, "new", 0o640)
     assert sorted(each.name for each in tmp_path.iterdir()) == ["link", "target"]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (ArgumentError("a"), 2, ["axisbus: a"]),
+        (
+            ExceptionGroup("g", [StateError("a"), ExceptionGroup("h", [BusError("b")])]),
+            3,
+            ["axisbus: a", "axisbus: b"],
+        ),
+        (FileNotFoundError(2, "No such file", "x.eds"), 3, ["axisbus: x.eds cannot be used: No such file"]),
+        (TimeoutError("x: not ended after 5 s"), 3, ["axisbus: x: not ended after 5 s"]),
+        (KeyboardInterrupt(), 130, ["axisbus: stopped"]),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
+)
+def test_how_a_command_ends(monkeypatch, capsys, error, code, words):
+    @click.command()
+    def command():
+        raise error
+
+    monkeypatch.setattr(sys, "argv", ["axisbus"])
+    assert run(command) == code
+    said = capsys.readouterr().err
+    assert [word for word in words if word not in said] == []
+
+
+def test_a_mistake_of_the_program_is_not_hidden(monkeypatch):
+    @click.command()
+    def command():
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(sys, "argv", ["axisbus"])
+    with pytest.raises(ZeroDivisionError):
+        run(command)

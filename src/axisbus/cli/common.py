@@ -54,14 +54,18 @@ def _make_printable() -> None:
 def _unusable(error: OSError) -> int:
     """Report a file or an output that failed on the way, such as a full disk; the commands tell better what they foresee."""
     named = error.filename if error.filename is not None else "the output"
+    why = str(error) if error.errno is None else f"{named} cannot be used: {error.strerror}"
     with suppress(OSError):  # standard error may be what failed
-        say_error(f"{named} cannot be used: {error.strerror or error}")
+        say_error(why)
     return FAILURE
 
 
 def _report(errors: Any) -> int:
     code = OK
     for error in errors:
+        if isinstance(error, ExceptionGroup):
+            code = max(code, _report(error.exceptions))
+            continue
         if not isinstance(error, AxisbusError):
             raise error
         say_error(in_commands(error))
