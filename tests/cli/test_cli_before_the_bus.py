@@ -12,6 +12,8 @@ from axisbus.bus import adapter
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.checked import checked
 from axisbus.machine.rehearsal import Rehearsal
+from axisbus.machine.standin import StandIn
+from axisbus.motion.axis import Axis
 
 BUS = ("-i", "virtual", "-c", "nobody")
 NODE = ("--eds", kit.GENERIC, *BUS)
@@ -222,6 +224,28 @@ def _commands(group):
     for name in group.list_commands(None):
         command = group.get_command(None, name)
         yield from _commands(command) if hasattr(command, "list_commands") else [command]
+
+
+def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
+    with kit.drives(5, 6) as (stand_ins, channel):
+        cell = tmp_path / "cell.toml"
+        bus = f'[bus]\ninterface = "virtual"\nchannel = "{channel}"\nscan_period = "10ms"\n'
+        nodes = "".join(
+            f'[nodes.{node}]\neds = "{kit.GENERIC}"\n[axes.{name}]\nnode = {node}\nunit = "increments"\n'
+            f"[axes.{name}.defaults]\nvelocity = 5000\nacceleration = 50000\n[axes.{name}.homing]\nmethod = 35\n"
+            for node, name in ((5, "x"), (6, "y"))
+        )
+        cell.write_text(bus + nodes)
+        axisbus = kit.runner(monkeypatch, capsys)
+        seen = []
+        enable = Axis.enable
+        monkeypatch.setattr(Axis, "enable", lambda axis: seen.append(axis.name) or enable(axis))
+        StandIn(stand_ins.devices[1], stand_ins.lock).fault(0x4310)
+        for command in (("move", cell, "x=10", "y=10"), ("home", cell)):
+            code, _, err = axisbus(*command)
+            assert (code, seen) == (1, [])
+            assert "y: the axis is in fault; no axis was enabled" in err
+            assert f"reset it: axisbus reset {cell} y" in err
 
 
 # -- a rehearsal by itself ---------------------------------------------------------------------------------------------
