@@ -254,7 +254,7 @@ CASES = (
          ("2003sub1:DefaultValue=$NODEID+0x7F80",)),
     Case("V017", ("2002:DefaultValue=0x0102",), "2002:DefaultValue", ("2002:DefaultValue=01 02",)),
     Case("V018", ("2003sub1:LowLimit=0", "2003sub1:HighLimit=0"), "2003sub1:LowLimit",
-         ("2003sub1:LowLimit=0", "2003sub1:HighLimit=1")),
+         ("2003sub1:LowLimit=0", "2003sub1:HighLimit=0", "2003sub1:DefaultValue=0")),
     Case("V019", ("1400sub1:DefaultValue=0x200",), "1400sub1:DefaultValue", ("1400sub1:DefaultValue=0x380",)),
     Case("V020", ("1014:DefaultValue=$NODE+0x80",), "1014:DefaultValue", ("1014:DefaultValue=$NODEID+128",)),
     # P: PDOs

@@ -254,3 +254,13 @@ def test_real_files_become_a_dcf_and_a_concise_dcf() -> None:
         except (EdsError, ArgumentError):
             continue  # a value in the file that cannot be understood
         assert concise.decode(concise.encode(writes)) == writes, path.name
+
+
+def test_an_object_that_takes_only_zero_is_set_to_nothing_else() -> None:
+    """6086h of a drive with one profile: its limits are both 0, as its default is."""
+    body = variable(
+        "6086", ParameterName="Profile type", DataType="3", DefaultValue="0", LowLimit="0", HighLimit="0"
+    )
+    eds = file(body)
+    with pytest.raises(LimitError, match="7 is outside its limits"):
+        dcf.make(eds, Settings(5), [(assign.entry(eds.eds, "6086"), "7")])

@@ -210,3 +210,28 @@ def test_every_finding_has_a_place_a_reason_and_a_remedy() -> None:
     assert rules(eds) == ["S006", "O011", "V009", "V004", "S012"]
     assert [finding.line for finding in eds.findings] == [HEAD_LINES + line for line in (1, 4, 7, 8, 17)]
     assert all(finding.message and finding.remedy and finding.column >= 1 for finding in eds.findings)
+
+
+ZEROS = {"LowLimit": "0", "HighLimit": "0"}
+
+
+@pytest.mark.parametrize(
+    ("data_type", "default", "kept"),
+    [("0x3", "0", True), ("7", "0x00", True), ("0x8", "0.0", True), ("0x3", "5", False), ("0x3", "", False)],
+)
+def test_limits_of_zero_hold_beside_a_default_of_zero(data_type: str, default: str, kept: bool) -> None:
+    """As of 6086h, which has one profile, and 1003h:00, to which only 0 is written; else they are an editor's way to say none."""
+    eds = read(variable("6086", DataType=data_type, DefaultValue=default, **ZEROS))
+    low, high = eds.objects[0x6086].subs[0].low, eds.objects[0x6086].subs[0].high
+    plain = [getattr(limit, "value", limit) for limit in (low, high)]
+    assert plain == ([0, 0] if kept else [None, None])
+    assert ("V018" in [finding.rule for finding in eds.findings]) is not kept
+
+
+def test_limits_of_zero_are_none_in_a_file_that_writes_them_beside_other_defaults() -> None:
+    body = "".join(
+        variable(f"20{number:02}", DataType="7", DefaultValue=str(number), **ZEROS) for number in (0, 1, 2)
+    )
+    eds = read(body)
+    assert [eds.objects[index].subs[0].high for index in (0x2000, 0x2001, 0x2002)] == [None] * 3
+    assert [finding.rule for finding in eds.findings] == ["V018"] * 3

@@ -155,3 +155,8 @@ def test_limits_that_make_no_sense_are_none(
     resolved = tuple(limit.value if isinstance(limit, Number) else limit for limit in (found.low, found.high))
     assert resolved == expected
     assert [problem.rule for problem in found.problems] == rules
+
+
+def test_two_limits_of_zero_hold_where_they_are_meant() -> None:
+    found = values.limits("0", "0x0", T.INTEGER16, only_zero=True)
+    assert (found.low, found.high, found.problems) == (Number(0), Number(0), ())

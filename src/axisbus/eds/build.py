@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import compact, values
 from axisbus.eds.findings import Findings
-from axisbus.eds.model import Object, ObjectType, Variable
+from axisbus.eds.model import Number, Object, ObjectType, Variable
 from axisbus.eds.sections import Sorted
 from axisbus.eds.text import Document, Section
 from axisbus.eds.values import Default, Problem
@@ -32,6 +32,7 @@ _SPELLED = {
 }
 _MODELLED = frozenset(_SPELLED) | {"parametername", "denotation", "subnumber", "compactsubobj"}
 _NOTHING: Mapping[str, str] = {}
+_BOTH_ZERO = "V018"
 
 
 class Builder:
@@ -221,9 +222,28 @@ class Builder:
         if not low and not high:
             return None, None
         bottom, top, problems = values.limits(low or "", high or "", data_type)
+        if problems and problems[-1].rule == _BOTH_ZERO and self._only_zero(section, data_type):
+            bottom, top, problems = values.limits(low or "", high or "", data_type, only_zero=True)
         if problems:
             self._problems(problems, section, "lowlimit" if low else "highlimit", index, subindex)
         return bottom, top
+
+    def _only_zero(self, section: Section, data_type: DataType) -> bool:
+        """Whether two limits of 0 are meant: the default is 0 (as of 6086h, 1003h:00), and the file has no habit of such limits."""
+        return _is_zero(section.entries.get("defaultvalue"), data_type) and not self._zeros_for_none
+
+    @cached_property
+    def _zeros_for_none(self) -> bool:
+        """Whether the file writes two limits of 0 for none: more than once beside a default that they would not allow."""
+        kind = DataType.INTEGER64
+        found = sum(
+            _is_zero(section.entries["lowlimit"], kind)
+            and _is_zero(section.entries.get("highlimit"), kind)
+            and _is_other(section.entries.get("defaultvalue"))
+            for section in self._parts.described()
+            if "lowlimit" in section.entries
+        )
+        return found > 1
 
     def _flag(self, section: Section, key: str, index: int, subindex: int) -> int:
         text = section.entries.get(key)
@@ -249,6 +269,18 @@ class Builder:
             return
         line, column = self._document.place(section, key) if key else (section.line, 1)
         self._findings.add(rule, message, line=line, column=column, index=index, subindex=subindex)
+
+
+def _is_zero(text: str | None, data_type: DataType) -> bool:
+    value = values.parse(text or "", data_type).value
+    return value == 0.0 or value == Number(0)
+
+
+def _is_other(text: str | None) -> bool:
+    """Whether a default is a number, and not 0."""
+    value = values.parse(text or "", DataType.REAL64).value
+    number = values.plain(text or "") if value is None else value
+    return number is not None and number != 0
 
 
 def _more(entries: Mapping[str, str]) -> Mapping[str, str]:

@@ -56,6 +56,12 @@ class Sorted:
     info: Info
     again: tuple[tuple[Section, Section], ...] = ()
 
+    def described(self) -> Iterator[Section]:
+        """Yield the sections of all objects, then those of all sub-indices."""
+        yield from self.heads.values()
+        for subs in self.subs.values():
+            yield from subs.values()
+
 
 def sort(sections: Mapping[str, Section]) -> Sorted:
     """Sort the sections of a document by their (lower-case) names; unknown ones are kept as information."""

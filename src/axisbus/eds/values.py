@@ -80,10 +80,10 @@ NO_LIMITS = Limits(None, None)
 
 
 @lru_cache(maxsize=1024)
-def limits(low_text: str, high_text: str, data_type: DataType) -> Limits:
+def limits(low_text: str, high_text: str, data_type: DataType, only_zero: bool = False) -> Limits:
     """Read LowLimit and HighLimit together; limits that contradict each other or the type are none.
 
-    Limits of strings, bytes and times say nothing and are left out.
+    Limits of strings, bytes and times say nothing and are left out. ``only_zero`` tells that two limits of 0 are meant as such.
     """
     if not data_type.integer and data_type not in _REAL_FORMATS:
         return NO_LIMITS
@@ -93,7 +93,7 @@ def limits(low_text: str, high_text: str, data_type: DataType) -> Limits:
         *(problem._replace(key="highlimit") for problem in high.problems),
     )
     bottom, top = _plain(low.value), _plain(high.value)
-    if bottom == top == 0:
+    if bottom == top == 0 and not only_zero:
         problem = Problem(
             "V018", "LowLimit and HighLimit are both 0, which is taken to mean that there is none"
         )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
-from axisbus.eds.model import ObjectType, Severity
+from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import standard
 from axisbus.eds.rules.cia301 import wrong_object_type
 from axisbus.eds.rules.drive import axes
@@ -127,7 +127,9 @@ def one_way(sheet: Sheet) -> Iterator[Hit]:
                 continue
             low = entry.low if isinstance(entry.low, float) else entry.low.value
             if low >= 0:
-                text = f"has a LowLimit of {low}: the axis could move in one direction only ({entry.name})"
+                high = entry.high.value if isinstance(entry.high, Number) else entry.high
+                what = "could not move" if high == 0 else "could move in one direction only"
+                text = f"has a LowLimit of {low}: the axis {what} ({entry.name})"
                 yield sheet.on(Described(entry, section), "lowlimit", text)
 
 
