@@ -146,3 +146,32 @@ def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
         "6064:DataType=0x0007",
     )
     assert {each.rule for each in found(no_drive)} == {"P004"}
+
+
+PDOS_OF_V3 = (
+    *("OptionalObjects:25=0x1004", "OptionalObjects:SupportedObjects=25"),
+    ">[1004]\nParameterName=Number of PDOs supported\nObjectType=0x8\nSubNumber=2\n\n"
+    "[1004sub0]\nParameterName=Synchronous\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nDefaultValue=0x00040004\nPDOMapping=0\n\n"
+    "[1004sub1]\nParameterName=Asynchronous\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nPDOMapping=0\n\n",
+)
+
+
+def test_the_number_of_pdos_of_an_older_device_is_no_highest_sub_index() -> None:
+    """1004h of DS 301 V3: UNSIGNED32 in sub-index 0, with the PDOs by SYNC in its two words."""
+    assert found(PDOS_OF_V3) == []
+    assert only("O009", *PDOS_OF_V3, "1004sub0:DataType=0x0005").severity is Severity.ERROR
+
+
+def test_what_was_read_from_a_device_contradicts_no_default() -> None:
+    assert [each.rule for each in found((*DCF, "1018sub2:ParameterValue=7", "1001:ParameterValue=0"))] == []
+
+
+def test_a_word_that_cannot_be_mapped_is_a_note() -> None:
+    assert only("M005", "6060:PDOMapping=0").severity is Severity.NOTE
+
+
+def test_a_word_that_is_mapped_and_cannot_be_is_an_error_at_the_word() -> None:
+    hit = only("P004", "6064:PDOMapping=0")
+    text = edited("6064:PDOMapping=0")
+    assert (hit.severity, hit.line) == (Severity.ERROR, place(text, "6064:PDOMapping")[0])
+    assert [each.rule for each in found(("6064:PDOMapping=0",))] == ["P004"]

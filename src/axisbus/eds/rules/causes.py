@@ -13,7 +13,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
 from axisbus.eds.model import Finding, Number, Severity
-from axisbus.eds.rules import pdo, pdo_parameters, standard
+from axisbus.eds.rules import pdo, pdo_parameters, records, standard
 from axisbus.eds.rules.sheet import Sheet
 from axisbus.eds.text import entry_of
 
@@ -74,7 +74,7 @@ def _right(sheet: Sheet, finding: Finding) -> bool:
 def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, ...]:
     entry = sheet.eds.objects.get(index)
     if subindex == 0 and entry is not None and entry.is_record:
-        return (DataType.UNSIGNED8,)
+        return (records.type_of_count(index),)
     if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + pdo.PDOS_OF_A_KIND:
         return (pdo_parameters.standard_type(index, subindex),)
     row = standard.row(index, subindex)

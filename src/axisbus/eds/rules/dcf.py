@@ -46,8 +46,8 @@ def read_only_values(sheet: Sheet) -> Iterator[Hit]:
     """K005."""
     for entry in sheet.described:
         variable = entry.variable
-        if variable.writable or not entry.text("parametervalue") or variable.parameter_value is None:
-            continue
+        if variable.writable or variable.parameter_value is None or variable.default is None:
+            continue  # without a default nobody knows that the device has another value
         if variable.parameter_value != variable.default:
             text = f"is {variable.access}, but has a ParameterValue other than its default"
             yield sheet.on(entry, "parametervalue", text)

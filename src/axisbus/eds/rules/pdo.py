@@ -11,6 +11,7 @@ from axisbus.cia301.pdo import MAX_BITS, MappedObject
 from axisbus.eds.model import Object, Variable
 from axisbus.eds.rules import drive, standard
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
+from axisbus.eds.text import Section
 from axisbus.wording import counted
 
 PDOS_OF_A_KIND = 0x200
@@ -148,20 +149,31 @@ def _right_by_standard(sheet: Sheet, target: Variable | None, mapped: MappedObje
 
 def not_mappable(sheet: Sheet) -> Iterator[Hit]:
     """P004."""
+    at_fault: dict[Section, list[Slot]] = {}  # sections of objects
     for slot in slots(sheet):
         target = _target(sheet, slot)
-        if target is None or target.pdo_mapping or _mapping_is_the_fault(sheet, target):
+        if target is None or target.pdo_mapping:
             continue
         section = sheet.section_of(target.index, target.subindex)
-        if section is not None and "pdomapping" not in section.entries:
-            text = f"[{section.name}] has no PDOMapping, which means 0, but [{slot.name}] maps it"
-            yield sheet.at(section, "", text, target.index, target.subindex)
+        if section is not None and ("pdomapping" not in section.entries or is_cyclic(sheet, target)):
+            at_fault.setdefault(section, []).append(slot)
         else:
             yield _on(sheet, slot, f"maps {_name(target)}, whose PDOMapping is 0")
+    for section, mapping in at_fault.items():
+        yield _at_object(sheet, section, mapping)
 
 
-def _mapping_is_the_fault(sheet: Sheet, target: Variable) -> bool:
-    """Whether the standard lets the object be mapped: then its PDOMapping is wrong, and M005 says so."""
+def _at_object(sheet: Sheet, section: Section, mapping: list[Slot]) -> Hit:
+    given = section.entries.get("pdomapping")
+    says = "no PDOMapping, which means 0" if given is None else f"PDOMapping={given}"
+    more = f", and {counted(len(mapping) - 1, 'more entry', 'more entries')}" if len(mapping) > 1 else ""
+    index, subindex, _ = mapping[0].mapped
+    text = f"[{section.name}] has {says}, but it is mapped by [{mapping[0].name}]{more}"
+    return sheet.at(section, "" if given is None else "pdomapping", text, index, subindex)
+
+
+def is_cyclic(sheet: Sheet, target: Variable) -> bool:
+    """Whether every drive lets the object be mapped: then its PDOMapping is wrong, not the mapping."""
     known = drive.row(sheet, target.index, target.subindex) is not None
     return known and target.subindex == 0 and standard.first_axis(target.index) in standard.CYCLIC
 

@@ -16,6 +16,10 @@ from axisbus.wording import counted
 
 _STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
 _ERROR_FIELD = 0x1003
+_PDOS_SUPPORTED = (
+    0x1004  # of DS 301 V3: all its sub-indices are UNSIGNED32, also 0, the number of synchronous PDOs
+)
+_OWN_COUNT = (_ERROR_FIELD, _PDOS_SUPPORTED)  # whose sub-index 0 is not the highest sub-index
 _ON_DATA = {  # what belongs to the sub-indices of an object, not to the object
     "defaultvalue": "DefaultValue",
     "parametervalue": "ParameterValue",
@@ -85,11 +89,17 @@ def type_of_sub_zero(sheet: Sheet) -> Iterator[Hit]:
     for entry, _ in sheet.records:
         count = entry.subs.get(0)
         section = sheet.subs.get(entry.index, {}).get(0)
-        if count is None or section is None or count.data_type is DataType.UNSIGNED8:
+        if count is None or section is None or count.data_type is type_of_count(entry.index):
             continue
         if section.entries.get("datatype"):  # O002 says that it is missing
-            text = f"[{section.name}] is {count.data_type.name}, a sub-index 0 is UNSIGNED8"
+            wanted = type_of_count(entry.index).name
+            text = f"[{section.name}] is {count.data_type.name}, a sub-index 0 is {wanted}"
             yield sheet.at(section, "datatype", text, entry.index, 0)
+
+
+def type_of_count(index: int) -> DataType:
+    """Return the data type of an object's sub-index 0."""
+    return DataType.UNSIGNED32 if index == _PDOS_SUPPORTED else DataType.UNSIGNED8
 
 
 def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
@@ -110,14 +120,14 @@ def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
 
 def _counts_itself(sheet: Sheet, entry: Object) -> bool:
     """Whether sub-index 0 says how many are in use, not how many there are."""
-    return entry.index == _ERROR_FIELD or is_mapping(entry.index) or sheet.modular
+    return entry.index in _OWN_COUNT or is_mapping(entry.index) or sheet.modular
 
 
 def no_highest(sheet: Sheet) -> Iterator[Hit]:
     """O025."""
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
-        if section is not None and not section.entries.get("defaultvalue") and entry.index != _ERROR_FIELD:
+        if section is not None and not section.entries.get("defaultvalue") and entry.index not in _OWN_COUNT:
             yield sheet.at(section, "defaultvalue", f"[{section.name}] has no DefaultValue", entry.index, 0)
 
 
