@@ -304,6 +304,16 @@ def test_the_same_said_of_neighbouring_sub_indices_is_said_once() -> None:
     assert "2100h:01-08" in text
 
 
+@pytest.mark.parametrize(
+    ("version", "revision", "said"),
+    [("1", "5", "1.5"), ("0x01", "0x0A", "1.10"), ("002", "07", "2.7"), ("1.0", "5", "1.5"), ("-", "", "-")],
+)
+def test_the_versions_of_the_files_are_named_as_numbers(version: str, revision: str, said: str) -> None:
+    info = f"[FileInfo]\nFileVersion={version}\nFileRevision={revision}\n\n"
+    eds = loads((info + small_text(STATUS)).encode(), "a.eds")
+    assert f", file version {said})" in next(iter(compare_text.lines(eds, eds, (), None)))
+
+
 def test_equal_files_say_so() -> None:
     eds = small(STATUS)
     assert list(compare_text.lines(eds, eds, (), None))[-1] == "no difference in what they mean"

@@ -166,6 +166,33 @@ def test_what_was_read_from_a_device_contradicts_no_default() -> None:
     assert [each.rule for each in found((*DCF, "1018sub2:ParameterValue=7", "1001:ParameterValue=0"))] == []
 
 
+def test_the_node_ids_with_which_a_cob_id_collides_are_named() -> None:
+    said = only("P013", "1800sub1:DefaultValue=$NODEID+0x600").message
+    assert "gives every node ID a COB-ID such as 0x601 (node 1), which CiA 301 keeps" in said
+    said = only("P013", "1800sub1:DefaultValue=$NODEID+0x6B0").message
+    assert "gives the node IDs 48 to 79, 81 to 127 a COB-ID such as 0x6E0" in said
+    assert (
+        "gives node ID 127 a COB-ID such as 0x581"
+        in only("P013", "1800sub1:DefaultValue=$NODEID+0x502").message
+    )
+    assert "gives the COB-ID 0x605, which" in only("P013", "1800sub1:DefaultValue=0x605").message
+
+
+def test_one_key_belongs_and_two_belong() -> None:
+    assert "DataType belongs to its" in only("O022", "2003:DataType=0x0007").message
+    assert (
+        "DataType and AccessType belong to its"
+        in only("O022", "2003:AccessType=rw", "2003:DataType=7").message
+    )
+
+
+def test_a_number_twice_in_a_list_is_to_be_numbered_anew_as_fix_does() -> None:
+    assert (
+        "number the entries anew (axisbus eds fix does)"
+        in only("S004", "ManufacturerObjects>6=0x2005").remedy
+    )
+
+
 def test_a_word_that_cannot_be_mapped_is_a_note() -> None:
     assert only("M005", "6060:PDOMapping=0").severity is Severity.NOTE
 

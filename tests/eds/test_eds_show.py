@@ -168,6 +168,15 @@ def test_one_object_comes_with_its_bits_states_and_place_in_the_pdos() -> None:
     assert re.search(r"bit 5 +quick stop \(0 = active\)", text)
 
 
+@pytest.mark.parametrize(
+    ("access", "words"),
+    [("ro", "a TPDO"), ("rww", "an RPDO"), ("wo", "an RPDO"), ("rw", "a TPDO or an RPDO")],
+)
+def test_the_pdo_that_may_carry_an_object_is_named(access: str, words: str) -> None:
+    body = variable("2000", ParameterName="Thing", AccessType=access, PDOMapping="1")
+    assert f"{access}, may be mapped in {words}\n" in about(small(body), "2000")
+
+
 def test_objects_of_the_second_axis_are_explained_like_those_of_the_first() -> None:
     eds = small(variable("6861", ParameterName="Mode display 2", DataType="0x2", AccessType="ro"))
     assert re.search(r"8 +cyclic sync position \(csp\)", about(eds, "6861"))

@@ -72,7 +72,7 @@ def plain(a: Eds, b: Eds, differences: Sequence[Difference], node_id: int | None
 
 def _file(eds: Eds) -> str:
     info = eds.info.get("fileinfo", {})
-    version = ".".join(part for key in ("fileversion", "filerevision") if (part := info.get(key, "")))
+    version = overview.file_version(info)
     date = info.get("modificationdate") or info.get("creationdate", "")
     about = ", ".join(
         part

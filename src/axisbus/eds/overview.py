@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.cia301 import objects as cia301
@@ -122,6 +123,15 @@ def areas(eds: Eds) -> tuple[Area, ...]:
         if objects:
             found.append(Area(title, indices, objects))
     return tuple(found)
+
+
+def file_version(info: Mapping[str, str]) -> str:
+    """Return FileVersion and FileRevision of [FileInfo] as ``1.5``, also where they are written 0x01 and 05; empty without them."""
+    given = [text for key in ("fileversion", "filerevision") if (text := info.get(key, ""))]
+    numbers = [values.integer(text).value for text in given]
+    return ".".join(
+        text if number is None else str(number.value) for text, number in zip(given, numbers, strict=True)
+    )
 
 
 def _areas(eds: Eds) -> list[tuple[str, range]]:

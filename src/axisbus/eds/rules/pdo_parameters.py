@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from axisbus.cia301 import cob
@@ -86,10 +86,9 @@ def reserved_types(sheet: Sheet) -> Iterator[Hit]:
 def restricted_ids(sheet: Sheet) -> Iterator[Hit]:
     """P013."""
     for _, sub, value in _valid_cob_ids(sheet):
-        bad = next((identifier for identifier in _identifiers(value) if _is_restricted(identifier)), None)
-        if bad is not None:
-            name = f"[{sub.index:04X}sub1]"
-            text = f"{name} gives the COB-ID 0x{bad:X}, which CiA 301 keeps for another service"
+        said = restricted(value)
+        if said:
+            text = f"[{sub.index:04X}sub1] gives {said}, which CiA 301 keeps for another service"
             yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
 
 
@@ -118,9 +117,27 @@ def _valid_cob_ids(sheet: Sheet) -> Iterator[tuple[bool, Variable, Number]]:
             yield receive, sub, value
 
 
-def _identifiers(value: Number) -> tuple[int, ...]:
+def restricted(value: Number) -> str:
+    """Return the COB-ID that another service has, and for which node IDs; empty where there is none."""
     base = value.value & cob.ID_MASK_29
-    return (base + 1, base + 127) if value.plus_node_id else (base,)
+    if not value.plus_node_id:
+        return f"the COB-ID 0x{base:X}" if _is_restricted(base) else ""
+    nodes = [node for node in cob.NODE_IDS if _is_restricted(base + node)]
+    if not nodes:
+        return ""
+    if len(nodes) == len(cob.NODE_IDS):
+        return f"every node ID a COB-ID such as 0x{base + nodes[0]:X} (node 1)"
+    ids = f"node ID {nodes[0]}" if len(nodes) == 1 else f"the node IDs {_spans(nodes)}"
+    return f"{ids} a COB-ID such as 0x{base + nodes[0]:X}"
+
+
+def _spans(numbers: Sequence[int]) -> str:
+    """Return ascending numbers as ``1 to 3, 7``."""
+    starts = [number for number in numbers if number - 1 not in numbers]
+    ends = [number for number in numbers if number + 1 not in numbers]
+    return ", ".join(
+        f"{start}" if start == end else f"{start} to {end}" for start, end in zip(starts, ends, strict=True)
+    )
 
 
 @lru_cache(maxsize=256)

@@ -151,7 +151,8 @@ def type_keys_on_record(sheet: Sheet) -> Iterator[Hit]:
         named = [name for key, name in _OF_TYPE.items() if head.entries.get(key)]
         if named:
             key = named[0].lower()
-            text = f"[{head.name}] is {_article(entry)}: {' and '.join(named)} belong to its sub-indices"
+            verb = "belongs" if len(named) == 1 else "belong"
+            text = f"[{head.name}] is {_article(entry)}: {' and '.join(named)} {verb} to its sub-indices"
             yield sheet.at(head, key, text, entry.index)
 
 
