@@ -89,6 +89,31 @@ def test_fix_as_json(axisbus, eds):
     }
 
 
+def test_fix_takes_many_files_and_mends_what_can_be_read(axisbus, eds, tmp_path):
+    other, clean, broken = tmp_path / "b.eds", tmp_path / "c.eds", tmp_path / "d.eds"
+    other.write_text(EDS)
+    clean.write_text(EDS.replace("Objects=3", "Objects=1"))
+    code, out, _ = axisbus("eds", "fix", eds, tmp_path / "[bc].eds", eds)
+    assert code == 1
+    assert out.count("-SupportedObjects=3\n+SupportedObjects=1\n") == 2
+    assert f"{clean}: nothing to mend\nnext: axisbus eds fix {eds} {other} --write\n" in out
+    broken.write_bytes(b"\x89PNG\r\n")
+    code, out, err = axisbus("eds", "fix", tmp_path / "*.eds", "--write", "--json")
+    assert (code, "it looks like a PNG picture" in err) == (2, True)
+    found = {each["file"]: len(each["mended"]) for each in json.loads(out)["files"]}
+    assert found == {str(eds): 1, str(other): 1, str(clean): 0}
+    assert eds.read_text() == other.read_text() == clean.read_text()
+
+
+@pytest.mark.parametrize("wrong", [[], ["-o", "x.eds", "--write"], ["b.eds", "-o", "x.eds"]])
+def test_fix_asked_in_a_wrong_way_does_nothing(axisbus, eds, tmp_path, monkeypatch, wrong):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = axisbus("eds", "fix", *([eds] if wrong else []), *wrong)
+    assert (code, eds.read_text()) == (2, EDS)
+    assert "-o is of one file" in err if wrong else "no file is given" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.eds"]
+
+
 def test_fix_through_a_link_mends_the_file_behind_it(axisbus, eds, tmp_path):
     link = tmp_path / "link.eds"
     link.symlink_to(eds)

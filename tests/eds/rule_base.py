@@ -37,7 +37,7 @@ BASE = "".join(
         "OrderCode=D-7\nBaudRate_10=0\nBaudRate_20=0\nBaudRate_50=0\nBaudRate_125=1\nBaudRate_250=1\nBaudRate_500=1\nBaudRate_800=0\n"
         "BaudRate_1000=1\nSimpleBootUpMaster=0\nSimpleBootUpSlave=1\nGranularity=8\nDynamicChannelsSupported=0\nGroupMessaging=0\n"
         "NrOfRXPDO=1\nNrOfTXPDO=1\nLSS_Supported=0\nCompactPDO=0\n\n",
-        "[DummyUsage]\nDummy0001=0\nDummy0005=1\nDummy0006=1\nDummy0007=0\n\n",
+        "[DummyUsage]\nDummy0001=0\nDummy0002=0\nDummy0003=0\nDummy0004=0\nDummy0005=1\nDummy0006=1\nDummy0007=0\n\n",
         "[Comments]\nLines=1\nLine1=For tests\n\n",
         listed("MandatoryObjects", 0x1000, 0x1001, 0x1018),
         listed(

@@ -160,8 +160,9 @@ CASES = (
     ),
     Case("D014", ("DeviceInfo:Granularity=65",), "DeviceInfo:Granularity", ("DeviceInfo:Granularity=64",)),
     Case("D015", ("DeviceInfo:CompactPDO=0x40",), "DeviceInfo:CompactPDO", ("DeviceInfo:CompactPDO=0x3F",)),
-    Case("D016", ("DummyUsage:Dummy5=1",), "DummyUsage:Dummy5", ("DummyUsage:Dummy0002=1",)),
+    Case("D016", ("DummyUsage:Dummy5=1",), "DummyUsage:Dummy5", ("DummyUsage:Dummy0010=1",)),
     Case("D017", ("Comments:Lines=2",), "Comments:Lines", ("Comments:Lines=2", "Comments:Line2=More")),
+    Case("D019", ("DummyUsage:Dummy0003",), "DummyUsage", ("DummyUsage:Dummy0003=1",)),
     Case("D018", ("Comments:Line1=" + "x" * 250,), "Comments:Line1", ("Comments:Line1=" + "x" * 249,)),
     # L: lists of objects
     Case("L001", ("-ManufacturerObjects",), "2000", ("ManufacturerObjects:SupportedObjects=6",)),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import codecs
 import difflib
+import re
+from collections import Counter
 from dataclasses import replace
 
 import pytest
@@ -12,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_eds_corpus import FILES
 
-from axisbus.eds import Eds, fix_diff, reader, writer
+from axisbus.eds import Eds, check, fix_diff, reader, writer
 from axisbus.eds.fix import Fixed, fix
+from axisbus.eds.mends.letters import plain
 from axisbus.eds.model import Object
 
 
@@ -29,13 +32,21 @@ def mended(body: str) -> str:
 
 
 def without_lines(eds: Eds) -> dict[int, Object]:
-    """Return the objects, those that say the same equal, wherever they stand."""
+    """Return the objects, those that say the same equal, wherever they stand and however their names' letters are written."""
     return {
-        index: replace(entry, line=0, subs={key: replace(sub, line=0) for key, sub in entry.subs.items()})
+        index: replace(
+            entry,
+            line=0,
+            name=plain(entry.name) or entry.name,
+            subs={
+                key: replace(sub, line=0, name=plain(sub.name) or sub.name) for key, sub in entry.subs.items()
+            },
+        )
         for index, entry in eds.objects.items()
     }
 
 
+DUMMIES = "".join(f"Dummy000{number}=0\n" for number in range(2, 8))
 COMPACT = "[2000]\nObjectType=8\nDataType=5\nAccessType=rw\nParameterName=a\nCompactSubObj=2\n"
 I8, I32, U8, BOOL, TEXT, OCTETS = "0x2", "0x4", "0x5", "0x1", "0x9", "0xA"
 
@@ -100,15 +111,19 @@ def test_what_needs_judgement_is_left_alone(data_type: str, given: str) -> None:
         ("S017", "[OptionalObjects]\nSupported Objects=1\n1=0x1000\n", "[OptionalObjects]\nSupportedObjects=1\n1=0x1000\n"),
         ("L004", "[OptionalObjects]\nSupportedObjects=2\n1=0x1\n3=0x2\n", "[OptionalObjects]\nSupportedObjects=2\n1=0x1\n2=0x2\n"),
         ("D017", "[Comments]\nLines=7\nLine1=a\nLine2=b\n", "[Comments]\nLines=2\nLine1=a\nLine2=b\n"),
+        ("D016", "[DummyUsage]\nDummy1=1\n" + DUMMIES, "[DummyUsage]\nDummy0001=1\n" + DUMMIES),
+        ("D019", "[DummyUsage]\n" + DUMMIES, "[DummyUsage]\n" + DUMMIES + "Dummy0001=0\n"),
+        ("S001", "[Comments]\nLines=1\nLine1=für\n", "[Comments]\nLines=1\nLine1=fuer\n"),
+        ("S001", "[Comments]\nLines=0\n; 5 µm ± 2°\n", "[Comments]\nLines=0\n; 5 um +/- 2deg\n"),
         ("K001", "[DeviceCommissioning]\nNodeID=5\n", "[DeviceComissioning]\nNodeID=5\n"),
         ("B002", COMPACT + "[2000Name]\nNrOfEntries=9\n1=a\n", COMPACT + "[2000Name]\nNrOfEntries=1\n1=a\n"),
         ("B003", "[1000ObjectLinks]\nObjectLinks=0x2\n1=0x1000\n", "[1000ObjectLinks]\nObjectLinks=0x1\n1=0x1000\n"),
         ("X004", "[M1FixedObjects]\nNrOfEntries=0\n1=0x6000\n", "[M1FixedObjects]\nNrOfEntries=1\n1=0x6000\n"),
-        ("S009", "\t[DummyUsage]\nDummy0001=0\n", "[DummyUsage]\nDummy0001=0\n"),
-        ("S010", "[DummyUsage\nDummy0001=0\n", "[DummyUsage]\nDummy0001=0\n"),
-        ("S011", "[DummyUsage] ; none\nDummy0001=0\n", "[DummyUsage]\n; none\nDummy0001=0\n"),
-        ("S006", "[DummyUsage]\n# none\nDummy0001=0\n", "[DummyUsage]\n;# none\nDummy0001=0\n"),
-        ("S004", "[DummyUsage]\nDummy0001=0\nDUMMY0001 = 0\n", "[DummyUsage]\nDummy0001=0\n"),
+        ("S009", "\t[DummyUsage]\nDummy0001=0\n" + DUMMIES, "[DummyUsage]\nDummy0001=0\n" + DUMMIES),
+        ("S010", "[DummyUsage\nDummy0001=0\n" + DUMMIES, "[DummyUsage]\nDummy0001=0\n" + DUMMIES),
+        ("S011", "[DummyUsage] ; none\nDummy0001=0\n" + DUMMIES, "[DummyUsage]\n; none\nDummy0001=0\n" + DUMMIES),
+        ("S006", "[DummyUsage]\n# none\nDummy0001=0\n" + DUMMIES, "[DummyUsage]\n;# none\nDummy0001=0\n" + DUMMIES),
+        ("S004", "[DummyUsage]\nDummy0001=0\nDUMMY0001 = 0\n" + DUMMIES, "[DummyUsage]\nDummy0001=0\n" + DUMMIES),
     ],
 )  # fmt: skip
 def test_a_section_is_mended_in_its_lines(rule: str, before: str, after: str) -> None:
@@ -181,12 +196,59 @@ def test_limits_and_lists_of_values_are_mended_too() -> None:
     assert mended(before) == before.replace("0x80", "-128").replace("0xFE", "-2")
 
 
+@pytest.mark.parametrize(
+    ("written", "plain"),
+    [
+        ("Größe", "Groesse"),
+        ("Temp. °C, µA², 5 ‰", "Temp. degC, uA2, 5 per mille"),
+        ("Réglage – “à vide”", 'Reglage - "a vide"'),
+        ("e\u0301", "e"),
+        ("速度", "速度"),
+        ("Gr\ufffd\ufffde", "Gr\ufffd\ufffde"),
+    ],
+)
+def test_a_name_is_written_in_ascii_where_there_is_a_plain_way(written: str, plain: str) -> None:
+    assert mended(variable("2000", ParameterName=written)) == variable("2000", ParameterName=plain)
+
+
+@pytest.mark.parametrize("key", ["DefaultValue", "ParameterValue", "Unit", "UploadFile"])
+def test_a_letter_that_a_device_or_tool_compares_stays(key: str) -> None:
+    before = variable("2000", DataType=TEXT, **{key: "Größe"})
+    assert (fixed(before).mended, mended(before)) == ((), before)
+
+
+def test_a_missing_sub_index_is_not_counted_away() -> None:
+    """The check says that a sub-index is missing: SubNumber is right, and what is to be mended is not it."""
+    missing = record(
+        "2000",
+        variable("2000sub0", DataType=U8, DefaultValue="3"),
+        variable("2000sub1"),
+        variable("2000sub3"),
+    )
+    for before in (missing, record("2000", variable("2000sub1"), variable("2000sub2"))):
+        wrong = re.sub("SubNumber=([0-9])", lambda found: f"SubNumber={int(found[1]) + 1}", before)
+        assert fixed(wrong).mended == ()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "[2000]\nParameterName=a\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=x\nSubNumber=3\n"
+        + variable("2000sub0", DataType=U8),
+        "[Comments]\nLines=1\nLine0=a\nLine1=b\n",
+        variable("2000", AccessType="READ"),
+    ],
+)
+def test_what_the_check_does_not_count_or_know_is_not_mended(body: str) -> None:
+    assert fixed(body).mended == ()
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
 def test_a_byte_order_mark_goes(encoding: str) -> None:
     bom = {"utf-8": codecs.BOM_UTF8, "utf-16-le": codecs.BOM_UTF16_LE, "utf-16-be": codecs.BOM_UTF16_BE}[
         encoding
     ]
-    for name in ("Speed", "Größe"):
+    for name in ("Speed", "速度"):
         text = HEAD + variable("2000", ParameterName=name)
         done = fix(reader.read(bom + text.encode(encoding), "x.eds"))
         assert [each.rule for each in done.mended] == ["S002"]
@@ -284,6 +346,21 @@ def test_real_files_say_the_same_when_mended() -> None:
         assert {k: v for k, v in ours.items() if k not in unreadable} == {
             k: v for k, v in then.items() if k not in unreadable
         }, path.name
+
+
+@pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
+def test_fix_does_what_check_asks_for() -> None:
+    """Only what is found is mended, nothing new is found afterwards, and what was mended is found no more."""
+    for path in FILES:
+        before = reader.read(path.read_bytes(), path.name)
+        found = check(before)
+        if len(before.eds.findings) > 900:
+            continue  # not all of it is told
+        done = fix(before)
+        assert {each.rule for each in done.mended} <= {each.rule for each in found}, path.name
+        counts = Counter((each.rule, each.index, each.subindex) for each in found)
+        after = Counter((each.rule, each.index, each.subindex) for each in check(done.reading))
+        assert after - counts == Counter(), path.name
 
 
 def test_a_mended_file_means_to_canopen_what_it_means_to_us() -> None:

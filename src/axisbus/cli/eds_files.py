@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +28,17 @@ def node_option(function: _F) -> _F:
         help="Node ID for values with $NODEID [default: that of a DCF].",
     )
     return option(function)
+
+
+def expanded(files: Iterable[str]) -> Iterator[str]:
+    """Yield each file once, with patterns (where the shell left them) replaced by what they match."""
+    seen = set()
+    for given in files:
+        pattern = glob.has_magic(given) and not Path(given).exists()
+        for file in (sorted(glob.glob(given, recursive=True)) or [given]) if pattern else [given]:
+            if file not in seen:
+                seen.add(file)
+                yield file
 
 
 def open_eds(file: str) -> Eds:

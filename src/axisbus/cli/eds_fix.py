@@ -4,70 +4,116 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
 from axisbus.cli.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.cli.eds_files import file_argument, say_lines
+from axisbus.cli.eds_files import expanded, say_lines
 from axisbus.cli.output import output_option, write_whole
 from axisbus.eds import builtin, fix, fix_diff, reader, writer
+from axisbus.eds.text import Document
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 
 
+class _Done(NamedTuple):
+    """One file as it was, as it is mended, and where that was written (None: nowhere)."""
+
+    file: str
+    before: Document
+    fixed: fix.Fixed
+    target: Path | None
+
+
 @click.command("fix")
-@file_argument
-@output_option("Write the mended file here; FILE stays.")
-@click.option("--write", is_flag=True, help="Write the mended text into FILE itself, whole or not at all.")
+@click.argument("files", nargs=-1)
+@output_option("Write the mended file here; FILE stays. Of one file only.")
+@click.option(
+    "--write", is_flag=True, help="Write each mended text into its file itself, whole or not at all."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print what is mended as JSON.")
-def command(file: str, output: Path | None, write: bool, as_json: bool) -> int:
-    """Mend in FILE what can be mended safely, and show it as a diff; nothing is written without --write or -o.
+def command(files: tuple[str, ...], output: Path | None, write: bool, as_json: bool) -> int:
+    """Mend in FILES (EDS, DCF, or patterns such as 'eds/*.eds') what can be mended safely, and show it as a diff; nothing is
+    written without --write or -o.
 
     Mended are counts (SupportedObjects, SubNumber, NrOfEntries, Lines), the numbering of lists, $NODEID, negative numbers in
-    hexadecimal, numbers as programs write them, misspelt names, comments in the wrong place, and what is there twice word for
-    word. All else stays as it is, byte for byte. What needs judgement is left to you: axisbus eds check.
+    hexadecimal, numbers as programs write them, misspelt names, an incomplete [DummyUsage], names and comments beyond ASCII,
+    comments in the wrong place, and what is there twice word for word. All else stays as it is, byte for byte. What needs
+    judgement is left to you: axisbus eds check.
 
-    Exit codes: 0 nothing to mend, or mended and written; 1 there is something to mend; 2 the file cannot be read.
+    Exit codes: 0 nothing to mend, or mended and written; 1 there is something to mend; 2 a file cannot be read, or wrong use.
     """
+    named = list(expanded(files))
+    if not named:
+        return _misuse("no file is given, such as: axisbus eds fix drive.eds")
+    if output is not None and (write or len(named) > 1):
+        return _misuse("-o is of one file, and excludes --write: give --write to mend each file itself")
+    done = [each for file in named if (each := _mended(file, output, write)) is not None]
+    if as_json:
+        plain = [_plain(each) for each in done]
+        say_json(plain[0] if len(named) == len(plain) == 1 else {"files": plain})
+    else:
+        _say(done)
+    if len(done) < len(named):
+        return MISUSE  # 1 says that there is something to mend
+    return WRONG if any(each.fixed.mended and each.target is None for each in done) else OK
+
+
+def _mended(file: str, output: Path | None, write: bool) -> _Done | None:
+    """Mend one file, and write it where that is asked for; None where it cannot be read, which is said."""
     path = builtin.resolve(file, Path())
     try:
         before = reader.read(reader.file_bytes(path), str(path))
     except EdsError as error:
         say_error(str(error))
-        return MISUSE  # 1 says that there is something to mend
+        return None
     fixed = fix.fix(before)
     target = output or (path if write else None)
     if target is not None and (fixed.mended or output is not None):
         write_whole(target, writer.dumps(fixed.reading))
-    if as_json:
-        say_json(_plain(file, fixed, target))
-    else:
-        diff = list(fix_diff.unified(before.document, fixed, file))
+    return _Done(file, before.document, fixed, target)
+
+
+def _plain(done: _Done) -> dict[str, object]:
+    found = [{"rule": each.rule, "line": each.line, "what": each.what} for each in done.fixed.mended]
+    return {
+        "file": done.file,
+        "written": None if done.target is None else str(done.target),
+        "mended": found,
+    }
+
+
+def _say(done: list[_Done]) -> None:
+    for each in done:
+        diff = list(fix_diff.unified(each.before, each.fixed, each.file))
         if diff:
             say_lines(diff)
-        _summary(file, fixed, target)
-    return OK if target is not None or not fixed.mended else WRONG
+        _summary(each)
+    open_ones = [each.file for each in done if each.fixed.mended and each.target is None]
+    if open_ones:
+        say_next(f"axisbus eds fix {' '.join(open_ones)} --write")
+    elif done:
+        say_next(f"axisbus eds check {' '.join(str(each.target or each.file) for each in done)}")
 
 
-def _plain(file: str, fixed: fix.Fixed, target: Path | None) -> dict[str, object]:
-    found = [{"rule": each.rule, "line": each.line, "what": each.what} for each in fixed.mended]
-    return {"file": file, "written": None if target is None else str(target), "mended": found}
-
-
-def _summary(file: str, fixed: fix.Fixed, target: Path | None) -> None:
-    if not fixed.mended:
-        say(f"{file}: nothing to mend")
-        say_next(f"axisbus eds check {file}")
+def _summary(done: _Done) -> None:
+    mended = done.fixed.mended
+    if not mended:
+        say(f"{done.file}: nothing to mend")
         return
-    for each in fixed.mended:
+    for each in mended:
         if not each.changes:  # no line shows it
-            say(f"{file}:{each.line}: {each.rule} {each.what}")
-    counts = Counter(each.rule for each in fixed.mended)
+            say(f"{done.file}:{each.line}: {each.rule} {each.what}")
+    counts = Counter(each.rule for each in mended)
     rules = ", ".join(f"{rule} {count}" for rule, count in sorted(counts.items()))
-    many = counted(len(fixed.mended), "mend")
-    if target is None:
-        say(f"{file}: {many} ({rules}), not written")
-        say_next(f"axisbus eds fix {file} --write")
+    many = counted(len(mended), "mend")
+    if done.target is None:
+        say(f"{done.file}: {many} ({rules}), not written")
     else:
-        say(f"{target}: written with {many} ({rules})")
-        say_next(f"axisbus eds check {target}")
+        say(f"{done.target}: written with {many} ({rules})")
+
+
+def _misuse(message: str) -> int:
+    say_error(message)
+    return MISUSE

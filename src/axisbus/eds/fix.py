@@ -5,8 +5,9 @@ earlier one may have removed or renamed. Within a stage all mends look at the sa
 one waits for the next round. A stage ends when no mend of it finds anything, and the whole ends when no stage does. Every mend
 takes away what it looks for, so that mending what was mended changes nothing.
 
-Safe means: what the file says to ``axisbus`` stays the same, apart from counts and from values that could not be read at all.
-Comments stay. What needs a person's judgement is left to ``axisbus eds check``.
+Safe means: what the file says to ``axisbus`` stays the same, apart from counts, from values that could not be read at all, and from
+letters of names that ASCII does not have. Comments stay. What needs a person's judgement is left to ``axisbus eds check``; what
+``check`` asks for and what is mended agree.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from dataclasses import dataclass
 
 from axisbus.eds import edit, reader
 from axisbus.eds.edit import Change
-from axisbus.eds.mends import counts, encoding, spelling, text, values
+from axisbus.eds.mends import counts, dummies, encoding, letters, spelling, text, values
 from axisbus.eds.mends.mend import Bench, Mend, Mended
 from axisbus.eds.reader import Reading
 from axisbus.eds.text import Document
 
 STAGES: tuple[Mapping[str, Mend], ...] = (
-    {**text.MENDS, **spelling.MENDS, **values.MENDS},
+    {**text.MENDS, **spelling.MENDS, **values.MENDS, **dummies.NAMES, **letters.MENDS},
     counts.NUMBERING,
-    counts.MENDS,
+    {**counts.MENDS, **dummies.MENDS},
 )
 RULES = frozenset(
     (*encoding.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")

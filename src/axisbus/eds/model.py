@@ -8,6 +8,8 @@ from enum import Enum, IntEnum
 
 from axisbus.cia301.datatypes import DataType, Value
 
+DUMMIES = range(1, 8)  # data types that [DummyUsage] speaks of (DS 306 4.6.2)
+
 
 class ObjectType(IntEnum):
     """Object code of CiA 301 table 42; an unknown one is kept as a member."""
@@ -238,7 +240,7 @@ class Eds:
     def dummies(self) -> frozenset[int]:
         """Data types (1 to 7) that may fill space in a PDO, by [DummyUsage]."""
         usage = self.info.get("dummyusage", {})
-        return frozenset(number for number in range(1, 8) if _integer(usage.get(f"dummy{number:04x}")))
+        return frozenset(number for number in DUMMIES if _integer(usage.get(f"dummy{number:04x}")))
 
     @property
     def device_type(self) -> int | None:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import edit, text, values
+from axisbus.eds import edit, subindices, text, values
 from axisbus.eds.compact import MAX_ENTRIES
 from axisbus.eds.edit import Change
 from axisbus.eds.mends.mend import Bench, Mend, Mended, short
 from axisbus.eds.mends.spelling import LISTS
 from axisbus.eds.text import Section
 
-_STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
-_COMMENT_LINE = re.compile(r"line[0-9]+")
+_COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
 _MODULE_LIST = re.compile(r"m[0-9]+(?:fixedobjects|subextends)|connectedmodules")
 
 
@@ -95,14 +94,11 @@ def _sub_numbers(bench: Bench) -> Iterator[Mended]:
     """O007, O024."""
     parts, objects = bench.reading.parts, bench.reading.eds.objects
     for index, head in parts.heads.items():
-        if not objects[index].is_record or values.plain(head.entries.get("compactsubobj", "")) not in (
-            None,
-            0,
-        ):
+        if not objects[index].is_record or subindices.is_compact(head):
             continue
-        there = len(parts.subs.get(index, {}).keys() - {_STRUCTURE})
-        if there == 0:
-            continue  # O008: what is missing is not the count
+        there = len(parts.subs.get(index, {}).keys() - {subindices.STRUCTURE})
+        if there == 0 or subindices.missing(objects[index], head, there) is not None:
+            continue  # O008, O007: what is missing is a sub-index, not the count
         rule = "O007" if head.entries.get("subnumber") else "O024"
         yield from _sub_number(bench, rule, head, there)
 

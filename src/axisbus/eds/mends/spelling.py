@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from axisbus.eds import edit
+from axisbus.eds.build import ACCESS_TYPES
 from axisbus.eds.mends.mend import Bench, Mend, Mended, each
 from axisbus.eds.model import Finding
 from axisbus.eds.text import Section
@@ -39,10 +40,10 @@ def _access(bench: Bench) -> Iterator[Mended]:
     parts = bench.reading.parts
     for section in (*parts.heads.values(), *(sub for subs in parts.subs.values() for sub in subs.values())):
         given = section.entries.get("accesstype", "")
-        if given.isalpha() and not given.islower():
+        if given.lower() in ACCESS_TYPES and not given.islower():
             change = edit.set_value(bench.document, section, "accesstype", given.lower())
             line = section.places["accesstype"]
-            yield Mended("O019", line, f"[{section.name}] {given[:20]} -> {given.lower()[:20]}", (change,))
+            yield Mended("O019", line, f"[{section.name}] {given} -> {given.lower()}", (change,))
 
 
 def _baud_rates(bench: Bench) -> Iterator[Mended]:

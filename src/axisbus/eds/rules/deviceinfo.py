@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from axisbus.eds import values
-from axisbus.eds.model import Object
+from axisbus.eds.model import DUMMIES, Object
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
 from axisbus.eds.rules.text import BAUD_RATES
 from axisbus.wording import counted
@@ -202,6 +202,15 @@ def dummy_usage(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, key, f"{key.capitalize()}={short(text)} is neither 0 nor 1")
 
 
+def dummies_left_out(sheet: Sheet) -> Iterator[Hit]:
+    """D019."""
+    section = sheet.section("dummyusage")
+    if section is not None and all(_DUMMY.fullmatch(key) for key in section.entries):
+        absent = [f"Dummy{number:04X}" for number in DUMMIES if f"dummy{number:04x}" not in section.entries]
+        if absent:
+            yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+
+
 def comment_count(sheet: Sheet) -> Iterator[Hit]:
     """D017."""
     section = sheet.section("comments")
@@ -252,4 +261,5 @@ LOOKS: Looks = {
     "D016": dummy_usage,
     "D017": comment_count,
     "D018": comment_length,
+    "D019": dummies_left_out,
 }

@@ -6,15 +6,13 @@ from collections import Counter
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
-from axisbus.eds.compact import MAX_ENTRIES
-from axisbus.eds.model import Number, Object, ObjectType, Severity
+from axisbus.eds import subindices, values
+from axisbus.eds.model import Object, ObjectType, Severity
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, an, short
 from axisbus.eds.text import Section
 from axisbus.wording import counted
 
-_STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
 _ERROR_FIELD = 0x1003
 _PDOS_SUPPORTED = (
     0x1004  # of DS 301 V3: all its sub-indices are UNSIGNED32, also 0, the number of synchronous PDOs
@@ -36,9 +34,9 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
         given = head.entries.get("subnumber", "")
         there = len(_own_subs(sheet, entry))
         number = values.plain(given)
-        if not given or _compact(head) or number == there:
+        if not given or subindices.is_compact(head) or number == there:
             continue
-        if 0 not in entry.subs and number == there + 1:
+        if subindices.missing(entry, head, there) == 0:
             continue  # it counts sub-index 0, which O008 misses
         text = f"[{head.name}] says SubNumber={short(given)}, but has {counted(there, 'sub-index', 'sub-indices')}"
         yield sheet.at(head, "subnumber", f"{text}{_gap(sheet, entry)}", entry.index)
@@ -46,21 +44,9 @@ def sub_number(sheet: Sheet) -> Iterator[Hit]:
 
 def _gap(sheet: Sheet, entry: Object) -> str:
     """Name the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other."""
-    highest = min(_default_of_sub_zero(entry) or 0, MAX_ENTRIES)  # what the file says may be any number
-    absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
-    known = len(absent) == 1 and _one_is_missing(sheet, entry) and not is_communication(entry.index)
-    return f"; sub-index {absent[0]:X} seems to be missing" if known else ""
-
-
-def _one_is_missing(sheet: Sheet, entry: Object) -> bool:
-    """Whether SubNumber counts one sub-index more than there are."""
-    given = values.plain(sheet.heads[entry.index].entries.get("subnumber", ""))
-    return given == len(_own_subs(sheet, entry)) + 1
-
-
-def _default_of_sub_zero(entry: Object) -> int | None:
-    count = entry.subs.get(0)
-    return count.default.value if count is not None and isinstance(count.default, Number) else None
+    absent = subindices.missing(entry, sheet.heads[entry.index], len(_own_subs(sheet, entry)))
+    known = absent is not None and not is_communication(entry.index)
+    return f"; sub-index {absent:X} seems to be missing" if known else ""
 
 
 def no_sub_number(sheet: Sheet) -> Iterator[Hit]:
@@ -106,11 +92,12 @@ def highest_sub_index(sheet: Sheet) -> Iterator[Hit]:
     """O010."""
     for entry, _ in sheet.records:
         section = sheet.subs.get(entry.index, {}).get(0)
-        count = _default_of_sub_zero(entry)
+        count = subindices.count_of(entry)
         if section is None or count is None or _counts_itself(sheet, entry):
             continue
-        highest = max(sub for sub in entry.subs if sub != _STRUCTURE)
-        missing = count > highest and _one_is_missing(sheet, entry)  # of which O007 speaks
+        highest = max(sub for sub in entry.subs if sub != subindices.STRUCTURE)
+        own = len(_own_subs(sheet, entry))
+        missing = count > highest and subindices.one_is_missing(sheet.heads[entry.index], own)  # O007 says so
         if count != highest and not missing:
             in_use = entry.subs[0].writable and count < highest
             text = f"[{section.name}] says {count}, but the highest sub-index is {highest}"
@@ -172,7 +159,9 @@ def different_types(sheet: Sheet) -> Iterator[Hit]:
         if entry.object_type is not ObjectType.ARRAY:
             continue
         elements = [
-            sub for sub in entry.subs.values() if sub.subindex not in (0, _STRUCTURE) and sub.data_type
+            sub
+            for sub in entry.subs.values()
+            if sub.subindex not in (0, subindices.STRUCTURE) and sub.data_type
         ]
         if len({element.data_type for element in elements}) < 2:
             continue
@@ -196,17 +185,12 @@ def type_of_sub(sheet: Sheet) -> Iterator[Hit]:
 
 def _plain_records(sheet: Sheet) -> Iterator[tuple[Object, Section]]:
     for entry, head in sheet.records:
-        if not _compact(head) and not _seems_a_var(entry, head):
+        if not subindices.is_compact(head) and not _seems_a_var(entry, head):
             yield entry, head
 
 
 def _own_subs(sheet: Sheet, entry: Object) -> list[int]:
-    return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != _STRUCTURE]
-
-
-def _compact(head: Section) -> bool:
-    text = head.entries.get("compactsubobj", "")
-    return bool(text) and values.plain(text) != 0
+    return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != subindices.STRUCTURE]
 
 
 def _article(entry: Object) -> str:

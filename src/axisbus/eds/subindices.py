@@ -1,0 +1,41 @@
+"""Which sub-index of an object seems to be missing, by what the object itself counts."""
+
+from __future__ import annotations
+
+from axisbus.eds import values
+from axisbus.eds.compact import MAX_ENTRIES
+from axisbus.eds.model import Number, Object
+from axisbus.eds.text import Section
+
+STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
+
+
+def is_compact(head: Section) -> bool:
+    """Whether an object describes its sub-indices in short, also where their number is not understood."""
+    given = head.entries.get("compactsubobj", "")
+    return bool(given) and values.plain(given) != 0
+
+
+def count_of(entry: Object) -> int | None:
+    """Return the default of sub-index 0, None where it is no number."""
+    count = entry.subs.get(0)
+    return count.default.value if count is not None and isinstance(count.default, Number) else None
+
+
+def one_is_missing(head: Section, there: int) -> bool:
+    """Whether SubNumber counts one sub-index more than the ``there`` that have a section."""
+    return values.plain(head.entries.get("subnumber", "")) == there + 1
+
+
+def missing(entry: Object, head: Section, there: int) -> int | None:
+    """Return the sub-index whose section is missing, where SubNumber and sub-index 0 leave no other; None where they do.
+
+    ``there`` is the number of sub-indices that have a section.
+    """
+    if not one_is_missing(head, there):
+        return None
+    if 0 not in entry.subs:
+        return 0
+    highest = min(count_of(entry) or 0, MAX_ENTRIES)  # what the file says may be any number
+    absent = [sub for sub in range(1, highest + 1) if sub not in entry.subs]
+    return absent[0] if len(absent) == 1 else None
