@@ -278,6 +278,8 @@ CASES = (
     Case("P014", (*SECOND_TPDO, "1801sub1:DefaultValue=$NODEID+0x180"), "1801sub1:DefaultValue",
          (*SECOND_TPDO, "1801sub1:DefaultValue=$NODEID+0x80000180")),
     Case("P015", ("1A00sub0:DefaultValue=3",), "1A00sub3:DefaultValue", ("1A00sub3:DefaultValue=0x0",)),
+    Case("P016", ("1A00sub0:DefaultValue=0",), "1A00sub0:DefaultValue",
+         ("1A00sub0:DefaultValue=0", "1A00sub1:DefaultValue=0", "1A00sub2:DefaultValue")),
     # C: CiA 301
     Case("C001", ("-1001", "MandatoryObjects:2=0x1018", "MandatoryObjects:3", "MandatoryObjects:SupportedObjects=2"),
          "MandatoryObjects", ("1001:ParameterName=Errors",)),

@@ -148,6 +148,34 @@ def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
     assert {each.rule for each in found(no_drive)} == {"P004"}
 
 
+@pytest.mark.parametrize(
+    ("rule", "mapped"),
+    [
+        ("P002", "0x20990020"),
+        ("P003", "0x60640010"),
+        ("P004", "0x60810020"),
+        ("P005", "0x20020008"),
+        ("P010", "0x00070020"),
+    ],
+)
+def test_a_mapping_entry_that_is_not_counted_is_a_note(rule: str, mapped: str) -> None:
+    edits = (
+        "1A00sub3:DefaultValue=" + mapped,
+        "2002:ObjectType=0x7",
+        "2002:DataType=0x0005",
+        "2002:PDOMapping=1",
+    )
+    hit = only(rule, *edits)
+    assert (hit.severity, "[1A00sub3], not active, maps" in hit.message) == (Severity.NOTE, True)
+    assert only(rule, *edits, "1A00sub0:DefaultValue=3").severity is not Severity.NOTE
+
+
+def test_a_pdo_that_waits_to_be_configured_carries_nothing_yet() -> None:
+    empty = ("1A00sub0:DefaultValue=0", "1800sub1:DefaultValue=$NODEID+0x80000180")
+    assert only("P016", "1A00sub0:DefaultValue=0").severity is Severity.WARNING
+    assert only("P016", *empty).severity is Severity.NOTE
+
+
 PDOS_OF_V3 = (
     *("OptionalObjects:25=0x1004", "OptionalObjects:SupportedObjects=25"),
     ">[1004]\nParameterName=Number of PDOs supported\nObjectType=0x8\nSubNumber=2\n\n"

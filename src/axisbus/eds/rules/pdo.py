@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
-from axisbus.eds.model import Object, Variable
+from axisbus.eds.model import Object, Severity, Variable
 from axisbus.eds.rules import drive, standard
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 from axisbus.eds.text import Section
@@ -26,11 +27,12 @@ _TO_TPDO = frozenset(("ro", "rw", "rwr", "const"))
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One entry of a mapping that is in use: what it maps, and the entry of 16xxh or 1Axxh that says so."""
+    """One entry of a mapping: what it maps, the entry of 16xxh or 1Axxh that says so, and whether sub-index 0 counts it."""
 
     receive: bool
     holder: Variable
     mapped: MappedObject
+    active: bool = True
 
     @property
     def name(self) -> str:
@@ -77,10 +79,25 @@ def used(sheet: Sheet, entry: Object) -> list[Variable]:
     return [sub for sub in there if sub.subindex <= count]
 
 
+def unused(entry: Object) -> list[Variable]:
+    """Return the entries of a mapping that its sub-index 0 leaves out, if it is a number."""
+    count = number_of(entry.subs[0]) if 0 in entry.subs else None
+    if count is None or count in _MULTIPLEXED:
+        return []
+    return [sub for subindex, sub in entry.subs.items() if count < subindex <= MAX_ENTRIES]
+
+
 def slots(sheet: Sheet) -> Iterator[Slot]:
     """Yield every entry in use of every mapping that maps something."""
     for receive, entry in maps(sheet):
         yield from slots_of(sheet, receive, entry)
+
+
+def every_slot(sheet: Sheet) -> Iterator[Slot]:
+    """Yield every entry of every mapping that maps something, also those that sub-index 0 leaves out."""
+    yield from slots(sheet)
+    for receive, entry in maps(sheet):
+        yield from _filled(unused(entry), receive, active=False)
 
 
 def no_mapping(sheet: Sheet) -> Iterator[Hit]:
@@ -103,7 +120,7 @@ def no_communication(sheet: Sheet) -> Iterator[Hit]:
 
 def no_target(sheet: Sheet) -> Iterator[Hit]:
     """P002."""
-    for slot in slots(sheet):
+    for slot in every_slot(sheet):
         index, subindex, _ = slot.mapped
         if index in _DATA_TYPES or sheet.modular or index in _NETWORK_VARIABLES:
             continue
@@ -123,7 +140,7 @@ def _misshapen(sheet: Sheet, index: int, subindex: int) -> bool:
 
 def wrong_size(sheet: Sheet) -> Iterator[Hit]:
     """P003."""
-    for slot in slots(sheet):
+    for slot in every_slot(sheet):
         target = _target(sheet, slot)
         bits = _bits(slot.mapped) if target is None else target.bits
         if bits is None or bits == slot.mapped.bits or _right_by_standard(sheet, target, slot.mapped):
@@ -150,12 +167,13 @@ def _right_by_standard(sheet: Sheet, target: Variable | None, mapped: MappedObje
 def not_mappable(sheet: Sheet) -> Iterator[Hit]:
     """P004."""
     at_fault: dict[Section, list[Slot]] = {}  # sections of objects
-    for slot in slots(sheet):
+    for slot in every_slot(sheet):
         target = _target(sheet, slot)
         if target is None or target.pdo_mapping:
             continue
         section = sheet.section_of(target.index, target.subindex)
-        if section is not None and ("pdomapping" not in section.entries or is_cyclic(sheet, target)):
+        missing = section is not None and "pdomapping" not in section.entries
+        if section is not None and slot.active and (missing or is_cyclic(sheet, target)):
             at_fault.setdefault(section, []).append(slot)
         else:
             yield _on(sheet, slot, f"maps {_name(target)}, whose PDOMapping is 0")
@@ -180,7 +198,7 @@ def is_cyclic(sheet: Sheet, target: Variable) -> bool:
 
 def wrong_direction(sheet: Sheet) -> Iterator[Hit]:
     """P005."""
-    for slot in slots(sheet):
+    for slot in every_slot(sheet):
         target = _target(sheet, slot)
         allowed = _TO_RPDO if slot.receive else _TO_TPDO
         if target is None or target.access in allowed or _access_is_the_fault(sheet, target, allowed):
@@ -220,12 +238,15 @@ def _right_bits(sheet: Sheet, slot: Slot) -> int:
 
 def slots_of(sheet: Sheet, receive: bool, entry: Object) -> list[Slot]:
     """Return the entries in use of one mapping that map something."""
-    found = []
-    for holder in used(sheet, entry):
+    return list(_filled(used(sheet, entry), receive))
+
+
+def _filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> Iterator[Slot]:
+    for holder in holders:
         value = start_value(holder)
         if value is not None and value.value and not value.plus_node_id:
-            found.append(Slot(receive, holder, MappedObject.from_entry(value.value & 0xFFFF_FFFF)))
-    return found
+            mapped = MappedObject.from_entry(value.value & 0xFFFF_FFFF)
+            yield Slot(receive, holder, mapped, active)
 
 
 def count_beyond(sheet: Sheet) -> Iterator[Hit]:
@@ -256,9 +277,28 @@ def empty_entries(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
 
 
+def carries_nothing(sheet: Sheet) -> Iterator[Hit]:
+    """P016."""
+    for receive, entry in maps(sheet):
+        count = entry.subs.get(0)
+        filled = list(_filled(unused(entry), receive))
+        if count is None or number_of(count) != 0 or not filled:
+            continue
+        what = counted(len(filled), "entry is", "entries are")
+        text = f"[{entry.index:04X}sub0] is 0: the PDO carries nothing, though {what} filled"
+        severity = None if _is_on(sheet, entry.index) else Severity.NOTE
+        yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0, severity)
+
+
+def _is_on(sheet: Sheet, mapping: int) -> bool:
+    """Whether the PDO of a mapping exists after power-up."""
+    identifier = sheet.number(mapping - PDOS_OF_A_KIND, 1)
+    return identifier is not None and not identifier & cob.INVALID
+
+
 def dummies(sheet: Sheet) -> Iterator[Hit]:
     """P010."""
-    for slot in slots(sheet):
+    for slot in every_slot(sheet):
         index = slot.mapped.index
         if index in _DATA_TYPES and index not in sheet.eds.dummies:
             yield _on(sheet, slot, f"maps the dummy {index:04X}, which [DummyUsage] does not allow")
@@ -283,8 +323,9 @@ def _name(target: Variable) -> str:
 def _on(sheet: Sheet, slot: Slot, message: str) -> Hit:
     holder = slot.holder
     section = sheet.section_of(holder.index, holder.subindex)
-    text = f"[{slot.name}] {message}"
-    return sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
+    text = f"[{slot.name}] {message}" if slot.active else f"[{slot.name}], not active, {message}"
+    severity = None if slot.active else Severity.NOTE
+    return sheet.at(section, start_key(holder), text, holder.index, holder.subindex, severity)
 
 
 LOOKS: Looks = {
@@ -298,4 +339,5 @@ LOOKS: Looks = {
     "P008": count_beyond,
     "P010": dummies,
     "P015": empty_entries,
+    "P016": carries_nothing,
 }
