@@ -34,6 +34,11 @@ def without(what: str, instead: str = "") -> Callable[[str], str]:
     return lambda text: text.replace(what, instead, 1)
 
 
+def cut_before(what: str) -> Callable[[str], str]:
+    """Leave out a text and all behind it."""
+    return lambda text: text[: text.index(what)]
+
+
 def encoded(encoding: str) -> Callable[[str], bytes]:
     return lambda text: text.encode(encoding)
 
@@ -67,6 +72,10 @@ SECOND_TPDO = (
 OVERFLOW = (
     *("OptionalObjects:SupportedObjects=25", "OptionalObjects:25=0x1019"),
     ">[1019]\nParameterName=Overflow\nObjectType=0x7\nDataType=0x0005\nAccessType=rw\nDefaultValue=240\nPDOMapping=0\n",
+)
+HOMING = (
+    *("OptionalObjects:25=0x6098", "OptionalObjects:SupportedObjects=25"),
+    ">[6098]\nParameterName=Homing method\nObjectType=0x7\nDataType=0x0002\nAccessType=rw\nDefaultValue=35\nPDOMapping=0\n",
 )
 SECOND_AXIS = tuple(
     edit
@@ -119,6 +128,7 @@ CASES = (
     Case("S017", ("2000:AcessType=rw", "2000:AccessType"), "~AcessType", ("2000:AcessType=rw",)),
     Case("S018", ("2001:DefaultValue=le\x07ft",), "~\x07", ("2001:DefaultValue=le\tft",)),
     Case("S019", ("2000>#Unit=mm",), "~#Unit", ("2000>;Unit=mm",)),
+    Case("S020", (cut_before("[2004]"),), "2003sub3:PDOMapping@", (cut_before("[2005]"),)),
     # F: [FileInfo]
     Case("F001", ("FileInfo:CreatedBy",), "FileInfo", ("FileInfo:EDSVersion",)),
     Case("F002", ("FileInfo:FileName=other.eds",), "FileInfo:FileName", ("FileInfo:FileName=TEST.EDS",)),
@@ -133,6 +143,7 @@ CASES = (
     Case("F008", (*DCF, "FileInfo:LastEDS"), "FileInfo", DCF),
     Case("F009", ("FileInfo:EDSVersion=402",), "FileInfo:EDSVersion", ("FileInfo:EDSVersion=3.0",)),
     Case("F010", ("FileInfo:FileName=C:\\me\\test.eds",), "FileInfo:FileName", ("FileInfo:FileName=test.eds",)),
+    Case("F011", ("FileInfo:EDSVersion",), "FileInfo", ("FileInfo:EDSVersion=3.0",)),
     # D: [DeviceInfo], [DummyUsage], [Comments]
     Case("D001", ("DeviceInfo:OrderCode",), "DeviceInfo", ("DeviceInfo:OrderCode=",)),
     Case("D002", ("DeviceInfo:VendorNumber=",), "DeviceInfo:VendorNumber", ("DeviceInfo:VendorName=",)),
@@ -258,6 +269,7 @@ CASES = (
          ("2003sub1:LowLimit=0", "2003sub1:HighLimit=0", "2003sub1:DefaultValue=0")),
     Case("V019", ("1400sub1:DefaultValue=0x200",), "1400sub1:DefaultValue", ("1400sub1:DefaultValue=0x380",)),
     Case("V020", ("1014:DefaultValue=$NODE+0x80",), "1014:DefaultValue", ("1014:DefaultValue=$NODEID+128",)),
+    Case("V021", ("2003sub1:DefaultValue=0x-3",), "2003sub1:DefaultValue", ("2003sub1:DefaultValue=-0x3",)),
     # P: PDOs
     Case("P001", not_optional(0x1A00, 10, "-1A00sub0", "-1A00sub1", "-1A00sub2", "-1A00sub3"), "1800", SECOND_TPDO),
     Case("P002", ("1600sub2:DefaultValue=0x20990020",), "1600sub2:DefaultValue", ("1600sub2:DefaultValue=0x20000020",)),
@@ -302,6 +314,8 @@ CASES = (
     Case("C014", (*OVERFLOW, "1019:DefaultValue=1"), "1019:DefaultValue", OVERFLOW),
     Case("C015", ("OptionalObjects:25=0x1021", "OptionalObjects:SupportedObjects=25",
                   ">[1021]\nParameterName=Store EDS\nObjectType=0x2\nDataType=0x000F\nAccessType=ro\n"), "1021", ()),
+    Case("C016", ("1005:DefaultValue=0x40000000",), "1005:DefaultValue", ("1005:DefaultValue=0x40000081",)),
+    Case("C017", ("-1200sub2", "1200:SubNumber=2", "1200sub0:DefaultValue=1"), "1200", ()),
     Case("C020", ("1A00:ObjectType=0x8",), "1A00:ObjectType", ("1A00:ObjectType=9",)),
     Case("C021", ("1017:AccessType=ro",), "1017:AccessType", ("1001:AccessType=ro",)),
     # M: CiA 402
@@ -326,6 +340,8 @@ CASES = (
     Case("M016", ("605A:DefaultValue=0",), "605A:DefaultValue", ("605A:DefaultValue=1",)),
     Case("M017", ("607A:LowLimit=0",), "607A:LowLimit", ("6081:LowLimit=0",)),
     Case("M018", (*not_optional(0x6083, 21), "6502:DefaultValue"), "6081", ("6502:DefaultValue",)),
+    Case("M019", (*HOMING, "6098:DefaultValue=36"), "6098:DefaultValue", (*HOMING, "6098:DefaultValue=-36")),
+    Case("M020", (*not_optional(0x6061, 16), "6502:DefaultValue=0x80"), "6060", not_optional(0x6060, 15)),
     # K: DCF
     Case("K001", (*DCF, without("DeviceComissioning", "DeviceCommissioning")), "DeviceCommissioning", DCF),
     Case("K002", (*DCF, "-DeviceComissioning"), "", DCF),

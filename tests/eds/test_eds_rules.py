@@ -148,6 +148,149 @@ def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
     assert {each.rule for each in found(no_drive)} == {"P004"}
 
 
+@pytest.mark.parametrize("given", ["one", "-1", "1.5"])
+def test_a_number_of_pdos_that_is_none_is_told(given: str) -> None:
+    assert only("D006", f"DeviceInfo:NrOfTXPDO={given}").message == f"NrOfTXPDO={given} is no number"
+
+
+@pytest.mark.parametrize("key", ["LSS_Supported", "DynamicChannelsSupported", "BaudRate_50", "Granularity"])
+def test_every_entry_of_the_device_info_is_missed(key: str) -> None:
+    assert only("D001", f"DeviceInfo:{key}").message == f"[DeviceInfo] has no {key}"
+
+
+SDO_CLIENT = (
+    *("OptionalObjects:25=0x1280", "OptionalObjects:SupportedObjects=25"),
+    ">[1280]\nParameterName=SDO client\nObjectType=0x9\nSubNumber=4\n\n"
+    + "".join(
+        f"[1280sub{sub}]\nParameterName={name}\nObjectType=0x7\nDataType=0x{kind:04X}\nAccessType=rw\n{default}PDOMapping=0\n\n"
+        for sub, name, kind, default in (
+            (0, "Highest sub-index", 5, "DefaultValue=3\n"),
+            (1, "COB-ID to the server", 7, ""),
+            (2, "COB-ID to the client", 7, ""),
+            (3, "Node-ID of the server", 5, ""),
+        )
+    ),
+)
+
+
+@pytest.mark.parametrize(
+    ("edits", "where"),
+    [
+        (("1200sub1:DataType=0x0006",), "1200sub1"),
+        ((*SDO_CLIENT, "1280sub2:DataType=0x0006"), "1280sub2"),
+        ((*SDO_CLIENT, "1280sub3:DataType=0x0007"), "1280sub3"),
+    ],
+)
+def test_the_parameters_of_an_sdo_have_their_types(edits: tuple[Edit, ...], where: str) -> None:
+    hit = only("C003", *edits)
+    assert hit.line == place(text_of(edits)[0], f"{where}:DataType")[0]
+    assert found(SDO_CLIENT) == []
+
+
+def with_object(index: str, kind: int, default: str) -> tuple[Edit, ...]:
+    return (
+        *(f"OptionalObjects:25=0x{index}", "OptionalObjects:SupportedObjects=25"),
+        f">[{index}]\nParameterName=Added\nObjectType=0x7\nDataType=0x{kind:04X}\nAccessType=rw\nDefaultValue={default}\n"
+        "PDOMapping=0\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("edits", "rule", "words"),
+    [
+        (("1005:DefaultValue=$NODEID+0x80",), "C016", "depends on the node ID, but SYNC"),
+        (("1005:DefaultValue=0x181",), "", ""),
+        (("1005:DefaultValue=0x605",), "C016", "gives the COB-ID 0x605, which"),
+        (("1005:DefaultValue=0x1080",), "C016", "more than 11 bits"),
+        (("1005:DefaultValue=0x20001080",), "", ""),
+        (with_object("1012", 7, "0x80000100"), "", ""),
+        (with_object("1012", 7, "0x80000000"), "C016", "without an identifier for TIME"),
+        (with_object("1012", 7, "$NODEID+0x100"), "C016", "TIME has one identifier"),
+        (("1014:DefaultValue=0x300",), "C016", "has no $NODEID: every node would use 0x300"),
+        (("1014:DefaultValue=0x85",), "V007", "for node 5 alone"),
+        (("1014:DefaultValue=$NODEID+0x600",), "C016", "gives every node ID a COB-ID such as 0x601"),
+        (("1014:DefaultValue=$NODEID+0x780",), "C016", "0x781"),
+        (("1014:DefaultValue=$NODEID+0x7F0",), "C016", "0x86F, which has more than 11 bits"),
+        (with_object("100E", 7, "$NODEID+0x700"), "", ""),
+        (with_object("100E", 7, "$NODEID+0x680"), "C016", "is not $NODEID+0x700"),
+        (with_object("100E", 7, "0x700"), "V019", "0x700"),
+        (with_object("100E", 7, "0x710"), "V007", "for node 16 alone"),
+        (("1800sub1:DefaultValue=$NODEID+0x1180",), "P013", "0x11FF, which has more than 11 bits"),
+    ],
+)
+def test_the_identifier_of_each_service_is_in_its_range(
+    edits: tuple[Edit, ...], rule: str, words: str
+) -> None:
+    hits = found(edits)
+    assert [each.rule for each in hits] == ([rule] if rule else [])
+    assert all(words in each.message for each in hits)
+
+
+@pytest.mark.parametrize(
+    ("default", "words"),
+    [
+        ("6", "begins in hm, of which nothing is described"),
+        ("5", "begins in mode 5, a mode that CiA 402 does not have"),
+        ("7", "begins in ip, of"),
+    ],
+)
+def test_a_mode_without_objects_is_told_where_6502h_is_missing(default: str, words: str) -> None:
+    edits = (
+        "-6502",
+        "OptionalObjects:24",
+        "OptionalObjects:SupportedObjects=23",
+        f"6060:DefaultValue={default}",
+    )
+    assert words in only("M011", *edits).message
+    assert only("M011", "6060:DefaultValue=5").message.endswith("a mode that CiA 402 does not have")
+
+
+def test_a_target_of_which_no_mode_is_whole_is_told_where_6502h_is_missing() -> None:
+    edits = ("6502:DefaultValue", *with_object("60FF", 4, "0"))
+    assert only("M018", *edits).message == (
+        "60FF (Target velocity) is there, but pv would need 606C (Velocity actual value) too; "
+        "csv would need 606C (Velocity actual value) too"
+    )
+    assert "M018" not in [each.rule for each in found(with_object("60FF", 4, "0"))]
+
+
+@pytest.mark.parametrize("spelled", ["0x-3", "0X-3", "-0x-3"])
+def test_a_sign_inside_a_number_is_an_error(spelled: str) -> None:
+    assert only("V021", f"2003sub1:DefaultValue={spelled}").severity is Severity.ERROR
+
+
+@pytest.mark.parametrize(
+    "at",
+    [
+        "[6086]",
+        "6]\nParameterName=Motion p",
+        "sub2]",
+        "Interpolation time p",
+        "[2003sub1]",
+        "[2004]",
+        "60400010",
+        "cess",
+    ],
+)
+def test_a_file_that_ends_in_the_middle_is_one_finding(at: str) -> None:
+    """Behind its lists, wherever it is cut: between sections, in a record, in a line."""
+    start = BASE.index("[6040]") if at == "cess" else BASE.index("[1000]")
+    cut = BASE[: BASE.index(at, start)]
+    hits = [each.rule for each in check(reader.read(cut.encode(), "test.eds"))]
+    assert hits == ["S020"]
+
+
+@pytest.mark.parametrize("lines", range(120, 540, 7))
+def test_wherever_a_file_is_cut_it_ends_early_and_nothing_else_is_wrong(lines: int) -> None:
+    cut = "\n".join(BASE.split("\n")[:lines])
+    hits = [each for each in check(reader.read(cut.encode(), "test.eds")) if each.severity is Severity.ERROR]
+    assert [each.rule for each in hits] == ["S020"]
+
+
+def test_a_file_whose_last_line_has_no_end_is_whole() -> None:
+    assert list(check(reader.read(BASE.rstrip().encode(), "test.eds"))) == []
+
+
 @pytest.mark.parametrize(
     ("rule", "mapped"),
     [

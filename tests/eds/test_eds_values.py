@@ -30,7 +30,7 @@ from axisbus.eds.model import Number
         ("0xFD", T.INTEGER8, -3, "V010"),
         ("0xFFFFFF", T.INTEGER24, -1, "V010"),
         ("0xFFFFFFFFFFFFFFFF", T.INTEGER64, -1, "V010"),
-        ("0x-3", T.INTEGER8, -3, "V010"),
+        ("0x-3", T.INTEGER8, -3, "V021"),
         ("-0x7f", T.INTEGER8, -127, "V010"),
         ("256", T.UNSIGNED8, None, "V005"),
         ("0x100", T.INTEGER8, None, "V005"),

@@ -153,9 +153,10 @@ def _number(text: str) -> Integer:
         return Parsed(Number(int(text, 0)))
     negative = _NEGATIVE_HEX.fullmatch(text)
     if negative:
-        return Parsed(
-            Number(-int(negative[1], 16)), (Problem("V010", f"{text} is a negative hexadecimal number"),)
-        )
+        minus = Number(-int(negative[1], 16))
+        if text[-len(negative[1]) - 1] == "-":
+            return Parsed(minus, (Problem("V021", f"{text} is read as -0x{negative[1]}"),))
+        return Parsed(minus, (Problem("V010", f"{text} is a negative hexadecimal number"),))
     if _FRACTION.fullmatch(text):
         whole, fraction = re.split("[.,]", text)
         exact = Number(int(whole)) if not fraction.strip("0") else None

@@ -61,6 +61,7 @@ _NEW_TEXTS: Mapping[str, _NewText] = {
     "V015": _decimal,
     "V017": _bare_octets,
     "V020": _formula,
+    "V021": _decimal,
 }
 
 

@@ -13,7 +13,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
 from axisbus.eds.model import Finding, Number, Severity
-from axisbus.eds.rules import pdo, pdo_parameters, records, standard
+from axisbus.eds.rules import ending, pdo, pdo_parameters, records, services, standard
 from axisbus.eds.rules.sheet import Sheet
 from axisbus.eds.text import entry_of
 
@@ -39,7 +39,8 @@ _MIXED, _IDENTITY = "O026", "D004"
 
 def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
     """Return the findings without those that only follow from others."""
-    every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in found]
+    whole = ending.without_consequences(sheet, found)
+    every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in whole]
     typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
     mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
     explained = {(rule, each.index) for each in every for rule in _EXPLAINS.get(each.rule, ())}
@@ -77,6 +78,8 @@ def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, 
         return (records.type_of_count(index),)
     if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + pdo.PDOS_OF_A_KIND:
         return (pdo_parameters.standard_type(index, subindex),)
+    if index in services.SDO_PARAMETERS and subindex in services.SDO_TYPES:
+        return (services.SDO_TYPES[subindex],)
     row = standard.row(index, subindex)
     return row.data_types if row is not None else ()
 

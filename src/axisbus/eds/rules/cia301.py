@@ -8,7 +8,8 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import is_synchronous
 from axisbus.eds.model import ObjectType, Severity
-from axisbus.eds.rules import pdo, standard
+from axisbus.eds.rules import pdo, services, standard
+from axisbus.eds.rules.pdo_parameters import restricted
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, an, number_of, start_key, start_value
 
 _AREA = range(0x1000, 0x1030)
@@ -82,6 +83,7 @@ def data_types(sheet: Sheet) -> Iterator[Hit]:
         if row.data_types and kind and kind not in row.data_types:
             wanted = " or ".join(each.name for each in row.data_types)
             yield sheet.on(entry, "datatype", f"is {kind.name}, CiA 301 has {wanted} ({row.name})")
+    yield from services.sdo_types(sheet)
 
 
 def access(sheet: Sheet) -> Iterator[Hit]:
@@ -191,7 +193,7 @@ def emergency_id(sheet: Sheet) -> Iterator[Hit]:
     if entry is None or value is None or value.value & cob.INVALID:
         return
     base = value.value & cob.ID_MASK_29
-    if value.plus_node_id and base != cob.EMCY:
+    if value.plus_node_id and base != cob.EMCY and not restricted(value):  # else C016 speaks of it
         text = f"[1014] is $NODEID+0x{base:X}, $NODEID+0x80 is the identifier of EMCY"
         yield sheet.at(section, start_key(entry), text, o.COB_ID_EMCY)
 

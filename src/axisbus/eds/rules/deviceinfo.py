@@ -26,6 +26,9 @@ _NEEDED = {
     "groupmessaging": "GroupMessaging",
     "nrofrxpdo": "NrOfRXPDO",
     "nroftxpdo": "NrOfTXPDO",
+    "lss_supported": "LSS_Supported",
+    "dynamicchannelssupported": "DynamicChannelsSupported",
+    **{f"baudrate_{rate}": f"BaudRate_{rate}" for rate in BAUD_RATES},
 }
 _LENGTHS = {
     "vendorname": ("VendorName", 244),
@@ -112,7 +115,11 @@ def granularity(sheet: Sheet) -> Iterator[Hit]:
 def pdo_numbers(sheet: Sheet) -> Iterator[Hit]:
     """D006."""
     for key, name, first in (("nrofrxpdo", "NrOfRXPDO", 0x1400), ("nroftxpdo", "NrOfTXPDO", 0x1800)):
-        given = number(sheet.device, key)
+        text = _entry(sheet, key)
+        given = values.plain(text)
+        if text and (given is None or given < 0):
+            yield _at(sheet, key, f"{name}={short(text)} is no number")
+            continue
         described = sum(_communicates(entry, first) for entry in sheet.eds)
         if given is not None and given != described:
             yield _at(

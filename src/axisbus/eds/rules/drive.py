@@ -33,8 +33,14 @@ ALONE: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.PROFILE_VELOCITY,),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
     _M.PROFILE_TORQUE: (o.TORQUE_SLOPE,),
-    _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS),
+    _M.HOMING: (o.HOMING_METHOD, o.HOMING_SPEEDS, o.HOMING_ACCELERATION),
     _M.INTERPOLATED_POSITION: (0x60C1,),
+}
+# Targets, and the modes of which one must be there for each.
+TARGETS: Mapping[int, tuple[ModeOfOperation, ...]] = {
+    o.TARGET_POSITION: (_M.PROFILE_POSITION, _M.CYCLIC_SYNC_POSITION),
+    o.TARGET_VELOCITY: (_M.PROFILE_VELOCITY, _M.CYCLIC_SYNC_VELOCITY),
+    o.TARGET_TORQUE: (_M.PROFILE_TORQUE, _M.CYCLIC_SYNC_TORQUE),
 }
 # Objects that show a mode by being there; the cyclic modes have none of their own.
 SHOWING: Mapping[ModeOfOperation, tuple[int, ...]] = {

@@ -19,6 +19,7 @@ from axisbus.eds.rules import (
     concise,
     dcf,
     deviceinfo,
+    ending,
     fileinfo,
     lists,
     modes,
@@ -27,6 +28,7 @@ from axisbus.eds.rules import (
     pdo,
     pdo_parameters,
     records,
+    services,
     text,
     values,
 )
@@ -39,8 +41,8 @@ MAX_OF_A_RULE = 1000  # a file of noise must not fill the screen, nor the memory
 MORE, UNREADABLE = "S099", "S000"
 
 _FAMILIES = (
-    *(text, fileinfo, deviceinfo, lists, objects, records, compactlists, values, pdo, pdo_parameters),
-    *(cia301, cia402, modes, dcf, concise, modules),
+    *(text, ending, fileinfo, deviceinfo, lists, objects, records, compactlists, values, pdo, pdo_parameters),
+    *(cia301, services, cia402, modes, dcf, concise, modules),
 )
 LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
 

@@ -25,6 +25,12 @@ _NEEDED = {
     "creationdate": "CreationDate",
     "createdby": "CreatedBy",
 }
+_USUAL = {
+    "edsversion": "EDSVersion",
+    "modificationtime": "ModificationTime",
+    "modificationdate": "ModificationDate",
+    "modifiedby": "ModifiedBy",
+}
 _LENGTHS = {
     "description": ("Description", 243),
     "createdby": ("CreatedBy", 245),
@@ -43,6 +49,15 @@ def missing_entries(sheet: Sheet) -> Iterator[Hit]:
     absent = [name for key, name in _NEEDED.items() if key not in section.entries]
     if absent:
         yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
+
+
+def usual_entries(sheet: Sheet) -> Iterator[Hit]:
+    """F011."""
+    section = sheet.file_info
+    if section is not None:
+        absent = [name for key, name in _USUAL.items() if key not in section.entries]
+        if absent:
+            yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
 
 def other_name(sheet: Sheet) -> Iterator[Hit]:
@@ -146,4 +161,5 @@ LOOKS: Looks = {
     "F008": origin,
     "F009": eds_version,
     "F010": absolute_name,
+    "F011": usual_entries,
 }

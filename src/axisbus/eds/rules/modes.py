@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
+from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
 from axisbus.eds.rules import standard
-from axisbus.eds.rules.drive import ALONE, Axis, axes, claimed, meant, missing, says_drive, shown
+from axisbus.eds.rules.drive import ALONE, TARGETS, Axis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
 from axisbus.wording import counted
 
@@ -107,6 +108,21 @@ def half_a_mode(sheet: Sheet) -> Iterator[Hit]:
                 first = axis.offset + there[0]
                 text = f"{_named(axis, there[0])} belongs to {short(mode)}, for which {names} would be needed too"
                 yield sheet.at(sheet.heads.get(first), "", text, first)
+        yield from _lonely_targets(sheet, axis) if claimed(sheet, axis) is None else ()
+
+
+def _lonely_targets(sheet: Sheet, axis: Axis) -> Iterator[Hit]:
+    """Yield a hit for each target of which no mode is complete, nor told of by an object of its own."""
+    for target, modes in TARGETS.items():
+        there = axis.offset + target
+        lacking = {mode: missing(sheet, axis, mode) for mode in modes}
+        alone = any(axis.offset + index in sheet.eds for mode in modes for index in ALONE.get(mode, ()))
+        if there in sheet.eds and all(lacking.values()) and not alone:
+            wants = "; ".join(
+                f"{short(mode)} would need {', '.join(_named(axis, index) for index in absent)} too"
+                for mode, absent in lacking.items()
+            )
+            yield sheet.at(sheet.heads.get(there), "", f"{_named(axis, target)} is there, but {wants}", there)
 
 
 def reserved_bits(sheet: Sheet) -> Iterator[Hit]:
@@ -125,13 +141,46 @@ def unsupported_default(sheet: Sheet) -> Iterator[Hit]:
         modes = claimed(sheet, axis)
         for index in _ONE_OF_SEVERAL:
             value = sheet.number(axis.offset + index)
-            if modes is None or value is None or value <= _MAKER_OR_NONE or _M(value) in modes:
+            if value is None or value <= _MAKER_OR_NONE:
+                continue
+            wrong = _wrong_mode(sheet, axis, _M(value), modes)
+            if not wrong:
                 continue
             entry = sheet.eds.get(axis.offset + index)
-            name = short(_M(value))
-            text = f"[{axis.offset + index:04X}] begins in {name}, which {_word(sheet, axis)} does not claim"
+            text = f"[{axis.offset + index:04X}] begins in {short(_M(value))}, {wrong}"
             key = start_key(entry) if entry is not None else ""
             yield sheet.at(sheet.section_of(axis.offset + index), key, text, axis.offset + index)
+
+
+def _wrong_mode(
+    sheet: Sheet, axis: Axis, mode: ModeOfOperation, claimed: Collection[ModeOfOperation] | None
+) -> str:
+    """Return why a drive does not begin in a mode, empty where it may."""
+    if mode not in FACTS:
+        return "a mode that CiA 402 does not have"
+    if claimed is not None:
+        return "" if mode in claimed else f"which {_word(sheet, axis)} does not claim"
+    return "" if meant(sheet, axis, mode) else "of which nothing is described"
+
+
+def no_mode_display(sheet: Sheet) -> Iterator[Hit]:
+    """M020."""
+    for axis in axes(sheet):
+        mode, display = (axis.offset + index for index in _ONE_OF_SEVERAL)
+        told = len(claimed(sheet, axis) or ()) > 1  # M001c speaks of it
+        if mode in sheet.eds and display not in sheet.eds and not told:
+            here, there = (_named(axis, index) for index in _ONE_OF_SEVERAL)
+            yield sheet.at(sheet.heads.get(mode), "", f"{here} is there without {there}", display)
+
+
+def homing_methods(sheet: Sheet) -> Iterator[Hit]:
+    """M019."""
+    for axis in axes(sheet):
+        index = axis.offset + o.HOMING_METHOD
+        entry, method = sheet.eds.get(index), sheet.number(index)
+        if entry is not None and method is not None and method > 0 and method not in METHODS:
+            text = f"[{index:04X}] is {method}, which is no homing method of CiA 402"
+            yield sheet.at(sheet.section_of(index), start_key(entry), text, index)
 
 
 def usual_objects(sheet: Sheet) -> Iterator[Hit]:
@@ -200,4 +249,6 @@ LOOKS: Looks = {
     "M012": usual_objects,
     "M013": no_axis_type,
     "M018": half_a_mode,
+    "M019": homing_methods,
+    "M020": no_mode_display,
 }

@@ -87,8 +87,9 @@ def restricted_ids(sheet: Sheet) -> Iterator[Hit]:
     """P013."""
     for _, sub, value in _valid_cob_ids(sheet):
         said = restricted(value)
-        if said:
-            text = f"[{sub.index:04X}sub1] gives {said}, which CiA 301 keeps for another service"
+        wrong = f"gives {said}, which CiA 301 keeps for another service" if said else too_long(value)
+        if wrong:
+            text = f"[{sub.index:04X}sub1] {wrong}"
             yield sheet.at(sheet.section_of(sub.index, 1), start_key(sub), text, sub.index, 1)
 
 
@@ -129,6 +130,15 @@ def restricted(value: Number) -> str:
         return f"every node ID a COB-ID such as 0x{base + nodes[0]:X} (node 1)"
     ids = f"node ID {nodes[0]}" if len(nodes) == 1 else f"the node IDs {_spans(nodes)}"
     return f"{ids} a COB-ID such as 0x{base + nodes[0]:X}"
+
+
+def too_long(value: Number) -> str:
+    """Return what is wrong with a COB-ID of 11 bits (bit 29 is 0) that has more; empty for others."""
+    identifier = value.value & cob.ID_MASK_29
+    highest = identifier + (cob.NODE_IDS[-1] if value.plus_node_id else 0)
+    if value.value & cob.EXTENDED or highest <= cob.ID_MASK_11:
+        return ""
+    return f"gives the COB-ID 0x{highest:X}, which has more than 11 bits, and bit 29 is not set"
 
 
 def _spans(numbers: Sequence[int]) -> str:

@@ -20,11 +20,13 @@ _WITHOUT_LIMITS = frozenset(
     )
 )
 _HIGHEST_NODE_ID = 127
+COB_ID_GUARDING = 0x100E  # of DS 301 V3
 # Identifiers that follow from the node ID (CiA 301 7.3.5), by the entry that holds them.
 NODE_COB_IDS = {
     **{(o.RPDO_COMMUNICATION + number, 1): base for number, base in enumerate(cob.RPDO)},
     **{(o.TPDO_COMMUNICATION + number, 1): base for number, base in enumerate(cob.TPDO)},
     (o.COB_ID_EMCY, 0): cob.EMCY,
+    (COB_ID_GUARDING, 0): cob.HEARTBEAT,
 }
 
 
