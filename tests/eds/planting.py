@@ -148,8 +148,8 @@ def missing_mode_object(rng: random.Random, text: Text) -> Plant | None:
     if not free:
         return None
     name = rng.choice(free)
-    changes = _without_object(text, name)
-    lines, moved = text.changed({**changes, **_unlisted(text, name)})
+    changes = without_object(text, name)
+    lines, moved = text.changed({**changes, **unlisted(text, name)})
     return Plant(lines, moved, {text.entries["6502"]["defaultvalue"][0]}, {"M001c", "M008"}, f"no [{name}]")
 
 
@@ -160,11 +160,11 @@ def missing_section(rng: random.Random, text: Text) -> Plant | None:
     listed = _listing(text, name)
     if listed is None:
         return None
-    lines, moved = text.changed(_without_object(text, name))
+    lines, moved = text.changed(without_object(text, name))
     return Plant(lines, moved, {listed[1]}, {"L005"}, f"no [{name}], still listed")
 
 
-def _without_object(text: Text, name: str) -> dict[int, str | None]:
+def without_object(text: Text, name: str) -> dict[int, str | None]:
     whole = [each for each in text.heads if each == name or each.startswith(name + "sub")]
     return {number: None for each in whole for number in range(text.heads[each], text.end(each))}
 
@@ -177,7 +177,7 @@ def _listing(text: Text, name: str) -> tuple[str, int] | None:
     return None
 
 
-def _unlisted(text: Text, name: str) -> dict[int, str | None]:
+def unlisted(text: Text, name: str) -> dict[int, str | None]:
     """Take an object out of its list, and number and count the others anew."""
     listed = _listing(text, name)
     assert listed is not None
@@ -420,7 +420,7 @@ def missing_sub_index(rng: random.Random, text: Text) -> Plant | None:
     name = rng.choice(names)
     parent = name.partition("sub")[0]
     lines, moved = text.changed(
-        _without_object(text, name) if not name.endswith("sub0") else _section(text, name)
+        without_object(text, name) if not name.endswith("sub0") else _section(text, name)
     )
     where = {text.heads[parent], text.entries[parent]["subnumber"][0]}
     return Plant(lines, moved, where, {"O007", "O008"}, f"no [{name}]")
@@ -570,5 +570,5 @@ def plant(
     """Plant one defect of a kind; None where the file has no place for it."""
     try:
         return kind(rng, text)
-    except IndexError:  # nothing to choose from
+    except (IndexError, ValueError):  # nothing, or not enough, to choose from
         return None

@@ -292,6 +292,8 @@ CASES = (
     Case("P015", ("1A00sub0:DefaultValue=3",), "1A00sub3:DefaultValue", ("1A00sub3:DefaultValue=0x0",)),
     Case("P016", ("1A00sub0:DefaultValue=0",), "1A00sub0:DefaultValue",
          ("1A00sub0:DefaultValue=0", "1A00sub1:DefaultValue=0", "1A00sub2:DefaultValue")),
+    Case("P017", ("1A00sub0:DefaultValue=3", "1A00sub3:DefaultValue=0x60410010"), "1A00sub3:DefaultValue",
+         ("1A00sub3:DefaultValue=0x60410010",)),
     # C: CiA 301
     Case("C001", ("-1001", "MandatoryObjects:2=0x1018", "MandatoryObjects:3", "MandatoryObjects:SupportedObjects=2"),
          "MandatoryObjects", ("1001:ParameterName=Errors",)),
@@ -342,6 +344,7 @@ CASES = (
     Case("M018", (*not_optional(0x6083, 21), "6502:DefaultValue"), "6081", ("6502:DefaultValue",)),
     Case("M019", (*HOMING, "6098:DefaultValue=36"), "6098:DefaultValue", (*HOMING, "6098:DefaultValue=-36")),
     Case("M020", (*not_optional(0x6061, 16), "6502:DefaultValue=0x80"), "6060", not_optional(0x6060, 15)),
+    Case("M021", ("607Dsub1:DefaultValue=200",), "607Dsub1:DefaultValue", ("607Dsub1:DefaultValue=100",)),
     # K: DCF
     Case("K001", (*DCF, without("DeviceComissioning", "DeviceCommissioning")), "DeviceCommissioning", DCF),
     Case("K002", (*DCF, "-DeviceComissioning"), "", DCF),

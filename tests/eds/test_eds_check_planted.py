@@ -8,12 +8,14 @@ from pathlib import Path
 
 import pytest
 from planting import KINDS, Plant, Text, plant
+from planting_more import EVERY
 
 from axisbus.eds import Finding, Severity, check, reader
 from kit.corpus import CORPUS
 
 OURS = sorted((Path(__file__).parents[2] / "eds").glob("*.eds"))
 PLANTS_OF_A_KIND = 5
+MISSED = "nothing of"
 
 
 def findings(text: str, name: str) -> tuple[Finding, ...]:
@@ -42,7 +44,7 @@ def complaint(path: Path, planted: Plant) -> str:
     where = {planted.moved[line] for line in planted.where}
     found = findings("\n".join(planted.lines), path.name)
     if not any(each.line in where and each.rule in planted.rules for each in found):
-        return f"{path.name}: {planted.what}: nothing of {planted.rules} in line {where}"
+        return f"{path.name}: {planted.what}: {MISSED} {planted.rules} in line {where}"
     strange = [each for each in found if each.line not in where and (each.rule, each.line) not in expected]
     return f"{path.name}: {planted.what}: {strange[0]}" if strange else ""
 
@@ -83,4 +85,41 @@ def test_defects_planted_into_clean_files_of_many_makers() -> None:
     paths = [path for path in sorted(CORPUS.glob("*.eds")) if clean(path) is not None]
     assert len(paths) >= 5
     complaints, count = run(paths, 301)
+    assert len(complaints) <= 0.05 * count, "\n".join(complaints)
+
+
+def widened(paths: list[Path], seed: int, each: int) -> tuple[list[str], int]:
+    """Plant each of the further kinds; return the complaints, and how many were planted."""
+    complaints, count = [], 0
+    for name, kind in EVERY.items():
+        rng, planted_here = random.Random(f"{seed} {name}"), 0
+        for _ in range(30 * each):
+            path = rng.choice(paths)
+            text = clean(path)
+            assert text is not None
+            planted = plant(rng, text, kind)
+            if planted is not None:
+                complaints += filter(None, [complaint(path, planted)])
+                planted_here += 1
+            if planted_here == each:
+                break
+        count += planted_here
+    return complaints, count
+
+
+@pytest.mark.timeout(240)
+def test_further_kinds_planted_into_our_own_files() -> None:
+    complaints, count = widened(OURS, 5, 3)
+    assert count >= 200
+    assert sum(MISSED in each for each in complaints) <= 0.03 * count, "\n".join(complaints)
+    assert len(complaints) <= 0.05 * count, "\n".join(complaints)
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.skipif(not CORPUS.is_dir(), reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
+def test_further_kinds_planted_into_clean_files_of_many_makers() -> None:
+    paths = [path for path in sorted(CORPUS.glob("*.eds")) if clean(path) is not None]
+    complaints, count = widened(paths, 7, 2)
+    assert count >= 140
+    assert sum(MISSED in each for each in complaints) <= 0.03 * count, "\n".join(complaints)
     assert len(complaints) <= 0.05 * count, "\n".join(complaints)

@@ -148,6 +148,22 @@ def test_an_input_module_is_not_judged_by_the_table_of_drives() -> None:
     assert {each.rule for each in found(no_drive)} == {"P004"}
 
 
+@pytest.mark.parametrize(
+    ("rule", "edit", "where"),
+    [
+        ("V016", "60C2sub1:HighLimit=$NODEID+0xFF", "60C2sub1:HighLimit"),
+        ("V003", "60C2sub1:HighLimit=$NODEID+1000", ""),
+        ("V003", "2000:LowLimit=$NODEID+5", "2000:DefaultValue"),
+        ("V003", "2000:HighLimit=$NODEID+5", ""),
+        ("P002", "1600sub1:DefaultValue=$NODEID+0x60400010", "1600sub1:DefaultValue"),
+        ("O013", "2004Name:3=Back", "2004Name:3"),
+    ],
+)
+def test_formulas_and_names_have_their_place(rule: str, edit: str, where: str) -> None:
+    hits = [each for each in found((edit,)) if each.rule == rule]
+    assert [each.line for each in hits] == ([place(edited(edit), where)[0]] if where else [])
+
+
 @pytest.mark.parametrize("given", ["one", "-1", "1.5"])
 def test_a_number_of_pdos_that_is_none_is_told(given: str) -> None:
     assert only("D006", f"DeviceInfo:NrOfTXPDO={given}").message == f"NrOfTXPDO={given} is no number"

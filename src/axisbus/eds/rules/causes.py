@@ -29,7 +29,12 @@ _OF_A_SHAPE = frozenset(  # what is asked of the one kind of object or the other
     ("O002", "O003", "O017", "O018", "O020", "O028", "O031", "C005", "C008", "M006", "M014", "P008", "P011")
 )
 # By rule, what it explains where both speak of the same object.
-_EXPLAINS = {"O003": frozenset(("O028",)), "O013": frozenset(("O008",)), "P008": frozenset(("P015",))}
+_EXPLAINS = {
+    "B001": frozenset(("O010",)),
+    "O003": frozenset(("O028",)),
+    "O013": frozenset(("O008", "O010")),
+    "P008": frozenset(("P015",)),
+}
 _MISSPELT = "S017"
 _MISSING = frozenset(  # what is told at the header of the section with the misspelt key
     ("O001", "O002", "O003", "O006", "O020", "O024", "O025", "O031", "C005", "L001", "M005", "M006", "P004")

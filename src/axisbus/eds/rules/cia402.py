@@ -27,6 +27,7 @@ _COASTING = {  # the value with which the motor is left to itself
     o.DISABLE_OPERATION_OPTION: "disabling operation",
     o.FAULT_REACTION_OPTION: "a fault",
 }
+_RANGES = (0x607B, 0x607D)  # position range limit, software position limit: sub-index 1 the least, 2 the most
 _TARGETS_BOTH_WAYS = (o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE)
 
 
@@ -118,6 +119,19 @@ def coasting(sheet: Sheet) -> Iterator[Hit]:
                 yield _value(sheet, axis.offset + index, f"is 0: {what} leaves the motor to coast")
 
 
+def crossed_ranges(sheet: Sheet) -> Iterator[Hit]:
+    """M021."""
+    for axis in axes(sheet):
+        for index in _RANGES:
+            low, high = (sheet.number(axis.offset + index, sub) for sub in (1, 2))
+            if low is not None and high is not None and low > high:
+                at = axis.offset + index
+                text = f"[{at:04X}sub1] is {low}, above sub-index 2 ({high})"
+                entry = sheet.eds.get(at, 1)
+                key = start_key(entry) if entry is not None else ""
+                yield sheet.at(sheet.section_of(at, 1), key, text, at, 1)
+
+
 def one_way(sheet: Sheet) -> Iterator[Hit]:
     """M017."""
     for axis in axes(sheet):
@@ -172,4 +186,5 @@ LOOKS: Looks = {
     "M015": reactions,
     "M016": coasting,
     "M017": one_way,
+    "M021": crossed_ranges,
 }

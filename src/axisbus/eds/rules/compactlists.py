@@ -57,6 +57,17 @@ def link_targets(sheet: Sheet) -> Iterator[Hit]:
                 )
 
 
+def names_beyond(sheet: Sheet) -> Iterator[Hit]:
+    """O013, of names; of values and denotations reading says it."""
+    for (index, kind), section in sheet.reading.parts.beside.items():
+        head = sheet.heads.get(index)
+        count = values.plain(head.entries.get("compactsubobj", "")) if head is not None else None
+        for key in section.entries if kind == "name" and count else ():
+            number = values.plain(key)
+            if key != "nrofentries" and (number is None or number > (count or 0)):
+                yield sheet.at(section, key, f"[{section.name}] names sub-index {short(key, 20)}", index)
+
+
 def foreign_lists(sheet: Sheet) -> Iterator[Hit]:
     """B005."""
     for (index, _), section in sheet.reading.parts.beside.items():
@@ -72,4 +83,5 @@ LOOKS: Looks = {
     "B003": link_counts,
     "B004": link_targets,
     "B005": foreign_lists,
+    "O013": names_beyond,
 }

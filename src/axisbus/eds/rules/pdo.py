@@ -126,6 +126,31 @@ def no_target(sheet: Sheet) -> Iterator[Hit]:
             continue
         if sheet.eds.get(index, subindex) is None and not _misshapen(sheet, index, subindex):
             yield _on(sheet, slot, f"maps {index:04X}:{subindex:02X}, which the file does not describe")
+    yield from _formulas(sheet)
+
+
+def _formulas(sheet: Sheet) -> Iterator[Hit]:
+    """Yield a hit for each mapping entry that is a formula."""
+    for _, entry in maps(sheet):
+        for holder in used(sheet, entry):
+            value = start_value(holder)
+            if value is not None and value.plus_node_id:
+                section = sheet.section_of(holder.index, holder.subindex)
+                text = (
+                    f"[{holder.index:04X}sub{holder.subindex:X}] depends on the node ID, and maps no object"
+                )
+                yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
+
+
+def repeated(sheet: Sheet) -> Iterator[Hit]:
+    """P017."""
+    for receive, entry in maps(sheet):
+        seen: dict[tuple[int, int], Slot] = {}
+        for slot in slots_of(sheet, receive, entry):
+            target = slot.mapped.index, slot.mapped.subindex
+            first = seen.setdefault(target, slot)
+            if first is not slot and slot.mapped.index not in _DATA_TYPES:
+                yield _on(sheet, slot, f"maps {target[0]:04X}:{target[1]:02X} again, as [{first.name}] does")
 
 
 def _misshapen(sheet: Sheet, index: int, subindex: int) -> bool:
@@ -340,4 +365,5 @@ LOOKS: Looks = {
     "P010": dummies,
     "P015": empty_entries,
     "P016": carries_nothing,
+    "P017": repeated,
 }

@@ -13,6 +13,7 @@ from axisbus.eds.values import Default, Limit
 
 _VALUES = {"defaultvalue": "DefaultValue", "parametervalue": "ParameterValue"}
 _LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}
+_NUMBERS = {**_VALUES, **_LIMITS}
 _WITHOUT_LIMITS = frozenset(
     (
         *(DataType.VISIBLE_STRING, DataType.OCTET_STRING, DataType.UNICODE_STRING),
@@ -51,10 +52,13 @@ def _crossed(value: Default, variable: Variable) -> str:
 
 
 def _less(left: Limit, right: Limit) -> bool:
-    """Whether ``left`` is less for every node ID; a formula can only be compared with another."""
-    if left is None or right is None or _formula(left) is not _formula(right):
+    """Whether ``left`` is less for every node ID."""
+    if left is None or right is None:
         return False
-    return _plain(left) < _plain(right)
+    both = _formula(left) and _formula(right)
+    most = _plain(left) + (_HIGHEST_NODE_ID if _formula(left) and not both else 0)
+    least = _plain(right) + (1 if _formula(right) and not both else 0)
+    return most < least
 
 
 def _formula(value: Number | float) -> bool:
@@ -79,11 +83,12 @@ def formula_too_large(sheet: Sheet) -> Iterator[Hit]:
     """V016."""
     for entry in sheet.described:
         variable = entry.variable
-        for key, value in (("defaultvalue", variable.default), ("parametervalue", variable.parameter_value)):
+        held = (variable.default, variable.parameter_value, variable.low, variable.high)
+        for key, value in zip(_NUMBERS, held, strict=True):
             if not (isinstance(value, Number) and value.plus_node_id and variable.data_type.integer):
                 continue
             if value.value + _HIGHEST_NODE_ID > variable.data_type.range[1]:
-                text = f"{_VALUES[key]}={short(entry.text(key))} exceeds {variable.data_type.name} with node ID 127"
+                text = f"{_NUMBERS[key]}={short(entry.text(key))} exceeds {variable.data_type.name} with node ID 127"
                 yield sheet.on(entry, key, text)
 
 
