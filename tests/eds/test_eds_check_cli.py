@@ -58,19 +58,141 @@ def test_a_clean_file_says_so_and_what_to_do_next(check: Call) -> None:
     assert out.splitlines() == ["a.eds: 0 errors, 0 warnings, 0 notes", "next: axisbus eds show a.eds"]
 
 
-def test_a_finding_is_one_line_that_editors_understand_and_one_with_the_remedy(check: Call) -> None:
+def line_of(text: str) -> int:
+    """Return the number of the line of a.eds that is this text."""
+    return Path("a.eds").read_text().splitlines().index(text) + 1
+
+
+def test_findings_stand_below_their_file_and_their_rule_with_the_remedy(check: Call) -> None:
     write("a.eds", BEYOND)
-    line = Path("a.eds").read_text().splitlines().index("DefaultValue=10") + 1
     code, out, _ = check("a.eds")
     assert code == 0  # a warning alone
     assert out.splitlines() == [
-        f"a.eds:{line}:14: warning V003 [2000] DefaultValue=10 is above HighLimit=9",
-        "    correct the value or the limits",
+        "a.eds",
+        "  warning V003: A value lies outside its limits. To do: correct the value or the limits.",
+        f"      {line_of('DefaultValue=10')}:14 [2000] DefaultValue=10 is above HighLimit=9",
         "",
-        "     1 warning  V003   A value lies outside its limits.",
-        "a.eds: 0 errors, 1 warning, 0 notes",
+        "in all: 0 errors, 1 warning, 0 notes",
         "next: axisbus eds check --explain V003",
     ]
+
+
+def test_lines_gives_each_finding_a_line_that_editors_understand(check: Call) -> None:
+    write("a.eds", BEYOND, TWICE)
+    out = check("a.eds", "--lines")[1].splitlines()
+    assert out[0] == (
+        f"a.eds:{line_of('DefaultValue=10')}:14: warning V003 [2000] DefaultValue=10 is above HighLimit=9; "
+        "correct the value or the limits"
+    )
+    assert out[1].startswith("a.eds:")
+    assert [line.split()[1:3] for line in out[:2]] == [["warning", "V003"], ["error", "S004"]]
+
+
+def many(count: int) -> str:
+    """Write a file of which ``count`` objects have no PDOMapping (O020)."""
+    names = "".join(
+        f"[{0x3000 + number:04X}]\nParameterName=P{number}\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\n"
+        for number in range(count)
+    )
+    Path("many.eds").write_text(names)
+    return "many.eds"
+
+
+def test_of_a_rule_that_is_broken_often_the_first_places_are_shown_and_how_many_more_there_are(
+    check: Call,
+) -> None:
+    told = check(many(5000), "--select", "O020")[1].splitlines()
+    assert told[0] == "many.eds"
+    assert told[1].startswith("  note O020 5000 times: ")
+    assert [line.split()[0] for line in told[2:5]] == ["1:1", "6:1", "11:1"]
+    assert told[5] == "      and 4997 more (--all shows them)"
+    assert told[6:] == [
+        "",
+        "in all: 0 errors, 0 warnings, 5000 notes",
+        "next: axisbus eds check --explain O020",
+    ]
+    each = check("many.eds", "--select", "O020", "--all")[1].splitlines()
+    assert len([line for line in each if "has no PDOMapping" in line]) == 5000
+    assert not [line for line in each if "more" in line]
+
+
+def test_a_single_place_more_is_shown_instead_of_counted(check: Call) -> None:
+    assert "more" not in check(many(4), "--select", "O020")[1]
+    assert "and 2 more" in check(many(5), "--select", "O020")[1]
+
+
+def test_json_and_sarif_have_every_place(check: Call) -> None:
+    json_text = check(many(5000), "--json", "--select", "O020", "--severity", "error")[1]
+    assert len(json.loads(json_text)["findings"]) == 5000
+    assert len(sarif_of(check, "many.eds", "--select", "O020")["runs"][0]["results"]) == 5000
+
+
+def test_what_reading_finds_is_complete_too(check: Call) -> None:
+    text = "".join(
+        f"[{index:04X}]\nParameterName=P\nDataType=0x0007 ; text\n" for index in range(0x2000, 0x2800)
+    )
+    Path("many.eds").write_text(text)
+    found = json.loads(check("many.eds", "--json", "--select", "S")[1])["findings"]
+    assert [each["rule"] for each in found].count("S011") == 0x800
+
+
+def test_errors_come_last_in_a_file_and_in_the_table_of_several_files(check: Call) -> None:
+    names = [write("a.eds", BEYOND, TWICE, SHARED), write("b.eds", SHARED)]
+    out = check(*names)[1]
+    one = check("a.eds")[1].splitlines()
+    assert [line.split()[0] for line in one if line.startswith("  ") and line[2] != " "] == [
+        "note",
+        "warning",
+        "error",
+    ]
+    table = out.split("\n\n")[-1].splitlines()
+    assert [line.split()[:3] for line in table[:-2]] == [
+        ["2", "note", "O027"],
+        ["1", "warning", "V003"],
+        ["1", "error", "S004"],
+    ]
+    assert table[0].endswith("(2 files)")
+    assert table[1].endswith("(1 file)")
+
+
+def test_a_path_is_printed_once_for_its_file(check: Call) -> None:
+    names = [write("drives/a.eds", BEYOND, TWICE, SHARED), write("drives/b.eds", SHARED, BEYOND)]
+    assert [check(*names)[1].count(name) for name in names] == [1, 1]
+    assert check(*names, "--all")[1].count("drives/a.eds") == 1
+    assert check(names[0])[1].count("drives/a.eds") == 1
+
+
+def test_severity_filters_what_is_shown_and_tells_what_is_not(check: Call) -> None:
+    write("a.eds", BEYOND, TWICE, SHARED)
+
+    def shown(*options: str) -> list[str]:
+        lines = check("a.eds", "--lines", *options)[1].splitlines()
+        return [line.split()[1] for line in lines if re.match(r"a\.eds:\d", line)]
+
+    assert shown("--severity", "error") == ["error"]
+    assert sorted(shown("--severity", "error,note")) == ["error", "note"]
+    assert sorted(shown("--severity", "Warning", "--severity", "note")) == ["note", "warning"]
+    code, out, _ = check("a.eds", "--severity", "note")
+    assert code == 1  # what is not shown counts all the same
+    assert "1 error (not shown), 1 warning (not shown), 1 note" in out
+    code, out, _ = check(write("b.eds", SHARED), "--severity", "error,warning")
+    assert out.splitlines()[0] == "b.eds: 0 errors, 0 warnings, 1 note (not shown)"
+    assert len(json.loads(check("a.eds", "--json", "--severity", "note")[1])["findings"]) == 3
+
+
+def test_a_severity_that_is_none_is_misuse(check: Call) -> None:
+    code, out, err = check(write("a.eds"), "--severity", "fatal")
+    assert (code, out) == (2, "")
+    assert "error, warning, note" in err
+
+
+def test_long_texts_are_folded_below_their_rule_where_the_width_is_known(
+    check: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "50")
+    out = check(write("a.eds", BEYOND, TWICE, SHARED))[1].split("\n\n")[0].splitlines()
+    assert max(map(len, out)) <= 50
+    assert all(line.startswith("  ") for line in out[1:])
 
 
 @pytest.mark.parametrize(
@@ -81,19 +203,6 @@ def test_fail_on_says_from_where_on_it_fails(check: Call, edit: str, codes: tupl
     name = write("a.eds", edit)
     assert tuple(check(name, "--fail-on", level)[0] for level in ("error", "warning", "note")) == codes
     assert check(name)[0] == codes[0]
-
-
-def test_the_summary_counts_by_severity_and_rule_worst_first(check: Call) -> None:
-    names = [write("a.eds", BEYOND, TWICE, SHARED), write("b.eds", SHARED)]
-    code, out, _ = check(*names)
-    assert code == 1
-    summary = out.split("\n\n")[-1].splitlines()
-    assert [line.split()[:3] for line in summary[:-2]] == [
-        ["1", "error", "S004"],
-        ["1", "warning", "V003"],
-        ["2", "note", "O027"],
-    ]
-    assert summary[-2] == "2 files: 1 error, 1 warning, 2 notes"
 
 
 def test_select_and_ignore_take_ids_and_beginnings_and_the_longer_wins(check: Call) -> None:
@@ -177,7 +286,7 @@ def test_what_concerns_the_whole_file_stands_in_line_1(check: Call) -> None:
     Path(name).write_text(BASE[BASE.index("[DeviceInfo]") :])
     found = json.loads(check(name, "--json")[1])["findings"]
     assert [(each["rule"], each["line"], each["column"]) for each in found] == [("F001", 1, 1)]
-    assert check(name)[1].startswith("a.eds:1:1: warning F001 ")
+    assert check(name, "--lines")[1].startswith("a.eds:1:1: warning F001 ")
 
 
 def sarif_of(check: Call, *files: str) -> dict[str, Any]:
@@ -236,7 +345,7 @@ def test_a_file_may_be_named_like_a_pattern(check: Call) -> None:
 def test_builtin_files_are_known_by_name(check: Call) -> None:
     code, out, _ = check("builtin:gim6010-8", "--fail-on", "warning")
     assert code == 0
-    assert "builtin:gim6010-8:" in out
+    assert "builtin:gim6010-8\n" in out
 
 
 @pytest.mark.parametrize(
@@ -256,11 +365,12 @@ def test_what_cannot_be_read_is_a_finding_beside_the_others(
         Path("odd.eds").write_bytes(data)
     code, out, err = check("odd.eds", write("good.eds", SHARED), "--select", "O")
     assert (code, err) == (1, "")
-    first = out.splitlines()[0]
-    assert first.startswith("odd.eds:1:1: error S000 ")
+    file, rule, first = out.splitlines()[:3]
+    assert file == "odd.eds"
+    assert rule.startswith("  error S000: ")
     assert said in first
-    assert first.count("odd.eds") == 1
-    assert "good.eds:" in out
+    assert out.count("odd.eds") == 1
+    assert "good.eds\n" in out
 
 
 def test_a_folder_and_a_pattern_without_a_match_are_findings(check: Call) -> None:

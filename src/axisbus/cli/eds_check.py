@@ -25,6 +25,18 @@ _FAILING = {
 }
 _MANY = 10  # files, from where on a bar shows how far it is
 _Found = dict[str, tuple[Finding, ...]]
+_Show = Callable[[str, Iterable[Finding]], Iterable[str]]
+
+
+def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -> frozenset[Severity]:
+    """Return the severities that are asked for, all where none is."""
+    words = [word.strip().lower() for word in _ids(given)]
+    try:
+        return frozenset(map(Severity, words)) or frozenset(Severity)
+    except ValueError:
+        raise click.BadParameter(
+            f"give {', '.join(one.value for one in Severity)}, with commas between several"
+        ) from None
 
 
 @click.command("check")
@@ -48,22 +60,36 @@ _Found = dict[str, tuple[Finding, ...]]
     show_default=True,
     help="Exit with 1 from here on.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
-@click.option("--sarif", "as_sarif", is_flag=True, help="Print the findings as SARIF 2.1.0, for code hosts.")
+@click.option(
+    "--severity",
+    "shown",
+    multiple=True,
+    metavar="WORDS",
+    callback=_severities,
+    help="Show only these: error, warning, note; commas between several. --json and --sarif always have all.",
+)
+@click.option("--all", "each", is_flag=True, help="Show every place, not only the first ones of each rule.")
+@click.option(
+    "--lines", "as_lines", is_flag=True, help="One line each as file:line:column: ..., for editors."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print all findings as JSON.")
+@click.option("--sarif", "as_sarif", is_flag=True, help="Print all findings as SARIF 2.1.0, for code hosts.")
 @click.option("--explain", metavar="ID", help="Explain a rule; nothing is checked.")
 @click.option(
     "--list", "as_list", is_flag=True, help="List all rules (that are selected); nothing is checked."
 )
 def command(
     files: tuple[str, ...], select: tuple[str, ...], ignore: tuple[str, ...], fail_on: str,
-    as_json: bool, as_sarif: bool, explain: str | None, as_list: bool,
+    shown: frozenset[Severity], each: bool, as_lines: bool, as_json: bool, as_sarif: bool,
+    explain: str | None, as_list: bool,
 ) -> int:  # fmt: skip
     """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') by CiA DS 306, CiA 301 and CiA 402.
 
-    An error makes a tool or the device fail, a warning deviates from the standard, a note is worth knowing. Each finding names
-    file, line and column, the rule, and what to do; --explain tells more about a rule.
+    An error makes a tool or the device fail, a warning deviates from the standard, a note is worth knowing. For each file the rules
+    that it breaks are named, with how often, what to do, and line and column of the first places; --all shows every place, and
+    --explain tells more about a rule.
 
-    Exit codes: 0 nothing from --fail-on up, 1 something found or a file that cannot be read, 2 wrong use.
+    Exit codes: 0 nothing from --fail-on up (shown or not), 1 something found or a file that cannot be read, 2 wrong use.
     """
     wanted = choice.chooser(_ids(select), _ids(ignore))
     if explain is not None:
@@ -74,28 +100,39 @@ def command(
         return _misuse("--json and --sarif exclude each other: give one of them")
     if not files:
         return _misuse("no file is given, such as: axisbus eds check drive.eds (or --list, --explain ID)")
-    quiet = as_json or as_sarif
-    found = _check_all(files, wanted, quiet)
+    found = _check_all(files, wanted, None if as_json or as_sarif else _shower(shown, each, as_lines))
     if as_json:
         say_json(text.plain(found))
     elif as_sarif:
         say_json(sarif.log(found, __version__, Path.cwd()))
     else:
-        say_lines(text.summary(found))
+        say_lines(text.summary(found, shown))
         say_next(text.next_step(found))
     failing = _FAILING[fail_on]
-    return WRONG if any(each.severity in failing for every in found.values() for each in every) else OK
+    return WRONG if any(one.severity in failing for every in found.values() for one in every) else OK
 
 
-def _check_all(files: Iterable[str], wanted: Callable[[str], bool], quiet: bool) -> _Found:
-    """Return what is found in each file; each is printed as soon as it is checked, unless ``quiet``."""
+def _shower(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
+    """Return what turns the findings of a file into the lines that are printed."""
+
+    def show(file: str, findings: Iterable[Finding]) -> Iterable[str]:
+        visible = [finding for finding in findings if finding.severity in shown]
+        if not visible:
+            return ()
+        return text.lines(file, visible) if as_lines else text.grouped(file, visible, each=each)
+
+    return show
+
+
+def _check_all(files: Iterable[str], wanted: Callable[[str], bool], show: _Show | None) -> _Found:
+    """Return what is found in each file; each is printed as soon as it is checked, where ``show`` says how."""
     found: _Found = {}
     named = list(_expanded(files))
-    with progress_bar("checking", quiet=not quiet or len(named) < _MANY) as tell:
+    with progress_bar("checking", quiet=show is not None or len(named) < _MANY) as tell:
         for number, file in enumerate(named, 1):
             found[file] = _check(file, wanted)
-            if found[file] and not quiet:
-                say_lines(text.lines(file, found[file]))
+            if show is not None and (shown := list(show(file, found[file]))):
+                say_lines(shown)
             if tell is not None:
                 tell(number, len(named))
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import click
@@ -18,16 +18,60 @@ from axisbus.wording import counted
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 _RANKS = {severity: rank for rank, severity in enumerate(Severity)}
 _TEXT_WIDTH = 100
+FIRST = 3  # places of a rule that are told, unless each is asked for
+_RULE_INDENT, _PLACE_INDENT, _REMEDY_INDENT = " " * 2, " " * 6, " " * 10
 _Found = Mapping[str, tuple[Finding, ...]]
 
 
+def grouped(file: str, findings: Iterable[Finding], *, each: bool) -> Iterator[str]:
+    """Yield the file's name, then each rule that it breaks with its first places (all, where ``each`` is wanted); errors last."""
+    groups: dict[tuple[str, Severity], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.rule, finding.severity), []).append(finding)
+    yield _bold(file)
+    for group in sorted(groups.values(), key=_errors_last):
+        yield from _group(group, each=each)
+
+
+def _errors_last(group: list[Finding]) -> tuple[int, int, str]:
+    """Return what sorts the groups of a file: the worst stands where the screen ends, the oftenest first within its severity."""
+    return -_RANKS[group[0].severity], -len(group), group[0].rule
+
+
+def _group(group: list[Finding], *, each: bool) -> Iterator[str]:
+    first = group[0]
+    times = f" {counted(len(group), 'time')}" if len(group) > 1 else ""
+    one_remedy = all(finding.remedy == first.remedy for finding in group)
+    head = f"{first.severity.value} {first.rule}{times}: {rules()[first.rule].title}"
+    top, *more = _folded(f"{head} To do: {first.remedy}." if one_remedy else head, _RULE_INDENT)
+    word = first.severity.value
+    yield top.replace(word, _coloured(word, first.severity), 1)
+    yield from more
+    shown = group if each or len(group) <= FIRST + 1 else group[:FIRST]
+    for finding in shown:
+        line, column = place(finding)
+        yield from _folded(f"{line}:{column} {finding.message}", _PLACE_INDENT)
+        if not one_remedy:
+            yield from map(_dim, _folded(f"to do: {finding.remedy}", _REMEDY_INDENT))
+    if len(shown) < len(group):
+        yield _dim(f"{_PLACE_INDENT}and {len(group) - len(shown)} more (--all shows them)")
+
+
+def _folded(text: str, indent: str) -> list[str]:
+    """Return a text below an indent, folded to the terminal; in a pipe a line may have any length."""
+    width = terminal_width()
+    if width is None:
+        return [indent + text]
+    return textwrap.wrap(text, width, initial_indent=indent, subsequent_indent=f"{indent}    ") or [indent]
+
+
 def lines(file: str, findings: Iterable[Finding]) -> Iterator[str]:
-    """Yield ``file:line:column: severity ID message``, with what to do in a line of its own below."""
+    """Yield ``file:line:column: severity ID message; remedy``, one line for each, in the order of the file's lines."""
     for finding in findings:
         line, column = place(finding)
         word = _coloured(finding.severity.value, finding.severity)
-        yield f"{_bold(f'{file}:{line}:{column}:')} {word} {finding.rule} {finding.message}"
-        yield _dim(f"    {finding.remedy}")
+        where = _bold(f"{file}:{line}:{column}:")
+        yield f"{where} {word} {finding.rule} {finding.message}; {finding.remedy}"
 
 
 def place(finding: Finding) -> tuple[int, int]:
@@ -35,23 +79,36 @@ def place(finding: Finding) -> tuple[int, int]:
     return max(1, finding.line), max(1, finding.column)
 
 
-def summary(found: _Found) -> Iterator[str]:
-    """Yield how often each rule was broken, worst first, and how much there is in all."""
-    every = [finding for findings in found.values() for finding in findings]
-    totalled = Counter((finding.rule, finding.severity) for finding in every)
-    if every:
+def summary(found: _Found, shown: Collection[Severity]) -> Iterator[str]:
+    """Yield how often each rule was broken, where that is not told by the file's groups already, and how much there is in all."""
+    every = [(file, finding) for file, findings in found.items() for finding in findings]
+    visible = [(file, finding) for file, finding in every if finding.severity in shown]
+    if visible:
         yield ""
-    for (rule, severity), count in sorted(totalled.items(), key=_worst_first):
+    if len(found) > 1:
+        yield from _table(visible)
+    totals = Counter(finding.severity for _, finding in every)
+    files = counted(len(found), "file") if len(found) > 1 else "in all" if visible else next(iter(found))
+    yield f"{files}: " + ", ".join(_total(severity, totals[severity], shown) for severity in Severity)
+
+
+def _total(severity: Severity, count: int, shown: Collection[Severity]) -> str:
+    return counted(count, severity.value) + (" (not shown)" if count and severity not in shown else "")
+
+
+def _table(visible: Iterable[tuple[str, Finding]]) -> Iterator[str]:
+    """Yield a line for each rule: how often, in how many files; errors last."""
+    files: dict[tuple[str, Severity], Counter[str]] = {}
+    for file, finding in visible:
+        files.setdefault((finding.rule, finding.severity), Counter())[file] += 1
+    for (rule, severity), where in sorted(files.items(), key=_row_order):
         word = _coloured(f"{severity.value:8}", severity)
-        yield f"{count:6} {word} {rule:6} {rules()[rule].title}"
-    totals = Counter(finding.severity for finding in every)
-    files = next(iter(found)) if len(found) == 1 else counted(len(found), "file")
-    yield f"{files}: " + ", ".join(counted(totals[severity], severity.value) for severity in Severity)
+        yield f"{where.total():6} {word} {rule:6} {rules()[rule].title} ({counted(len(where), 'file')})"
 
 
-def _worst_first(item: tuple[tuple[str, Severity], int]) -> tuple[int, int, str]:
-    (rule, severity), count = item
-    return _RANKS[severity], -count, rule
+def _row_order(row: tuple[tuple[str, Severity], Counter[str]]) -> tuple[int, int, str]:
+    (rule, severity), where = row
+    return -_RANKS[severity], where.total(), rule
 
 
 def next_step(found: _Found) -> str:

@@ -6,7 +6,7 @@ from axisbus.eds.model import Finding
 from axisbus.eds.rules.table import rules
 from axisbus.wording import counted
 
-MAX_FINDINGS = 1000  # a file of noise must not fill the memory with texts about it
+MAX_FINDINGS = 10_000  # a file of noise must not fill the memory with texts about it
 
 
 class Findings:

@@ -37,7 +37,7 @@ from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 
-MAX_OF_A_RULE = 1000  # a file of noise must not fill the screen, nor the memory
+MAX_OF_A_RULE = 10_000  # a file of noise must not fill the memory
 MORE, UNREADABLE = "S099", "S000"
 
 _FAMILIES = (
