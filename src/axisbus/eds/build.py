@@ -78,11 +78,9 @@ class Builder:
     def _subs(
         self, head: Section, index: int, name: str, sub_sections: Mapping[int, Section]
     ) -> Mapping[int, Variable]:
-        compacted = self._compact_subs(head, index, name) if "compactsubobj" in head.entries else {}
+        compacted = self._compact_subs(head, index, name) if "compactsubobj" in head.entries else None
         beside = self._parts.beside
-        if not sub_sections and (index, "value") not in beside and (index, "denotation") not in beside:
-            return compacted
-        subs = dict(compacted)
+        subs: dict[int, Variable] = {}
         for subindex, section in sub_sections.items():
             sub_name = self._name(section, index, subindex)
             kind = self._sub_type(section, index, subindex)
@@ -90,26 +88,33 @@ class Builder:
         for kind_of_list in ("value", "denotation"):
             listed = beside.get((index, kind_of_list))
             if listed is not None:
-                self._apply(subs, listed, kind_of_list, index)
-        return dict(sorted(subs.items()))
+                self._apply(subs, compacted or {}, listed, kind_of_list, index)
+        return dict(sorted(subs.items())) if compacted is None else compacted.with_own(subs)
 
-    def _compact_subs(self, head: Section, index: int, name: str) -> Mapping[int, Variable]:
+    def _compact_subs(self, head: Section, index: int, name: str) -> compact.SubIndices | None:
         text = head.entries["compactsubobj"]
         count = values.plain(text) if text else 0
         if count is None or not 0 <= count <= compact.MAX_ENTRIES:
             self._note("O013", f"CompactSubObj={text} is no number of entries", head, "compactsubobj", index)
             count = compact.MAX_ENTRIES if count == compact.MAX_ENTRIES + 1 else 0
         if count == 0:
-            return {}
+            return None
         template = self.variable(head, index, 1, name, ObjectType.VAR)
         names = self._parts.beside.get((index, "name"))
         return compact.SubIndices(template, count, _NOTHING if names is None else names.entries)
 
-    def _apply(self, subs: dict[int, Variable], listed: Section, kind: str, index: int) -> None:
+    def _apply(
+        self,
+        subs: dict[int, Variable],
+        compacted: Mapping[int, Variable],
+        listed: Section,
+        kind: str,
+        index: int,
+    ) -> None:
         """Enter what ``[xxxxValue]`` or ``[xxxxDenotation]`` says of sub-indices, whose numbers are decimal there (DS 306 5)."""
         for key, text in listed.entries.items():
             subindex = values.plain(key)
-            entry = subs.get(subindex) if subindex is not None else None
+            entry = None if subindex is None else subs.get(subindex) or compacted.get(subindex)
             if entry is None or subindex is None:
                 if key != "nrofentries":
                     self._note("O013", f"[{listed.name}] names sub-index {key[:20]}", listed, key, index)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from axisbus.eds.model import Finding
 from axisbus.eds.rules.table import rules
 from axisbus.wording import counted
@@ -36,6 +38,13 @@ class Findings:
         self._found.append(
             Finding(rule, broken.severity, line, place, message, broken.remedy, index, subindex)
         )
+
+    def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
+        """Note a finding of ``rule`` at each of these lines; ``message`` is asked for those alone that are kept."""
+        kept = numbers[: self._most - len(self._found)]
+        for number in kept:
+            self.add(rule, message(number), line=number)
+        self._left_out += len(numbers) - len(kept)
 
     def all(self) -> tuple[Finding, ...]:
         """Return what was found, in the order of the lines."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 
 from axisbus.eds import edit, reader
 from axisbus.eds.edit import Change
@@ -53,15 +54,16 @@ def fix(reading: Reading) -> Fixed:
         EdsError: nothing is left that describes an object, which no file that was read should come to.
     """
     reading, done = _whole(reading)
+    bench = Bench(reading)
     origins = tuple(range(1, len(reading.document.lines) + 1))
     for _ in range(_MAX_ROUNDS):
         before = len(done)
         for stage in STAGES:
-            reading, more, origins = _stage(reading, stage, origins)
+            bench, more, origins = _stage(bench, stage, origins)
             done += more
         if len(done) == before:
             break
-    return Fixed(reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
+    return Fixed(bench.reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
 
 
 def _whole(reading: Reading) -> tuple[Reading, list[Mended]]:
@@ -76,19 +78,20 @@ def _whole(reading: Reading) -> tuple[Reading, list[Mended]]:
 
 
 def _stage(
-    reading: Reading, stage: Mapping[str, Mend], origins: tuple[int, ...]
-) -> tuple[Reading, list[Mended], tuple[int, ...]]:
+    bench: Bench, stage: Mapping[str, Mend], origins: tuple[int, ...]
+) -> tuple[Bench, list[Mended], tuple[int, ...]]:
     done: list[Mended] = []
     for _ in range(_MAX_ROUNDS):
-        chosen = _chosen(Bench(reading), stage.values())
+        chosen = _chosen(bench, stage.values())
         if not chosen:
             break
         changes = [change for mended in chosen for change in mended.changes]
-        done += [mended._replace(line=_original(mended.line, origins)) for mended in chosen]
-        document = edit.apply(reading.document, changes)
+        known = tuple(accumulate(origins, lambda last, origin: origin or last, initial=1))
+        done += [mended._replace(line=known[mended.line]) for mended in chosen]
+        document = edit.apply(bench.document, changes)
         origins = _moved(origins, changes, document)
-        reading = reader.read_document(document, reading.eds.source)
-    return reading, done, origins
+        bench = Bench(reader.read_document(document, bench.reading.eds.source))
+    return bench, done, origins
 
 
 def _chosen(bench: Bench, mends: Iterable[Mend]) -> list[Mended]:
@@ -102,11 +105,6 @@ def _chosen(bench: Bench, mends: Iterable[Mend]) -> list[Mended]:
                 taken |= lines
                 chosen.append(mended)
     return chosen
-
-
-def _original(line: int, origins: tuple[int, ...]) -> int:
-    """Return the original's line of a line, or of the nearest before it that has one."""
-    return next((origins[at] for at in range(line - 1, -1, -1) if origins[at]), 1)
 
 
 def _moved(origins: tuple[int, ...], changes: Iterable[Change], document: Document) -> tuple[int, ...]:

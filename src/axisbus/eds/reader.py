@@ -28,6 +28,7 @@ from axisbus.errors import EdsError
 from axisbus.wording import counted
 
 MAX_BYTES = 16 * 1024 * 1024  # twenty times the largest EDS that we know of
+MAX_LINES = 1_000_000  # fifty times as many as the longest has
 MAX_SECTIONS = 500_000  # fifty times as many
 SUFFIXES = (".eds", ".dcf")
 
@@ -88,6 +89,11 @@ def read(data: bytes, source: str) -> Reading:
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )
+    if max(content.text.count("\n"), content.text.count("\r")) > MAX_LINES:
+        raise EdsError(
+            "the file has more lines than any EDS", file=source, observed=f"more than {MAX_LINES} lines",
+            remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
+        )  # fmt: skip
     if content.text.count("[") > MAX_SECTIONS:
         raise EdsError(
             "the file has more sections than any device has objects", file=source, observed=f"more than {MAX_SECTIONS} brackets",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
+_BLANK_OR_COMMENT = ("", ";")  # how a line may begin that is no entry
 # ü ä Ä ö Ö Ü of code page 850 inside a word; in code page 1252 these bytes are quotation marks and signs, which stand at its edge.
 _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
 
@@ -70,14 +71,20 @@ class Section:
             self._entries = entries
         return self._entries
 
+    def every(self) -> Iterator[tuple[int, str, str]]:
+        """Yield line (from 1), lower-case key and value of all entries, also of those whose key is there twice."""
+        for number, raw in enumerate(self._lines[self.line : self.end - 1], self.line + 1):
+            key, value = self._known[raw]
+            if key:
+                yield number, key, value
+
     @property
     def places(self) -> Mapping[str, int]:
         """Line numbers (from 1) by lower-case key; of two equal keys that of the first."""
         if self._places is None:
             places: dict[str, int] = {}
-            for number in range(self.line + 1, self.end):
-                places.setdefault(self._known[self._lines[number - 1]][0], number)
-            places.pop("", None)
+            for number, key, _ in self.every():
+                places.setdefault(key, number)
             self._places = places
         return self._places
 
@@ -187,10 +194,11 @@ def report(document: Document, findings: Findings) -> None:
 
 def _report_preface(document: Document, findings: Findings) -> None:
     start = next(iter(document.sections.values())).line if document.sections else len(document.lines) + 1
-    for number, raw in enumerate(document.lines[: start - 1], 1):
-        line = raw.strip()
-        if line and line[0] != ";":
-            findings.add("S005", f"{_short(line)} stands before the first section", line=number)
+    lines = document.lines[: start - 1]
+    odd = [number for number, raw in enumerate(lines, 1) if raw.strip()[:1] not in _BLANK_OR_COMMENT]
+    findings.add_lines(
+        "S005", odd, lambda number: f"{_short(lines[number - 1].strip())} stands before the first section"
+    )
 
 
 def _report_header(raw: str, section: Section, findings: Findings) -> None:
@@ -206,18 +214,27 @@ def _report_header(raw: str, section: Section, findings: Findings) -> None:
 
 
 def _report_body(lines: Sequence[str], section: Section, findings: Findings) -> None:
-    known, seen = section._known, set()
-    for number in range(section.line + 1, section.end):
-        raw = lines[number - 1]
-        key = known[raw][0]
-        if not key:
-            line = raw.strip()
-            if line and line[0] != ";":
-                findings.add("S006", f"{_short(line)} is no key=value", line=number)
-        elif key in seen:
+    known = section._known
+    body = lines[section.line : section.end - 1]
+    keys = [known[raw][0] for raw in body]
+    empty = keys.count("")
+    if empty:  # most sections have no such line
+        odd = [
+            number
+            for number, (key, raw) in enumerate(zip(keys, body, strict=True), section.line + 1)
+            if not key and raw.strip()[:1] not in _BLANK_OR_COMMENT
+        ]
+        findings.add_lines("S006", odd, lambda number: f"{_short(lines[number - 1].strip())} is no key=value")
+    if len(keys) - empty > len(section.entries):
+        _report_twice(keys, section, findings)
+
+
+def _report_twice(keys: Sequence[str], section: Section, findings: Findings) -> None:
+    seen = {""}
+    for number, key in enumerate(keys, section.line + 1):
+        if key in seen and key:
             findings.add("S004", f"key {_short(key)} is there twice in its section", line=number)
-        else:
-            seen.add(key)
+        seen.add(key)
 
 
 def _report_encoding(document: Document, findings: Findings) -> None:

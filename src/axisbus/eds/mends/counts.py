@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import edit, subindices, text, values
+from axisbus.eds import edit, subindices, values
 from axisbus.eds.compact import MAX_ENTRIES
 from axisbus.eds.edit import Change
 from axisbus.eds.mends.mend import Bench, Mend, Mended, short
@@ -50,7 +51,7 @@ def _lists(bench: Bench) -> Iterator[Section]:
 def _numbering(bench: Bench) -> Iterator[Mended]:
     """L004: the entries numbered from 1 in the order in which they stand; one whose number was there already counts again."""
     for section in _clear(bench):
-        entries = _entries(bench, section)
+        entries = _entries(section)
         changes = [
             edit.rename_key(bench.document, line, str(number))
             for number, (line, key, _) in enumerate(entries, 1)
@@ -62,25 +63,23 @@ def _numbering(bench: Bench) -> Iterator[Mended]:
 
 def _clear(bench: Bench) -> Iterator[Section]:
     """Yield the lists without lines that are not understood, such as the marks of a merge."""
-    strange = {bench.section_at(each.line).line for each in bench.found.get("S006", ())}
-    yield from (section for section in _lists(bench) if section.line not in strange)
+    strange = bench.lines.get("S006", ())
+    for section in _lists(bench):
+        at = bisect_left(strange, section.line)
+        if at == len(strange) or strange[at] >= section.end:
+            yield section
 
 
-def _entries(bench: Bench, section: Section) -> list[tuple[int, str, str]]:
+def _entries(section: Section) -> list[tuple[int, str, str]]:
     """Return line, key and value of all entries of a list, also those whose key is there twice."""
-    found = []
-    for line in range(section.line + 1, section.end):
-        key, given = text.entry_of(bench.document.lines[line - 1])
-        if key[:1].isdigit():
-            found.append((line, key, given))
-    return found
+    return [(line, key, given) for line, key, given in section.every() if key[:1].isdigit()]
 
 
 def _listed_already(bench: Bench) -> Iterator[Mended]:
     """S004: an entry whose number is there already, of an object that another entry names."""
     for section in _clear(bench):
         counted = {values.plain(given) for key, given in section.entries.items() if key[:1].isdigit()}
-        for line, key, given in _entries(bench, section):
+        for line, key, given in _entries(section):
             index = values.plain(given)
             if section.places[key] == line or index is None:
                 continue

@@ -34,6 +34,7 @@ class _Every(Findings):
     def __init__(self) -> None:
         super().__init__()
         self.found: dict[str, list[Finding]] = {}
+        self.lines: dict[str, list[int]] = {}
 
     def add(
         self,
@@ -48,6 +49,10 @@ class _Every(Findings):
         finding = Finding(rule, Severity.NOTE, line, column, message, "", index, subindex)
         self.found.setdefault(rule, []).append(finding)
 
+    def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
+        del message  # nobody reads what a mend looks at
+        self.lines.setdefault(rule, []).extend(numbers)
+
 
 class Bench:
     """A reading on the bench; frozen, what it derives is worked out once on first use."""
@@ -57,11 +62,22 @@ class Bench:
         self.document: Document = reading.document
 
     @cached_property
-    def found(self) -> Mapping[str, Sequence[Finding]]:
-        """What reading found odd, all of it, by rule."""
+    def _every(self) -> _Every:
         every = _Every()
         FileObjects(self.document, self.reading.parts).go_through(every)
-        return every.found
+        for numbers in every.lines.values():
+            numbers.sort()  # sections that are there twice are gone through last
+        return every
+
+    @property
+    def found(self) -> Mapping[str, Sequence[Finding]]:
+        """What reading found odd, all of it, by rule; without what ``lines`` has."""
+        return self._every.found
+
+    @property
+    def lines(self) -> Mapping[str, Sequence[int]]:
+        """By rule (S005, S006) the lines that are neither section, entry nor comment: there may be a million."""
+        return self._every.lines
 
     @cached_property
     def again(self) -> Mapping[Section, Section]:

@@ -15,13 +15,17 @@ _TRAILING = re.compile(r"\s*[;#]")
 _FOREIGN_COMMENT = ("#", "//")
 
 
-def _comment(bench: Bench, finding: Finding) -> Mended | None:
-    """S005, S006: a comment in the manner of another format."""
-    raw = bench.document.lines[finding.line - 1].removesuffix("\r")
-    if not raw.lstrip().startswith(_FOREIGN_COMMENT):
-        return None
-    change = Change(finding.line, 1, (f";{raw.lstrip()}",))
-    return Mended(finding.rule, finding.line, f"{short(raw.strip())} made a comment", (change,))
+def _comments(rule: str) -> Mend:
+    """S005, S006: comments in the manner of another format."""
+
+    def mend(bench: Bench) -> Iterator[Mended]:
+        for number in bench.lines.get(rule, ()):
+            raw = bench.document.lines[number - 1].removesuffix("\r")
+            if raw.lstrip().startswith(_FOREIGN_COMMENT):
+                change = Change(number, 1, (f";{raw.lstrip()}",))
+                yield Mended(rule, number, f"{short(raw.strip())} made a comment", (change,))
+
+    return mend
 
 
 def _indented(bench: Bench, finding: Finding) -> Mended:
@@ -74,8 +78,9 @@ def _same_section(bench: Bench, finding: Finding) -> Mended | None:
     first = bench.document.sections[second.name.lower()]
     if first is second:
         first = bench.again.get(second, second)
-    whole = _plain(bench, first) and _plain(bench, second)
-    if first is second or not whole or first.entries != second.entries:
+    if first is second or first.entries != second.entries:
+        return None
+    if not (_plain(bench, first) and _plain(bench, second)):
         return None
     return Mended(
         "S003",
@@ -111,8 +116,8 @@ def _same_key(bench: Bench, finding: Finding) -> Mended | None:
 MENDS: Mapping[str, Mend] = {
     "S003": each("S003", _same_section),
     "S004": each("S004", _same_key),
-    "S005": each("S005", _comment),
-    "S006": each("S006", _comment),
+    "S005": _comments("S005"),
+    "S006": _comments("S006"),
     "S009": each("S009", _indented),
     "S010": each("S010", _unclosed),
     "S011": each("S011", _behind),

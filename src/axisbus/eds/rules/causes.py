@@ -6,6 +6,7 @@ standard leaves it open.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -63,9 +64,8 @@ def causes(sheet: Sheet, found: Iterable[Finding]) -> list[Finding]:
 
 
 def _header(sheet: Sheet, line: int) -> int:
-    """Return the line of the section in which a line stands."""
-    above = range(line - 1, -1, -1)
-    return next((at + 1 for at in above if sheet.document.lines[at].lstrip().startswith("[")), 0)
+    """Return the line of the section in which a line stands, 0 where it stands in none."""
+    return sheet.starts[bisect_right(sheet.starts, line) - 1]
 
 
 def _right(sheet: Sheet, finding: Finding) -> bool:

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import subindices, values
-from axisbus.eds.model import Object, ObjectType, Severity
+from axisbus.eds import compact, subindices, values
+from axisbus.eds.model import Object, ObjectType, Severity, Variable
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, an, short
 from axisbus.eds.text import Section
@@ -158,15 +158,16 @@ def different_types(sheet: Sheet) -> Iterator[Hit]:
     for entry, _ in sheet.records:
         if entry.object_type is not ObjectType.ARRAY:
             continue
-        elements = [
-            sub
-            for sub in entry.subs.values()
-            if sub.subindex not in (0, subindices.STRUCTURE) and sub.data_type
-        ]
-        if len({element.data_type for element in elements}) < 2:
+        kinds: Counter[DataType] = Counter()
+        first: dict[DataType, Variable] = {}
+        for sub, many in compact.alike(entry.subs):
+            if sub.subindex not in (0, subindices.STRUCTURE) and sub.data_type:
+                kinds[sub.data_type] += many
+                first.setdefault(sub.data_type, sub)
+        if len(kinds) < 2:
             continue
-        usual = Counter(element.data_type for element in elements).most_common(1)[0][0]
-        odd = next(element for element in elements if element.data_type is not usual)
+        usual = kinds.most_common(1)[0][0]
+        odd = min((sub for kind, sub in first.items() if kind is not usual), key=lambda sub: sub.subindex)
         section = sheet.section_of(entry.index, odd.subindex)
         if section is not None:
             text = f"[{section.name}] is {odd.data_type.name}, other elements of the ARRAY are {usual.name}"

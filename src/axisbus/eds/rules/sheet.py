@@ -68,6 +68,17 @@ class Sheet:
         return self.document.sections.get(name)
 
     @cached_property
+    def text(self) -> str:
+        """The whole text: to see that something is nowhere in it is quicker than a look at each line."""
+        return self.document.newline.join(self.document.lines)
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """The lines at which sections begin, ascending; 0 before them, for what stands in no section."""
+        every = (*self.document.sections.values(), *self.document.repeated)
+        return (0, *sorted(section.line for section in every))
+
+    @cached_property
     def device(self) -> Section | None:
         """``[DeviceInfo]``."""
         return self.section(DEVICE_INFO)

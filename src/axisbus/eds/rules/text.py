@@ -59,6 +59,8 @@ _KEYS: Mapping[str, frozenset[str]] = {
 
 def long_lines(sheet: Sheet) -> Iterator[Hit]:
     """S007."""
+    if len(max(sheet.document.lines, key=len)) <= MAX_LINE:
+        return
     long = [
         number for number, line in enumerate(sheet.document.lines, 1) if len(line.rstrip("\r")) > MAX_LINE
     ]
@@ -91,6 +93,8 @@ def old_line_ends(sheet: Sheet) -> Iterator[Hit]:
 
 def mixed_line_ends(sheet: Sheet) -> Iterator[Hit]:
     """S015."""
+    if "\r" not in sheet.text:
+        return
     lines = sheet.document.lines[:-1]  # what follows the last line end has none
     carriage = [number for number, line in enumerate(lines, 1) if line.endswith("\r")]
     if not carriage or len(carriage) == len(lines):
@@ -102,6 +106,8 @@ def mixed_line_ends(sheet: Sheet) -> Iterator[Hit]:
 
 def control_characters(sheet: Sheet) -> Iterator[Hit]:
     """S018."""
+    if _CONTROL.search(sheet.text) is None:
+        return
     found = [
         (number, match)
         for number, line in enumerate(sheet.document.lines, 1)
@@ -200,12 +206,16 @@ def _meant(key: str, known: frozenset[str]) -> str:
     return near[0] if near else ""
 
 
-def _matches(sheet: Sheet, pattern: re.Pattern[str], *parts: str) -> list[tuple[int, re.Match[str]]]:
-    """Return the lines that begin as ``pattern`` says; ``parts`` are texts of which one must be there, a quick test."""
+def _matches(
+    sheet: Sheet, pattern: re.Pattern[str], part: str, other: str
+) -> list[tuple[int, re.Match[str]]]:
+    """Return the lines that begin as ``pattern`` says; ``part`` or ``other`` must be there, a quick test."""
+    if part not in sheet.text and other not in sheet.text:
+        return []
     return [
         (number, match)
         for number, line in enumerate(sheet.document.lines, 1)
-        if any(part in line for part in parts) and (match := pattern.match(line))
+        if (part in line or other in line) and (match := pattern.match(line))
     ]
 
 
