@@ -30,6 +30,7 @@ Call = Callable[..., tuple[int, str, str]]
 def check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
     """Run the command in a folder of its own; returns exit code, output and errors."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("COLUMNS", raising=False)
 
     def call(*arguments: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["axisbus", "eds", "check", *arguments])

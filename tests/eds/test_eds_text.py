@@ -8,6 +8,7 @@ import pytest
 from eds_texts import HEAD, HEAD_LINES, only, read, rules, variable
 
 from axisbus.eds import loads, reader, writer
+from axisbus.eds.findings import MAX_FINDINGS
 
 UMLAUTS = "[DeviceInfo]\nVendorName=Müller\n\n[1000]\nParameterName=Gerätetyp\nDataType=7\nAccessType=ro\n"
 
@@ -137,7 +138,7 @@ def test_the_sections_of_the_standard_are_known(name: str) -> None:
 
 
 def test_a_flood_of_findings_is_cut_and_says_so() -> None:
-    eds = read("[Comments]\n" + "nonsense\n" * 5000)
-    assert len(eds.findings) == 1001
+    eds = read("[Comments]\n" + "nonsense\n" * (MAX_FINDINGS + 4000))
+    assert len(eds.findings) == MAX_FINDINGS + 1
     assert eds.findings[-1].rule == "S099"
     assert "4000 more" in eds.findings[-1].message
