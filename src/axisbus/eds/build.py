@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import compact, values
 from axisbus.eds.findings import Findings
-from axisbus.eds.model import Number, Object, ObjectType, Variable
+from axisbus.eds.model import Number, Object, ObjectType, Variable, variable
 from axisbus.eds.sections import Sorted
 from axisbus.eds.text import Document, Section
 from axisbus.eds.values import Default, Problem
@@ -21,6 +21,9 @@ _KNOWN_DATA_TYPES = frozenset(DataType)
 # As nearly every file writes them: 7, 0x7, 0x0007.
 _PLAIN_DATA_TYPES = {
     text: kind for kind in DataType for text in (f"{kind:d}", f"0x{kind:X}", f"0x{kind:02X}", f"0x{kind:04X}")
+}
+_PLAIN_OBJECT_TYPES = {
+    text: kind for kind in ObjectType for text in (f"{kind:d}", f"0x{kind:X}", f"0x{kind:02X}") if kind
 }
 _FIRST_OWN_TYPE = 0x40  # from here lie the types that a maker or a file defines (CiA 301 table 44)
 _SPELLED = {
@@ -132,12 +135,15 @@ class Builder:
         entries = (
             section.entries
         )  # asked before each helper is called: a file has tens of thousands of keys, most of them plain
-        data_type = self._data_type(section, entries.get("datatype", ""), index, subindex, object_type)
+        type_text = entries.get("datatype", "")
+        data_type = _PLAIN_DATA_TYPES.get(type_text) or self._data_type(
+            section, type_text, index, subindex, object_type
+        )
         limited = "lowlimit" in entries or "highlimit" in entries
         low, high = self._limits(section, data_type, index, subindex) if limited else (None, None)
         access = entries.get("accesstype")
         mapping, flags = entries.get("pdomapping", "0"), entries.get("objflags", "0")
-        return Variable(
+        return variable(
             index,
             subindex,
             name,
@@ -151,7 +157,7 @@ class Builder:
             else None,
             low,
             high,
-            mapping != "0" and bool(self._flag(section, "pdomapping", index, subindex)),
+            mapping == "1" or (mapping != "0" and bool(self._flag(section, "pdomapping", index, subindex))),
             self._flag(section, "objflags", index, subindex) if flags != "0" else 0,
             section.line,
             object_type,
@@ -169,7 +175,7 @@ class Builder:
     def _object_type(self, head: Section, index: int, has_subs: bool) -> ObjectType:
         text = head.entries.get("objecttype")
         if text:
-            return self._given_type(head, text, index, None)
+            return _PLAIN_OBJECT_TYPES.get(text) or self._given_type(head, text, index, None)
         if has_subs or "compactsubobj" in head.entries:
             self._note("O006", f"[{head.name}] has no ObjectType", head, "", index)
             return ObjectType.RECORD
@@ -177,7 +183,9 @@ class Builder:
 
     def _sub_type(self, section: Section, index: int, subindex: int) -> ObjectType:
         text = section.entries.get("objecttype")
-        kind = self._given_type(section, text, index, subindex) if text else ObjectType.VAR
+        kind = _PLAIN_OBJECT_TYPES.get(text) if text else ObjectType.VAR
+        if kind is None:
+            kind = self._given_type(section, text or "", index, subindex)
         return ObjectType.VAR if kind in _WITH_SUBS else kind
 
     def _given_type(self, section: Section, text: str, index: int, subindex: int | None) -> ObjectType:
@@ -189,9 +197,6 @@ class Builder:
     def _data_type(
         self, section: Section, text: str, index: int, subindex: int, object_type: ObjectType
     ) -> DataType:
-        found = _PLAIN_DATA_TYPES.get(text)
-        if found is not None:
-            return found
         if not text and object_type is ObjectType.DOMAIN:
             return DataType.DOMAIN
         found, problems = _data_type(text)

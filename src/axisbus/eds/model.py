@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+from typing import Any, cast
 
 from axisbus.cia301.datatypes import DataType, Value
 
@@ -111,6 +112,50 @@ class Variable:
         """Return the value after power-up for a node: the DCF's parameter value, else the default, else None."""
         value = self.parameter_value if self.parameter_value is not None else self.default
         return value.resolve(node_id) if isinstance(value, Number) else value
+
+
+class _Draft:
+    """A Variable while it is filled: __init__ of a frozen class sets each field by a call, which takes five times as long."""
+
+    __slots__ = Variable.__slots__
+
+
+def variable(
+    index: int,
+    subindex: int,
+    name: str,
+    data_type: DataType,
+    access: str,
+    default: Number | float | str | bytes | None,
+    parameter_value: Number | float | str | bytes | None,
+    low: Number | float | None,
+    high: Number | float | None,
+    pdo_mapping: bool,
+    object_flags: int,
+    line: int,
+    object_type: ObjectType,
+    denotation: str,
+    more: Mapping[str, str],
+) -> Variable:
+    """Return ``Variable`` of all these, for readers of large files: in a third of the time."""
+    made: Any = _Draft()
+    made.index = index
+    made.subindex = subindex
+    made.name = name
+    made.data_type = data_type
+    made.access = access
+    made.default = default
+    made.parameter_value = parameter_value
+    made.low = low
+    made.high = high
+    made.pdo_mapping = pdo_mapping
+    made.object_flags = object_flags
+    made.line = line
+    made.object_type = object_type
+    made.denotation = denotation
+    made.more = more
+    made.__class__ = Variable
+    return cast("Variable", made)
 
 
 @dataclass(frozen=True, slots=True)

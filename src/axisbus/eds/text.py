@@ -20,6 +20,7 @@ _BOMS = (
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
+_NO_KEY = (";", "[")
 _BLANK_OR_COMMENT = ("", ";")  # how a line may begin that is no entry
 # ü ä Ä ö Ö Ü of code page 850 inside a word; in code page 1252 these bytes are quotation marks and signs, which stand at its edge.
 _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
@@ -28,10 +29,8 @@ _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
 def entry_of(raw: str) -> tuple[str, str]:
     """Return lower-case key and trimmed value of a line; the key is empty where it is no entry (comment, header, blank)."""
     key, equals, value = raw.partition("=")
-    key = key.strip().lower()
-    if not equals or key[:1] in (";", "["):
-        key = ""
-    return key, value.strip()
+    key = key.strip().lower() if equals else ""
+    return "" if key[:1] in _NO_KEY else key, value.strip()
 
 
 class _Entries(dict[str, tuple[str, str]]):
@@ -63,11 +62,12 @@ class Section:
     def entries(self) -> Mapping[str, str]:
         """Values (trimmed) by lower-case key, in the file's order; of two equal keys the first counts."""
         if self._entries is None:
-            entries: dict[str, str] = {}
-            for raw in self._lines[self.line : self.end - 1]:
-                key, value = self._known[raw]
-                if key:
-                    entries.setdefault(key, value)
+            body = self._lines[self.line : self.end - 1]
+            entries = dict(map(self._known.__getitem__, body))  # of two equal keys the last, but quick
+            if len(entries) < len(body):
+                entries = dict(map(self._known.__getitem__, reversed(body)))
+                entries = {key: entries[key] for key, _ in map(self._known.__getitem__, body)}
+            entries.pop("", None)
             self._entries = entries
         return self._entries
 
