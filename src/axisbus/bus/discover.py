@@ -5,6 +5,9 @@ Theory of operation
 One upload of 1000h goes to every node ID, a frame a millisecond or so, without waiting for answers between: an absent node then
 costs nothing but its frame. The pace keeps a queue of ten frames from filling even at 125 kbit/s. Heartbeats count too, because a
 stopped node answers no SDO. Those that answered are asked for their identity in parallel, one client each.
+
+Before it asks, it listens for some heartbeats of modules that speak CAN Simple: to one with node ID 48 the request to CANopen node
+2 is an emergency stop, that to node 7 a new state. Such node IDs are not asked.
 """
 
 from __future__ import annotations
@@ -22,10 +25,12 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.device_type import device_kind
+from axisbus.drives.gim6010.factory import Listening, Protocol, simple_node
 from axisbus.errors import SdoError
 
 PACE = 0.0015  # seconds between two frames
-LISTEN = 1.1  # seconds to listen in all: the usual heartbeat of 1 s fits in
+LISTEN = 1.4  # seconds to listen in all: the usual heartbeat of 1 s fits in
+_QUIET = 0.33  # of these, before anything is asked
 DETAIL_TIMEOUT = 0.15
 _DETAIL_TRIES = 2
 _DETAIL_TOTAL = 1.2
@@ -49,23 +54,27 @@ class Found:
         return device_kind(self.identity.device_type)
 
 
-def scan(channel: Channel, ids: Iterable[int] = cob.NODE_IDS, listen: float = LISTEN) -> list[Found]:
+def scan(
+    channel: Channel,
+    ids: Iterable[int] = cob.NODE_IDS,
+    listen: float = LISTEN,
+    listening: Listening | None = None,
+) -> list[Found]:
     """Find the nodes among ``ids``; blocks ``listen`` seconds, and up to 1.2 s more for details (under 3 s for 127 IDs).
 
-    To be used before nodes are opened on the channel: it talks to their SDO servers.
+    To be used before nodes are opened on the channel: it talks to their SDO servers. ``listening`` hears every frame meanwhile, and
+    knows afterwards who speaks another protocol than CANopen.
 
     Raises:
         AdapterError: the channel failed, or nobody acknowledges its frames.
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "a scan of the bus")
+    others = Listening() if listening is None else listening
     ears = _Ears(channel, tuple(ids))
     try:
-        begin = time.monotonic()
-        ears.ask(ears.ids)
-        _pause_until(begin + listen / 2)
-        ears.ask(node_id for node_id in ears.ids if node_id not in ears.answers)
-        _pause_until(begin + listen)
+        with channel.overheard(others.note):
+            _ask(ears, others, listen)
         channel.check()
     finally:
         ears.close()
@@ -80,6 +89,22 @@ def scan(channel: Channel, ids: Iterable[int] = cob.NODE_IDS, listen: float = LI
         )
         for node_id in sorted({*ears.answers, *ears.states})
     ]
+
+
+def _ask(ears: _Ears, others: Listening, listen: float) -> None:
+    begin = time.monotonic()
+    quiet = listen * _QUIET
+    _pause_until(begin + quiet)
+    ears.ask(_safe(ears.ids, others))
+    _pause_until(begin + (quiet + listen) / 2)
+    ears.ask(_safe((node_id for node_id in ears.ids if node_id not in ears.answers), others))
+    _pause_until(begin + listen)
+
+
+def _safe(ids: Iterable[int], others: Listening) -> list[int]:
+    """The node IDs whose request no module takes for a command of another protocol."""
+    taken = {each.node for each in others.speakers if each.protocol is Protocol.CAN_SIMPLE}
+    return [node_id for node_id in ids if simple_node(cob.SDO_RX + node_id) not in taken]
 
 
 class _Ears:

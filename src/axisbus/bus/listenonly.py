@@ -27,6 +27,16 @@ def silent(interface: str, options: Mapping[str, object]) -> dict[str, object]:
     return {**_SILENT.get(interface, {}), **options}
 
 
+def can_be_silent(interface: str) -> bool:
+    """Whether the adapter's controller can be asked to acknowledge nothing and flag nothing."""
+    return interface in _SILENT
+
+
+def forced(interface: str, options: Mapping[str, object]) -> dict[str, object]:
+    """Return the options with what makes the adapter listen-only, whatever they said of it."""
+    return {**options, **_SILENT[interface]}
+
+
 def manner(interface: str) -> str:
     """Say what the adapter does while we only listen."""
     if interface in _SILENT:

@@ -20,6 +20,7 @@ from axisbus.wording import counted
 if TYPE_CHECKING:
     from axisbus.bus.channel import Channel
     from axisbus.bus.discover import Found
+    from axisbus.drives.gim6010.factory import Listening
     from axisbus.machine.first.draft import Draft, NodeFound
     from axisbus.machine.first.match import Known, Match
 
@@ -51,29 +52,36 @@ def command(
     What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
     energises nothing. Exit code 1 when something is missing in the file.
     """
+    from axisbus.drives.gim6010.factory import REMEDY, Listening, told
     from axisbus.machine.first import match
 
     if interface is None:
         raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
     require_free(output, force=force)
+    others = Listening()
     known, unreadable = match.collect(folders)
     with ExitStack() as stack:
         bus = open_bus(stack, None, interface, channel, bitrate, option)
-        nodes = _found(bus, known, output, quiet=as_json)
+        nodes = _found(bus, known, output, others, quiet=as_json)
     if not nodes:
         raise UserError(
             "nobody answered on the bus; no cell file was written",
-            remedy="check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)",
+            observed="; ".join(told(others.speakers)[:-1]),
+            remedy=REMEDY
+            if others.speakers
+            else "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)",
         )
     made = _draft(nodes, interface, channel, bitrate, option)
     write_whole(output, made.text.encode())
     return _tell(output, nodes, made, unreadable, as_json)
 
 
-def _found(bus: Channel, known: list[Known], output: Path, *, quiet: bool) -> list[NodeFound]:
+def _found(
+    bus: Channel, known: list[Known], output: Path, others: Listening, *, quiet: bool
+) -> list[NodeFound]:
     from axisbus.bus.discover import scan
 
-    found = scan(bus)
+    found = scan(bus, listening=others)
     nodes = []
     with progress_bar("asking the nodes", quiet=quiet) as tell:
         for number, node in enumerate(found, start=1):

@@ -11,6 +11,7 @@ from axisbus.bus.listen import Listener
 from axisbus.bus.listenonly import manner
 from axisbus.cia301.mastersigns import words
 from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.drives.gim6010.factory import told
 from axisbus.machine import config
 from axisbus.machine.listening import listen_to
 from axisbus.machine.overview import Beat, NodeHeard, Overview
@@ -33,6 +34,8 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     if not as_json:
         if against := overview.tally.words():
             say(against)
+        for line in told(overview.foreign.speakers):
+            say(line)
         say_next(f"every frame in words: axisbus trace {path}; who answers (this sends): axisbus scan {path}")
     return OK
 
@@ -121,6 +124,7 @@ def _plain(overview: Overview, rate: float, now: float) -> dict[str, Any]:
         "news": [plain.plain(one) for one in overview.take_news()],
         "news_missed": missed,
         "against_the_protocol": overview.tally.plain(),
+        "other_protocols": [each.plain for each in overview.foreign.speakers],
     }
 
 

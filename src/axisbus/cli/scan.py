@@ -5,16 +5,22 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.buses import open_bus
+from axisbus.cli import silence
+from axisbus.cli.buses import open_bus, opening_of
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.options import bus_options
 
 if TYPE_CHECKING:
     from axisbus.bus.discover import Found
+    from axisbus.bus.otherrates import Heard
+    from axisbus.drives.gim6010.factory import Listening
+    from axisbus.errors import BusError
+
+Given = tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]
 
 
 @click.command("scan")
@@ -31,25 +37,60 @@ def command(
 ) -> int:
     """Show who is on a bus and what they are: on that of CELL (a cell.toml), or with -i and -c on any.
 
-    Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when nobody answers.
+    Asks each of the 127 node IDs once or twice; takes under 3 s. Changes nothing. Exit code 1 when nobody answers. A GIM6010-8 that
+    speaks its factory's protocol is recognised by its heartbeats. Where nothing is heard at all, it listens at other bit rates, if
+    the adapter has a listen-only mode (some 6 s); never otherwise, because a wrong rate destroys every frame of a living bus.
     """
-    from axisbus.bus.discover import scan
+    from axisbus.drives.gim6010.factory import Listening, told
 
-    with ExitStack() as stack:
-        bus = open_bus(stack, cell, interface, channel, bitrate, option)
-        found = scan(bus)
+    others = Listening()
+    found, failed = _scan((cell, interface, channel, bitrate, option), others)
+    speakers, elsewhere = others.speakers, None
+    opening = opening_of(cell, interface, channel, bitrate, option)
+    if not others.frames:
+        elsewhere = silence.listen(opening, quiet=as_json)
+    if failed is not None and elsewhere is None and not speakers:
+        raise failed
     if as_json:
-        say_json([{**asdict(node), "nmt": node.nmt.text if node.nmt is not None else None} for node in found])
-    else:
-        _show(found)
+        say_json([*map(_plain, found), *(each.plain for each in speakers), *_elsewhere(elsewhere)])
+        return OK if found else WRONG
+    _show(found)
+    for line in told(speakers):
+        say(line)
+    if not found and not speakers:
+        say("nobody answered: check supply, cable and termination; then the bit rate")
+        silence.show(elsewhere, opening)
     return OK if found else WRONG
 
 
+def _scan(given: Given, others: Listening) -> tuple[list[Found], BusError | None]:
+    """Return who was found, what the bus failed with (at a wrong rate nobody acknowledges)."""
+    from axisbus.bus.discover import scan
+    from axisbus.errors import BusError
+
+    with ExitStack() as stack:
+        bus = open_bus(stack, *given)
+        try:
+            return scan(bus, listening=others), None
+        except BusError as error:
+            return [], error
+
+
+def _plain(node: Found) -> dict[str, Any]:
+    nmt = node.nmt.text if node.nmt is not None else None
+    return {"protocol": "CANopen", **asdict(node), "nmt": nmt}
+
+
+def _elsewhere(heard: Heard | None) -> list[dict[str, Any]]:
+    """What was heard at another bit rate, as plain values."""
+    if heard is None:
+        return []
+    rate = {"bitrate": heard.bitrate}
+    nodes = [{"protocol": "CANopen", "node_id": node, **rate} for node in heard.nodes]
+    return [*nodes, *({**each.plain, **rate} for each in heard.speakers)]
+
+
 def _show(found: list[Found]) -> None:
-    if not found:
-        say("nobody answered: check supply, cable, termination and bit rate")
-        say_next("with another bit rate: axisbus scan -i ... -c ... -b 500000")
-        return
     for node in found:
         who = node.identity
         numbers = [
@@ -68,4 +109,5 @@ def _show(found: list[Found]) -> None:
         )
         if numbers:
             say(f"      {', '.join(numbers)}")
-    say_next("write these nodes into a cell.toml, then: axisbus check cell.toml")
+    if found:
+        say_next("write these nodes into a cell.toml, then: axisbus check cell.toml")

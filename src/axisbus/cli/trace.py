@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
+from axisbus.cli import silence
+from axisbus.cli.buses import opening_of
 from axisbus.cli.common import OK, WRONG
 from axisbus.cli.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.numbers import Seconds
@@ -17,6 +19,7 @@ from axisbus.cli.options import bus_options
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
+    from axisbus.bus.changeover import Opening
     from axisbus.machine.trace.decoded import Decoded
     from axisbus.machine.trace.filters import Wanted
 
@@ -38,12 +41,13 @@ class Look(NamedTuple):
 
 
 class Count(NamedTuple):
-    """What was seen: frames, those shown, those with trouble among the shown; and of all, what was against the protocol."""
+    """What was seen: frames, those shown, those with trouble among them; of all, what was against the protocol, or of another."""
 
     frames: int = 0
     shown: int = 0
     trouble: int = 0
     against: str = ""
+    foreign: tuple[str, ...] = ()
 
 
 @click.command("trace")
@@ -92,10 +96,13 @@ def command(
         opened = open_frames(stack, Asked(source, interface, channel, bitrate, option, cell, eds), seconds)
         seen = _show(opened, look, count)
     _tell(opened, seen)
+    if not seen.frames and interface is not None:
+        _listen_elsewhere(opening_of(None, interface, channel, bitrate, option))
     return WRONG if errors_only and seen.trouble else OK
 
 
 def _show(opened: Opened, look: Look, most: int | None) -> Count:
+    from axisbus.drives.gim6010.factory import told
     from axisbus.machine.trace.decoder import Decoder
     from axisbus.machine.trace.tally import Tally
 
@@ -111,7 +118,7 @@ def _show(opened: Opened, look: Look, most: int | None) -> Count:
                 _print(one, look, start or 0.0)
             if most is not None and seen.shown >= most:
                 break
-    return seen._replace(against=tally.words())
+    return seen._replace(against=tally.words(), foreign=tuple(told(decoder.foreign.speakers)))
 
 
 def _print(one: Decoded, look: Look, start: float) -> None:
@@ -123,6 +130,13 @@ def _print(one: Decoded, look: Look, start: float) -> None:
         click.secho(text.line(one, start), fg="red" if one.trouble else None)
 
 
+def _listen_elsewhere(opening: Opening) -> None:
+    """Say on standard error at which other bit rate something is heard, or how to find out."""
+    heard = silence.listen(opening)
+    for line in silence.lines(heard) if heard is not None else silence.advice(opening):
+        click.echo(line, file=sys.stderr)
+
+
 def _tell(opened: Opened, seen: Count) -> None:
     """Say on standard error what was seen, so that the output holds frames only."""
     text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with trouble"
@@ -131,3 +145,5 @@ def _tell(opened: Opened, seen: Count) -> None:
     if opened.skipped.count:
         text += f"; {counted(opened.skipped.count, 'line is no frame', 'lines are no frames')}, the first is {opened.skipped.first}"
     click.echo(text, file=sys.stderr)
+    for line in seen.foreign:
+        click.echo(line, file=sys.stderr)

@@ -12,6 +12,7 @@ from statistics import fmean
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Signs
 from axisbus.cia301.nmt import NmtState
+from axisbus.drives.gim6010.factory import Listening
 from axisbus.eds.model import Eds
 from axisbus.machine.alone import cast_of
 from axisbus.machine.cell import CellConfig
@@ -100,6 +101,11 @@ class Overview:
             self._of_node(one, now)
         if one.kind in _HAPPENING or one.trouble:
             self._note(one)
+
+    @property
+    def foreign(self) -> Listening:
+        """Who speaks another protocol than CANopen."""
+        return self._decoder.foreign
 
     def take_news(self) -> list[Decoded]:
         """Return what has happened since the last call: NMT commands, boot-ups, EMCYs, LSS, error frames, whatever is trouble."""

@@ -10,7 +10,7 @@ from axisbus.cia301.frame import Frame
 
 
 class Kind(Enum):
-    """Which service of CiA 301, 302 or 305 a frame belongs to."""
+    """Which service of CiA 301, 302 or 305 a frame belongs to; ``FOREIGN`` is one of another protocol that is known."""
 
     NMT = "NMT"
     SYNC = "SYNC"
@@ -24,6 +24,7 @@ class Kind(Enum):
     GUARD = "guarding"
     LSS = "LSS"
     ERROR_FRAME = "error frame"
+    FOREIGN = "foreign"
     UNKNOWN = "unknown"
 
 

@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 ``Decoder.feed`` takes frames in the order of the wire and never raises: whatever cannot be read is a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
-connection set (CiA 301 7.3.5). What a finished SDO transfer has set or read of the communication objects (1005h, 1014h, 12xxh,
+connection set (CiA 301 7.3.5). Before all of them come the frames of a module that was found to speak another protocol
+(``drives.gim6010.factory``). What a finished SDO transfer has set or read of the communication objects (1005h, 1014h, 12xxh,
 14xxh to 1Bxxh) changes how the frames after it are read, exactly as it changes what the node does.
 """
 
@@ -17,6 +18,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
+from axisbus.drives.gim6010 import factory
 from axisbus.machine.trace import lss, services, words
 from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
 from axisbus.machine.trace.known import NOTHING, Known, KnownNode
@@ -52,11 +54,16 @@ class Decoder:
         self._emcy: dict[int, int] = {}
         self._sdo: dict[int, tuple[int, bool, tuple[int, int]]] = {}
         self._before: float | None = None
+        self.foreign = factory.Listening()
 
     def feed(self, frame: Frame) -> Decoded:
         """Return what a frame says."""
         delta = 0.0 if self._before is None else frame.time - self._before
         self._before = frame.time
+        self.foreign.note(frame)
+        speaker = self.foreign.speaker(frame)
+        if speaker is not None:
+            return _Making(frame, delta, Kind.FOREIGN, None, "").words(_foreign(frame, speaker))
         kind, node = self.classify(frame)
         made = _Making(frame, delta, kind, node, self._name(node))
         return _DECODERS[kind](self, made)
@@ -310,6 +317,14 @@ def _predefined(frame: Frame) -> tuple[Kind, int | None]:
         return (Kind.RPDO if _PREDEFINED_PDOS[function][0] else Kind.TPDO), node
     kind = _BY_FUNCTION.get(function)
     return (Kind.UNKNOWN, None) if kind is None else (kind, node)
+
+
+def _foreign(frame: Frame, speaker: factory.Speaker) -> Words:
+    """What a frame of another protocol says: its command, and what a heartbeat tells."""
+    beat = frame.extended or frame.can_id == speaker.can_id
+    command = "heartbeat" if beat else factory.command(frame.can_id)
+    said = factory.heartbeat_words(speaker, frame.data) if beat else ""
+    return Words(f"{speaker.protocol.value}, node {speaker.node}, {command}: {said or _bytes(frame)}")
 
 
 def _wire(frame: Frame) -> int:

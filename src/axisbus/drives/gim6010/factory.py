@@ -1,0 +1,365 @@
+"""The protocols that a GIM6010-8 speaks before it is switched to CANopen, told from CANopen by listening alone.
+
+Theory of operation
+-------------------
+CAN Simple has 11-bit identifiers, node << 5 | command; its heartbeat is command 1 with 8 bytes, by default every 100 ms (manual
+v2.2, 4.1.2). That of node 4 is then 081h, as an EMCY of CANopen node 1 is, and that of node 12 is 181h, as its first TPDO. So one
+frame proves nothing. What is needed is ``ENOUGH`` of one identifier, all of 8 bytes, with a state byte that there is, flags where
+the manual has them, at a period that a heartbeat may have; and then, by where the identifier lies:
+
+- where CiA 301 lets no device send (``_RESERVED``): no more, and with a life counter not even the period;
+- elsewhere, with the life counter of firmware 0.5.12 and later: no error control (heartbeat, boot-up, guarding) of the CANopen node
+  that the identifier would belong to;
+- elsewhere, without it: no error control, NMT or SYNC on the whole bus, and the module's position frames (command 9) beside it; or
+  an EMCY of that node would be one that says "no error" again and again.
+
+Its newest firmware may speak a third protocol, of 29-bit identifiers: priority (3 bits), type (8), destination (8), source (8),
+sequence (2). Its heartbeat is type 48h, with a life counter in the upper three bits of its first byte.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from itertools import pairwise
+from statistics import median
+from typing import NamedTuple
+
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import Frame
+from axisbus.drives.gim6010 import faults
+from axisbus.wording import counted
+
+ENOUGH = 4  # frames that make a heartbeat
+BIT_RATE = 500_000  # of the factory
+_KEPT = 16  # of the last ones, which are judged
+_PERIOD = (0.005, 2.5)  # seconds that a heartbeat may be configured to
+_JITTER = 0.35  # of the period, by which a frame may come early or late
+_LOST = 3  # periods from one frame to the next, where some were lost on the way
+_MOST = 256  # identifiers that are watched
+
+_LENGTH = 8
+_COMMAND_BITS = 5
+_HEARTBEAT, _POSITION = 0x01, 0x09
+_RESERVED = (
+    frozenset(range(0x001, 0x080)) | frozenset(range(0x6E0, 0x700)) | frozenset(range(0x780, 0x7E4))
+)  # CiA 301 7.3.5, without the SRDOs of EN 50325-5 and LSS
+_HEARTBEAT_29 = 0x48
+_FLAGS = 0x8F  # motor, encoder, controller, system fault, trajectory done (bit 7)
+_LEGACY_FLAGS = 0x89  # of firmware 0.5.11 and earlier, in the last byte
+
+STATES = {
+    1: "idle",
+    2: "start-up",
+    3: "full calibration",
+    4: "motor calibration",
+    5: "sensorless control",
+    6: "encoder index search",
+    7: "encoder calibration",
+    8: "closed loop",
+    9: "lock-in spin",
+    10: "encoder direction search",
+    11: "homing",
+    12: "Hall polarity calibration",
+    13: "Hall phase calibration",
+    14: "anticogging or inertia calibration",
+    15: "encoder linearisation",
+    16: "motor dead-time calibration",
+}
+# Manual v2.2, 4.1.2: the table of messages.
+COMMANDS = {
+    0x01: "Heartbeat",
+    0x02: "Estop",
+    0x03: "Get_Error",
+    0x04: "RxSdo",
+    0x05: "TxSdo",
+    0x06: "Set_Axis_Node_ID",
+    0x07: "Set_Axis_State",
+    0x08: "Mit_Control",
+    0x09: "Get_Encoder_Estimates",
+    0x0A: "Get_Encoder_Count",
+    0x0B: "Set_Controller_Mode",
+    0x0C: "Set_Input_Pos",
+    0x0D: "Set_Input_Vel",
+    0x0E: "Set_Input_Torque",
+    0x0F: "Set_Limits",
+    0x10: "Start_Anticogging",
+    0x11: "Set_Traj_Vel_Limit",
+    0x12: "Set_Traj_Accel_Limits",
+    0x13: "Set_Traj_Inertia",
+    0x14: "Get_Iq",
+    0x16: "Reboot",
+    0x17: "Get_Bus_Voltage_Current",
+    0x18: "Clear_Errors",
+    0x19: "Set_Linear_Count",
+    0x1A: "Set_Pos_Gain",
+    0x1B: "Set_Vel_Gains",
+    0x1C: "Get_Torques",
+}
+
+
+class Protocol(Enum):
+    """A protocol of the module that is not CANopen."""
+
+    CAN_SIMPLE = "CAN Simple"
+    EXTENDED = "the 29-bit protocol of newer firmware"
+
+
+class Speaker(NamedTuple):
+    """A module that was heard; ``period`` of its heartbeat in seconds (None: not told by its frames), ``state`` of ``STATES``."""
+
+    protocol: Protocol
+    node: int
+    can_id: int
+    period: float | None
+    state: int | None
+    axis_error: int = 0
+
+    @property
+    def plain(self) -> dict[str, object]:
+        """The same as plain values."""
+        return {
+            "protocol": "CAN Simple" if self.protocol is Protocol.CAN_SIMPLE else "29-bit",
+            "node_id": self.node,
+            "can_id": self.can_id,
+            "period": self.period,
+            "state": STATES.get(self.state or 0),
+            "axis_error": self.axis_error,
+        }
+
+    @property
+    def words(self) -> str:
+        """Which module, where, how often, and how it is: ``node 1 (021h every 100 ms: idle)``."""
+        width = 3 if self.protocol is Protocol.CAN_SIMPLE else 8
+        often = "" if self.period is None else f" every {self.period * 1000:.0f} ms"
+        how = "" if self.state is None else f": {STATES[self.state]}"
+        wrong = f", axis error {error_words(self.axis_error)}" if self.axis_error else ""
+        return f"node {self.node} ({self.can_id:0{width}X}h{often}{how}{wrong})"
+
+
+@dataclass(slots=True)
+class Listening:
+    """Tells who speaks another protocol; holds state: the last heartbeats by identifier, and the signs of CANopen so far."""
+
+    frames: int = 0  # sound ones
+    _heard: dict[tuple[int, bool], deque[tuple[float, bytes]]] = field(default_factory=dict)
+    _positions: dict[int, deque[bytes]] = field(default_factory=dict)
+    _other: set[tuple[int, bool]] = field(
+        default_factory=set
+    )  # identifiers that are certainly no heartbeat's
+    _canopen: set[int] = field(default_factory=set)  # nodes with error control
+    _service: bool = False  # NMT or SYNC was heard
+
+    def note(self, frame: Frame) -> None:
+        """Take a frame, in the order of time."""
+        if frame.error:
+            return
+        self.frames += 1
+        if not frame.extended:
+            self._standard(frame)
+        elif frame.can_id >> 18 & 0xFF == _HEARTBEAT_29 and not frame.remote:
+            self._keep(frame, frame.can_id & ~0x3)
+
+    @property
+    def speakers(self) -> list[Speaker]:
+        """Who speaks another protocol, by protocol and node."""
+        found = [speaker for key in self._heard if (speaker := self._judge(*key)) is not None]
+        return sorted(found, key=lambda each: (each.protocol is Protocol.EXTENDED, each.node))
+
+    def speaker(self, frame: Frame) -> Speaker | None:
+        """Return who sends a frame, where that is known to be a module of another protocol."""
+        if frame.error or frame.remote:
+            return None
+        if frame.extended:
+            key = frame.can_id & ~0x3
+            return self._judge(key, True) if (key, True) in self._heard else None
+        beat = frame.can_id & ~0x1F | _HEARTBEAT
+        if (beat, False) not in self._heard:
+            return None
+        plain = frame.can_id in _RESERVED or frame.can_id & 0x1F == _HEARTBEAT
+        if not plain and (frame.can_id & 0x1F != _POSITION or self._supervised(frame.can_id)):
+            return None
+        return self._judge(beat, False)
+
+    def _standard(self, frame: Frame) -> None:
+        self._signs(frame)
+        command = frame.can_id & 0x1F
+        if command == _HEARTBEAT and not frame.remote:
+            self._keep(frame, frame.can_id)
+        elif command == _POSITION and len(frame.data) == _LENGTH:
+            node = frame.can_id >> _COMMAND_BITS
+            self._positions.setdefault(node, deque(maxlen=_KEPT)).append(frame.data)
+
+    def _signs(self, frame: Frame) -> None:
+        """Note what only CANopen sends: error control (or a request for it), NMT commands, SYNC."""
+        function, node = frame.can_id & 0x780, frame.can_id & 0x7F
+        if function == cob.HEARTBEAT and node and (frame.remote or len(frame.data) == 1):
+            self._canopen.add(node)
+        elif not frame.remote and (
+            (frame.can_id == cob.NMT and len(frame.data) == 2)
+            or (frame.can_id == cob.SYNC and len(frame.data) < 2)
+        ):
+            self._service = True
+
+    def _keep(self, frame: Frame, can_id: int) -> None:
+        key = can_id, frame.extended
+        if key in self._other:
+            return
+        if len(frame.data) != _LENGTH:
+            self._heard.pop(key, None)
+            self._other.add(key)
+        elif key in self._heard or len(self._heard) < _MOST:
+            self._heard.setdefault(key, deque(maxlen=_KEPT)).append((frame.time, frame.data))
+
+    def _judge(self, can_id: int, extended: bool) -> Speaker | None:
+        beats = self._heard[can_id, extended]
+        if len(beats) < ENOUGH:
+            return None
+        pace = _pace([time for time, _ in beats])
+        data = [each for _, each in beats]
+        return _extended(can_id, data, pace) if extended else self._simple(can_id, data, pace)
+
+    def _simple(self, can_id: int, data: Sequence[bytes], pace: _Pace) -> Speaker | None:
+        lives = all(_life(each) for each in data) and _counts([each[7] for each in data], 256)
+        if not lives and not (pace.kept and all(_legacy(each) for each in data)):
+            return None
+        if can_id not in _RESERVED and not (pace.plausible and self._alone(can_id, data, lives=lives)):
+            return None
+        newest = data[-1]
+        error = int.from_bytes(newest[:4], "little")
+        node = can_id >> _COMMAND_BITS
+        return Speaker(Protocol.CAN_SIMPLE, node, can_id, pace.period, newest[4], error)
+
+    def _alone(self, can_id: int, data: Sequence[bytes], *, lives: bool) -> bool:
+        """Whether nothing heard speaks for a CANopen device behind an identifier that one may have."""
+        if self._supervised(can_id):
+            return False
+        if lives or (can_id & 0x780 == cob.EMCY and not any(any(each[:4]) for each in data)):
+            return True  # nobody sends "no error" (an EMCY of zeros) again and again
+        positions = self._positions.get(can_id >> _COMMAND_BITS, ())
+        return (
+            not self._canopen
+            and not self._service
+            and len(positions) >= ENOUGH
+            and all(_floats(each) for each in positions)
+        )
+
+    def _supervised(self, can_id: int) -> bool:
+        return can_id not in _RESERVED and can_id & 0x7F in self._canopen
+
+
+def recognise(frames: Iterable[Frame]) -> list[Speaker]:
+    """Return who of a bus speaks another protocol of the module than CANopen; ``frames`` in the order of time, in seconds."""
+    listening = Listening()
+    for frame in frames:
+        listening.note(frame)
+    return listening.speakers
+
+
+def told(speakers: Sequence[Speaker]) -> list[str]:
+    """Return what was heard and what to do, one line for each protocol, and a remedy; empty where there is nobody."""
+    lines = [
+        f"{counted(len(found), 'module speaks', 'modules speak')} {protocol.value}, not CANopen: "
+        + ", ".join(each.words for each in found)
+        for protocol in Protocol
+        if (found := [each for each in speakers if each.protocol is protocol])
+    ]
+    return [*lines, REMEDY] if lines else []
+
+
+REMEDY = (
+    "a GIM6010-8 leaves its factory like this (CAN Simple, 500 kbit/s, node ID 0 or 1): over USB, in odrivetool, set "
+    "odrv0.can.config.protocol = 2 and a node ID from 1 to 127 that is free, save, and switch it off and on"
+)
+
+
+def heartbeat_words(speaker: Speaker, data: bytes) -> str:
+    """Return what a heartbeat says: ``idle, no axis error``; of other frames nothing."""
+    if speaker.protocol is Protocol.EXTENDED:
+        return f"life {data[0] >> 5}" if len(data) == _LENGTH else ""
+    if len(data) != _LENGTH or data[4] not in STATES:
+        return ""
+    error = int.from_bytes(data[:4], "little")
+    return f"{STATES[data[4]]}, {'no axis error' if not error else f'axis error {error_words(error)}'}"
+
+
+def simple_node(can_id: int) -> int:
+    """Return the node that an identifier of 11 bits belongs to in CAN Simple."""
+    return can_id >> _COMMAND_BITS
+
+
+def command(can_id: int) -> str:
+    """Return the name of CAN Simple's command in an identifier."""
+    number = can_id & (1 << _COMMAND_BITS) - 1
+    return COMMANDS.get(number, f"command {number:02X}h")
+
+
+def error_words(error: int) -> str:
+    """Return an axis error in hexadecimal with the names of its bits (manual v2.2, 5.7)."""
+    names = [each.name for each in faults.table() if each.category == "axis" and each.bits & error]
+    return f"0x{error:08X}" + (f" ({', '.join(names)})" if names else "")
+
+
+# -- what one frame, or several, must look like --------------------------------------------------------------------------------
+
+
+class _Pace(NamedTuple):
+    """How frames follow one another: the usual time between two in seconds (None: not told), and whether they keep to it."""
+
+    period: float | None
+    kept: bool
+    timed: bool
+
+    @property
+    def plausible(self) -> bool:
+        """Whether nothing speaks against a heartbeat: they keep a period that one may have, or have no times at all."""
+        return self.kept or not self.timed
+
+
+def _pace(times: Sequence[float]) -> _Pace:
+    steps = [after - before for before, after in pairwise(times)]
+    if not any(steps):
+        return _Pace(None, False, False)
+    usual = median(steps)
+    if not _PERIOD[0] <= usual <= _PERIOD[1] or not all(0 < step <= (_LOST + 1) * usual for step in steps):
+        return _Pace(None, False, True)
+    period = sum(steps) / sum(max(1, round(step / usual)) for step in steps)
+    return (
+        _Pace(period, True, True) if all(_kept(step / period) for step in steps) else _Pace(None, False, True)
+    )
+
+
+def _kept(periods: float) -> bool:
+    whole = round(periods)
+    return 1 <= whole <= _LOST and abs(periods - whole) <= _JITTER
+
+
+def _life(data: bytes) -> bool:
+    """Whether it looks like a heartbeat of firmware 0.5.12 and later, its counter aside."""
+    return data[4] in STATES and not data[5] & ~_FLAGS and not data[6]
+
+
+def _legacy(data: bytes) -> bool:
+    """Whether it looks like a heartbeat of firmware 0.5.11 and earlier."""
+    return data[4] in STATES and data[5] < 2 and data[6] < 2 and not data[7] & ~_LEGACY_FLAGS
+
+
+def _counts(values: Sequence[int], modulo: int) -> bool:
+    """Whether they count up, one for each frame, those that were lost included."""
+    steps = [(after - before) % modulo for before, after in pairwise(values)]
+    return all(1 <= step <= _LOST for step in steps) and median(steps) == 1
+
+
+def _floats(data: bytes) -> bool:
+    """Whether it is two numbers of a size that turns and turns per second have."""
+    return all(value == 0.0 or 1e-9 < abs(value) < 1e6 for value in struct.unpack("<ff", data))
+
+
+def _extended(can_id: int, data: Sequence[bytes], pace: _Pace) -> Speaker | None:
+    node = can_id >> 2 & 0xFF
+    if not (1 <= node <= 254 and pace.plausible and _counts([each[0] >> 5 for each in data], 8)):
+        return None
+    return Speaker(Protocol.EXTENDED, node, can_id, pace.period, None)
