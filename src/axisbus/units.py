@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -13,6 +14,40 @@ INT32_HALF = 1 << 31
 INT32_LEAST = -INT32_HALF
 # What a whole number may be off when it was computed from units.
 _ABSOLUTE, _RELATIVE = 1e-9, 1e-12
+
+# The units that an axis may have. Those of an angle, as turns per unit:
+TURNS: Mapping[str, Fraction] = {
+    "deg": Fraction(1, 360),
+    "degree": Fraction(1, 360),
+    "degrees": Fraction(1, 360),
+    "°": Fraction(1, 360),
+    "mdeg": Fraction(1, 360_000),
+    "arcmin": Fraction(1, 21_600),
+    "arcsec": Fraction(1, 1_296_000),
+    "rad": Fraction(7074029, 44447689),  # 1/(2 pi), to 14 digits
+    "mrad": Fraction(7074029, 44447689000),
+    "rev": Fraction(1),
+    "turn": Fraction(1),
+    "turns": Fraction(1),
+}
+# Those of a length, of which the drive knows no measure; and what a machine's own parts are counted in.
+LENGTHS = (
+    "m",
+    "dm",
+    "cm",
+    "mm",
+    "um",
+    "\u00b5m",
+    "\u03bcm",
+    "nm",
+    "in",
+    "inch",
+    "mil",
+    "ft",
+)  # both letters mu
+OTHERS = ("%", "l", "ml", "teeth", "steps")
+INCREMENTS = "increments"  # without engineering units
+AXIS_UNITS = (INCREMENTS, *TURNS, *LENGTHS, *OTHERS)
 
 
 @dataclass(frozen=True, slots=True)

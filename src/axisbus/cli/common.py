@@ -22,7 +22,9 @@ def run(command: click.Command) -> int:
     """Run ``command`` with the arguments of the process; return the exit code."""
     _make_printable()
     try:
-        result = command.main(prog_name="axisbus", standalone_mode=False)
+        # None: coloured where the output is a terminal
+        plain = False if os.environ.get("NO_COLOR") else None
+        result = command.main(prog_name="axisbus", standalone_mode=False, color=plain)
     except click.exceptions.Abort:
         say_error("stopped")
         return 130

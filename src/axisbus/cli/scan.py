@@ -13,6 +13,7 @@ from axisbus.cli import silence
 from axisbus.cli.buses import open_bus, opening_of
 from axisbus.cli.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.options import bus_options
+from axisbus.cli.terminal import coloured, say_table
 
 if TYPE_CHECKING:
     from axisbus.bus.discover import Found
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from axisbus.drives.gim6010.factory import Listening
     from axisbus.errors import BusError
 
+_NUMBERS = ("vendor", "product", "revision", "serial")
 Given = tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]
 
 
@@ -91,23 +93,33 @@ def _elsewhere(heard: Heard | None) -> list[dict[str, Any]]:
 
 
 def _show(found: list[Found]) -> None:
-    for node in found:
-        who = node.identity
-        numbers = [
-            f"{title} 0x{value:X}"
-            for title, value in (
-                ("vendor", who.vendor_id),
-                ("product", who.product_code),
-                ("revision", who.revision),
-                ("serial", who.serial),
-            )
-            if value is not None
-        ]
-        state = node.nmt.text if node.nmt is not None else "no heartbeat"
-        say(
-            f"{node.node_id:>4}  {node.kind or 'does not answer SDO':<24}  {who.device_name or '':<20}  {state}"
-        )
-        if numbers:
-            say(f"      {', '.join(numbers)}")
-    if found:
-        say_next("write these nodes into a cell.toml, then: axisbus check cell.toml")
+    if not found:
+        return
+    if coloured():
+        say_table(("node", "kind", "device", "state", *_NUMBERS), [_row(node) for node in found])
+    else:
+        for node in found:
+            _lines(node)
+    say_next("write these nodes into a cell.toml, then: axisbus check cell.toml")
+
+
+def _lines(node: Found) -> None:
+    number, kind, name, state, *_ = _row(node)
+    say(f"{number:>4}  {kind:<24}  {name:<20}  {state}")
+    if numbers := _numbers(node):
+        say(f"      {', '.join(f'{title} {value}' for title, value in numbers.items())}")
+
+
+def _row(node: Found) -> tuple[str, ...]:
+    """Return a node's columns; what it did not tell is empty."""
+    state = node.nmt.text if node.nmt is not None else "no heartbeat"
+    numbers = _numbers(node)
+    who = (str(node.node_id), node.kind or "does not answer SDO", node.identity.device_name or "", state)
+    return (*who, *(numbers.get(title, "") for title in _NUMBERS))
+
+
+def _numbers(node: Found) -> dict[str, str]:
+    """Return the parts of 1018h that it has told, by their names."""
+    who = node.identity
+    values = (who.vendor_id, who.product_code, who.revision, who.serial)
+    return {title: f"0x{value:X}" for title, value in zip(_NUMBERS, values, strict=True) if value is not None}

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cia301.cob import SYNC, TIME
-
-INCREMENTS = "increments"  # the unit of an axis without engineering units
+from axisbus.units import INCREMENTS as INCREMENTS
 
 
 @dataclass(frozen=True, slots=True)

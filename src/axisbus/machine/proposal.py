@@ -7,20 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from axisbus.cia402 import objects as o
-from axisbus.units import Scale
+from axisbus.units import TURNS, Scale
 
-# Units that are a part of a turn, as turns per unit.
-_OF_A_TURN = {
-    "deg": Fraction(1, 360),
-    "degree": Fraction(1, 360),
-    "degrees": Fraction(1, 360),
-    "°": Fraction(1, 360),
-    "rev": Fraction(1),
-    "turn": Fraction(1),
-    "turns": Fraction(1),
-    "rad": Fraction(7074029, 44447689),  # 1/(2 pi), to 14 digits
-    "mrad": Fraction(7074029, 44447689000),
-}
 _TOLERANCE = 1e-3
 
 OBJECTS = (
@@ -62,7 +50,7 @@ def compare(scale: Scale, values: Values) -> ScaleReport:
 
 def candidates(unit: str, values: Values) -> list[tuple[str, Fraction]]:
     """Return the position scales that 608Fh and 6091h suggest, in increments per unit, each with the side that it counts at."""
-    part = _OF_A_TURN.get(unit.lower())
+    part = TURNS.get(unit.lower())
     motor = _ratio(values, o.ENCODER_RESOLUTION)
     if part is None or motor is None:
         return []

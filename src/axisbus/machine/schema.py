@@ -81,7 +81,7 @@ PDO: Keys = {
 AXIS: Keys = {
     "node": Key(v.integer(1, 127), "node = 1, the number of its [nodes.N]"),
     "drive_axis": Key(v.integer(1, 8)),
-    "unit": Key(v.text, 'unit = "deg", "mm" or the like; unit = "increments" to do without'),
+    "unit": Key(v.unit, 'unit = "deg", "mm" or the like; unit = "increments" to do without'),
     "scale": _scale,
     "velocity_scale": _scale,
     "acceleration_scale": _scale,

@@ -1,18 +1,42 @@
-"""Readers of single values of a cell file: each returns what was meant, or says what it expects instead."""
+"""Readers of single values of a cell file: each returns what was meant, or says what it expects instead.
+
+Each also tells what it takes as a JSON Schema, which is for editors: it never refuses what the reader takes, but it cannot know
+everything that the reader refuses (the order of two numbers, the bounds of a time).
+"""
 
 from __future__ import annotations
 
 import datetime as dt
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any
 
+from axisbus.units import AXIS_UNITS
+
 LARGEST = 1e15  # of any number in engineering units; floats are whole numbers up to there
 
-Reader = Callable[[Any], Any]
+JsonSchema = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Turns a TOML value into what was meant, or raises ``Unfit``; ``json`` is what it takes, as a JSON Schema."""
+
+    read: Callable[[Any], Any]
+    json: JsonSchema
+
+    def __call__(self, value: Any) -> Any:
+        """Return what was meant."""
+        return self.read(value)
+
+
+def _takes(**json: Any) -> Callable[[Callable[[Any], Any]], Reader]:
+    """Make a function a reader that takes what ``json`` says."""
+    return lambda read: Reader(read, json)
 
 
 class Unfit(Exception):
@@ -46,6 +70,7 @@ def _short(text: str) -> str:
 # -- texts and words -------------------------------------------------------------------------------------------------
 
 
+@_takes(type="string", pattern=r"\S")
 def text(value: Any) -> str:
     """Read a text that is not empty."""
     if not isinstance(value, str):
@@ -57,6 +82,7 @@ def text(value: Any) -> str:
     return value.strip()
 
 
+@_takes(type="boolean")
 def boolean(value: Any) -> bool:
     """Read true or false."""
     if not isinstance(value, bool):
@@ -74,7 +100,7 @@ def words(*known: str) -> Reader:
         hint = f'did you mean "{near[0]}"? ' if near else ""
         raise Unfit("one of " + ", ".join(f'"{word}"' for word in known), f"{hint}write one of these words")
 
-    return read
+    return Reader(read, {"enum": list(known)})
 
 
 def list_of(read: Reader, what: str, empty: bool = False) -> Reader:
@@ -87,7 +113,7 @@ def list_of(read: Reader, what: str, empty: bool = False) -> Reader:
             raise Unfit(f"a list of {what} that is not empty")
         return tuple(_element(read, number, element) for number, element in enumerate(value, 1))
 
-    return read_list
+    return Reader(read_list, {"type": "array", "items": read.json, **({} if empty else {"minItems": 1})})
 
 
 def _element(read: Reader, number: int, value: Any) -> Any:
@@ -97,11 +123,13 @@ def _element(read: Reader, number: int, value: Any) -> Any:
         raise Unfit(f"{unfit.expected} as element {number}, which is {told(value)}", unfit.remedy) from None
 
 
+@_takes(anyOf=[{"type": "integer"}, {"type": "string", "pattern": r"\S"}])
 def text_or_number(value: Any) -> str | int:
     """Read a channel's name or number."""
     if isinstance(value, int) and not isinstance(value, bool):
         return value
-    return text(value)
+    name: str = text(value)
+    return name
 
 
 # -- numbers ---------------------------------------------------------------------------------------------------------
@@ -117,7 +145,7 @@ def integer(low: int, high: int) -> Reader:
             raise Unfit(f"a whole number from {low} to {high}")
         return value
 
-    return read
+    return Reader(read, {"type": "integer", "minimum": low, "maximum": high})
 
 
 def _finite(value: Any, expected: str) -> float:
@@ -136,6 +164,7 @@ def _unquote(value: Any) -> str:
     return "write the number without quotes and without a unit" if isinstance(value, str) else ""
 
 
+@_takes(type="number", exclusiveMinimum=0, maximum=LARGEST)
 def positive(value: Any) -> float:
     """Read a finite number above 0."""
     number = _finite(value, "a number above 0")
@@ -144,11 +173,15 @@ def positive(value: Any) -> float:
     return number
 
 
+@_takes(type="number", minimum=-LARGEST, maximum=LARGEST)
 def finite(value: Any) -> float:
     """Read a finite number."""
     return _finite(value, "a finite number")
 
 
+@_takes(
+    type="array", items={"type": "number", "minimum": -LARGEST, "maximum": LARGEST}, minItems=2, maxItems=2
+)
 def interval(value: Any) -> tuple[float, float]:
     """Read [lowest, highest], the first below the second."""
     expected = "a list of two numbers, [lowest, highest]"
@@ -163,6 +196,7 @@ def interval(value: Any) -> tuple[float, float]:
     return low, high
 
 
+@_takes(type=["number", "string"])
 def setting(value: Any) -> int | float | str:
     """Read a value to write into an object: a number or a text."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
@@ -175,9 +209,22 @@ def setting(value: Any) -> int | float | str:
 
 _RATIO = re.compile(r"\s*(\d{1,30}(?:\.\d{1,30})?)\s*(?:/\s*(\d{1,30}(?:\.\d{1,30})?)\s*)?", re.ASCII)
 _SMALLEST_SCALE, _LARGEST_SCALE = Fraction(1, 10**12), Fraction(10**15)
+
+
+def _whole(pattern: re.Pattern[str]) -> str:
+    """Return a pattern for a whole text as JSON Schema (ECMA 262) writes it; ``\\d`` is only 0 to 9 there."""
+    return f"^(?:{pattern.pattern})$"
+
+
 _SCALE = 'increments per unit as a number above 0, or as a ratio such as "131072/360"'
 
 
+@_takes(
+    anyOf=[
+        {"type": "number", "exclusiveMinimum": 0, "maximum": LARGEST},
+        {"type": "string", "pattern": _whole(_RATIO)},
+    ]
+)
 def scale(value: Any) -> Fraction:
     """Read increments per unit: a number above 0, or a ratio of two as a text; exact."""
     if isinstance(value, str):
@@ -199,6 +246,7 @@ _FIRST_DAY = dt.date(1984, 1, 1)  # of 1020h:01 and TIME (CiA 301 7.1.6.6, 7.5.2
 _LAST_DAY = _FIRST_DAY + dt.timedelta(days=0xFFFF)
 
 
+@_takes(type="string", format="date")
 def days(value: Any) -> int:
     """Read a date, as days since 1984-01-01."""
     if not isinstance(value, dt.date) or isinstance(value, dt.datetime):
@@ -208,6 +256,7 @@ def days(value: Any) -> int:
     return (value - _FIRST_DAY).days
 
 
+@_takes(type="string", format="time")
 def time_of_day(value: Any) -> int:
     """Read a time of day, as milliseconds after midnight."""
     if not isinstance(value, dt.time):
@@ -218,6 +267,7 @@ def time_of_day(value: Any) -> int:
     return seconds * 1000 + value.microsecond // 1000
 
 
+@_takes(type="string", format="date-time")
 def date_time(value: Any) -> tuple[int, int]:
     """Read a date with a time of day, as days since 1984-01-01 and milliseconds after midnight."""
     expected = "a date with a time such as 2026-03-31T14:30:00"
@@ -239,6 +289,7 @@ _UNITS = {
     "s": Fraction(1),
     "min": Fraction(60),
 }
+_TIME = rf"^\s*\d{{1,12}}(?:\.\d{{1,12}})?\s*(?:{'|'.join(_UNITS)})\s*$"
 
 
 def duration(low: str, high: str) -> Reader:
@@ -261,7 +312,7 @@ def duration(low: str, high: str) -> Reader:
             raise Unfit(expected, "units are us, ms, s and min")
         return float(seconds)
 
-    return read
+    return Reader(read, {"type": "string", "pattern": _TIME, "examples": [low, high]})
 
 
 def _seconds(value: str) -> Fraction | None:
@@ -282,7 +333,7 @@ def or_word(word: str, meaning: Any, read: Reader) -> Reader:
         except Unfit as unfit:
             raise Unfit(f'{unfit.expected}, or "{word}"', unfit.remedy) from None
 
-    return read_either
+    return Reader(read_either, {"anyOf": [{"const": word}, read.json]})
 
 
 def never_true(meaning: Any, read: Reader) -> Reader:
@@ -296,7 +347,7 @@ def never_true(meaning: Any, read: Reader) -> Reader:
         except Unfit as unfit:
             raise Unfit(f"{unfit.expected}, or false", unfit.remedy) from None
 
-    return read_either
+    return Reader(read_either, {"anyOf": [{"const": False}, read.json]})
 
 
 def names(known: Sequence[str], what: str) -> Reader:
@@ -309,4 +360,18 @@ def names(known: Sequence[str], what: str) -> Reader:
             raise Unfit(f"each of the {what} once")
         return found
 
-    return read_once
+    return Reader(read_once, {**read.json, "uniqueItems": True})
+
+
+# -- engineering units -------------------------------------------------------------------------------------------------
+
+
+@_takes(enum=list(AXIS_UNITS))
+def unit(value: Any) -> str:
+    """Read an engineering unit of ``UNITS``."""
+    if isinstance(value, str) and value in AXIS_UNITS:
+        return value
+    known: str = text(value)
+    near = get_close_matches(known.lower(), AXIS_UNITS, n=1)
+    hint = f'did you mean "{near[0]}"? ' if near else ""
+    raise Unfit(f"one of {', '.join(AXIS_UNITS)}", f'{hint}write one of these; "increments" does without')

@@ -1,0 +1,51 @@
+"""What is printed in colour on a terminal, and plain everywhere else; NO_COLOR keeps it plain (no-color.org)."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+STYLES = {"error": "bold red", "warning": "yellow", "note": "cyan"}
+
+
+def coloured() -> bool:
+    """Whether standard output is a terminal that shows colours, and its user has not asked for none."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return sys.stdout.isatty()
+
+
+def say_styled(text: str, word: str, style: str) -> None:
+    """Print ``text``; on a terminal the first ``word`` of it is in ``style`` (rich's)."""
+    if not coloured():
+        click.echo(text)
+        return
+    from rich.text import Text
+
+    styled = Text(text)
+    begin = text.find(word)
+    if begin >= 0:
+        styled.stylize(style, begin, begin + len(word))
+    _console().print(styled, soft_wrap=True)
+
+
+def say_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table, as wide as its terminal at most."""
+    from rich.table import Table
+
+    table = Table(*headings, box=None, pad_edge=False, header_style="bold")
+    for row in rows:
+        table.add_row(*row)
+    _console().print(table)
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False, markup=False, emoji=False)

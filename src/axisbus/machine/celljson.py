@@ -1,0 +1,100 @@
+"""A JSON Schema of cell files, for editors' completion: made of the tables that ``config`` reads them by.
+
+It refuses no file that ``config`` takes. What it cannot know (the order of two numbers, the bounds of a time, whether an axis has
+its node) is left to ``check``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from axisbus.machine import cellwords as words
+from axisbus.machine import schema, values
+from axisbus.machine.schema import Keys
+from axisbus.units import INCREMENTS
+
+Json = dict[str, Any]
+
+_DRAFT = "http://json-schema.org/draft-07/schema#"  # which all editors know
+_NODE_ID = "^(?:[1-9]|[1-9][0-9]|1[01][0-9]|12[0-7])$"
+_PDO = "^[rtRT][pP][dD][oO](?:[1-9]|[1-9][0-9]|[1-4][0-9][0-9]|50[0-9]|51[0-2])$"
+# Letters of any language, digits, _ and -: everything but white space and the other signs of ASCII.
+_NAME = r"^[^\s!-,./:-@\[-^`{-~]{1,64}$"
+
+
+def schema_of_cells() -> Json:
+    """Return the schema of a whole cell file, as plain values."""
+    tables = {
+        "bus": _bus(),
+        "nodes": _many("nodes", _NODE_ID, _node(), minProperties=1),
+        "axes": _many("axes", _NAME, _axis()),
+        "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP)),
+    }
+    return {
+        "$schema": _DRAFT,
+        "title": "axisbus cell file",
+        "type": "object",
+        "properties": {name: tables[name] for name in schema.TOP},
+        "required": ["bus", "nodes"],
+        "additionalProperties": False,
+    }
+
+
+def _bus() -> Json:
+    return _table(schema.BUS, words.BUS, "bus", options=_open("bus.options"))
+
+
+def _node() -> Json:
+    program = _table(schema.PROGRAM, words.PROGRAM, "nodes.program")
+    program["anyOf"] = [{"required": ["date_time"]}, {"required": ["identification"]}]
+    pdos = _many("nodes.pdo", _PDO, _table(schema.PDO, words.PDO))
+    objects = _objects("nodes.objects")
+    node = _table(schema.NODE, words.NODE, objects=objects, pdo=pdos, program=program)
+    node["oneOf"] = [{"required": ["eds"]}, {"required": ["dcf"]}]
+    return node
+
+
+def _axis() -> Json:
+    axis = _table(
+        schema.AXIS,
+        words.AXIS,
+        defaults=_table(schema.DEFAULTS, words.DEFAULTS, "axes.defaults"),
+        homing=_table(schema.HOMING, words.HOMING, "axes.homing"),
+        stop=_table(schema.STOP, words.STOP, "axes.stop"),
+        objects=_objects("axes.objects"),
+    )
+    axis["anyOf"] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
+    return axis
+
+
+def _table(keys: Keys, about: Mapping[str, str], name: str = "", **tables: Json) -> Json:
+    """A table with these keys and sub-tables, and no others."""
+    found: Json = {
+        "type": "object",
+        "properties": {
+            **{key: {**each.read.json, "description": about[key]} for key, each in keys.items()},
+            **tables,
+        },
+        "additionalProperties": False,
+    }
+    required = [key for key, each in keys.items() if each.missing]
+    return _described(name, {**found, "required": required} if required else found)
+
+
+def _many(name: str, pattern: str, each: Json, **more: Any) -> Json:
+    """A table of tables, whose names are of one pattern."""
+    found = {"type": "object", "patternProperties": {pattern: each}, "additionalProperties": False, **more}
+    return _described(name, found)
+
+
+def _objects(name: str) -> Json:
+    return _described(name, {"type": "object", "additionalProperties": dict(values.setting.json)})
+
+
+def _open(name: str) -> Json:
+    return _described(name, {"type": "object"})
+
+
+def _described(name: str, found: Json) -> Json:
+    return {**found, "description": words.TABLES[name]} if name else found

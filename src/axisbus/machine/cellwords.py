@@ -1,0 +1,128 @@
+"""What each key of a cell file means, in one line: what an editor shows beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+TABLES: Mapping[str, str] = {
+    "bus": "The CAN bus: adapter, scan, SYNC, heartbeat.",
+    "bus.options": "Further options for the adapter, as python-can names them.",
+    "nodes": "One table for each device: [nodes.1] to [nodes.127].",
+    "nodes.objects": 'Objects to write at boot: "6065" = 4000, "6099:01" = 100, or by name.',
+    "nodes.pdo": "PDOs to configure: rpdo1 to rpdo512, tpdo1 to tpdo512.",
+    "nodes.program": "The program (firmware) that the node must have (1F52h, 1F56h).",
+    "axes": "One table for each axis: [axes.x].",
+    "axes.defaults": "Used by commands that leave them out.",
+    "axes.homing": "How the axis finds its zero (CiA 402-2, hm).",
+    "axes.stop": "What halt, quick stop, disable, fault and a lost link do; written to the drive and read back.",
+    "axes.objects": "Objects of the axis to write at boot, by the numbers of its first axis.",
+    "groups": "Axes that move together, and that a fault stops together: [groups.xy].",
+}
+
+BUS: Mapping[str, str] = {
+    "interface": 'python-can\'s interface: "socketcan", "pcan", "kvaser", "slcan" ...; "sim" runs without hardware.',
+    "channel": 'Which adapter: "can0", "PCAN_USBBUS1", 0 ...',
+    "bitrate": "bit/s; with SocketCAN it is compared with the link's.",
+    "master_id": "Our own node ID (default 127).",
+    "scan_period": 'Commands, SYNC and feedback travel once in this time: "4ms".',
+    "sync": "Whether SYNC is sent or heard (default true).",
+    "sync_producer": 'Who sends SYNC: "master" (default), or "external" for another device.',
+    "sync_cob_id": "COB-ID of SYNC (1005h; default 0x80).",
+    "sync_counter": 'Last value of SYNC\'s counter (1019h), or "off".',
+    "sync_timeout": "After which time an external SYNC is missing (default 1.5 scan periods).",
+    "time": 'Period of TIME, or "off".',
+    "time_cob_id": "COB-ID of TIME (1012h; default 0x100).",
+    "heartbeat": 'Our heartbeat and theirs (1017h, 1016h; default "100ms"), or "off".',
+    "on_lost_node": 'What a lost node stops: its "group" (default), the "cell", or nothing else ("report").',
+    "beside": "Open the bus even where another master is heard.",
+}
+
+NODE: Mapping[str, str] = {
+    "eds": 'EDS: a path relative to this file, or "builtin:gim6010-8".',
+    "dcf": "DCF instead of an EDS: its values are written at boot.",
+    "remap": 'Whether boot may change PDO mappings: "auto" (default) or "never".',
+    "optional": "The cell is opened without it too; it is booted when it appears.",
+    "serial": "Serial number that it must have (1018h:04).",
+    "revision": "Revision that it must have (1018h:03).",
+    "configuration_date": "Date of its configuration (1020h:01): it is configured only where the node has another one.",
+    "configuration_time": "Time of its configuration (1020h:02).",
+    "restore_defaults": "Restore its defaults (1011h) before it is configured.",
+}
+
+PROGRAM: Mapping[str, str] = {
+    "date_time": "As 1F52h says it: 2026-03-31T14:30:00.",
+    "identification": "As 1F56h:01 says it.",
+    "file": "The program, a path relative to this file.",
+    "download": "Replace another program at boot (1F50h, 1F51h); without it never.",
+    "deadline": "For each part of that.",
+}
+
+PDO: Mapping[str, str] = {
+    "map": 'Objects in their order: ["6041", "6064:00"].',
+    "transmission": "Transmission type (sub-index 2): 0 to 240 synchronous, 254 and 255 event-driven.",
+    "event_timer": 'Longest time between two (sub-index 5), or "off".',
+    "inhibit_time": 'Shortest time between two (sub-index 3), or "off".',
+    "cob_id": "COB-ID (sub-index 1).",
+    "sync_start": "SYNC start value (sub-index 6).",
+    "rtr": "Ask for a TPDO by remote frames, so often.",
+}
+
+AXIS: Mapping[str, str] = {
+    "node": "The number of its [nodes.N].",
+    "drive_axis": "Which axis of a device with several (default 1).",
+    "unit": 'Unit of positions: "deg", "mm" ...; "increments" does without a scale.',
+    "scale": 'Position increments per unit: 1000, or a ratio such as "131072/360".',
+    "velocity_scale": "Velocity increments per unit/s, where they are not the position's per second.",
+    "acceleration_scale": "Acceleration increments per unit/s², where they are not the position's.",
+    "invert": 'Turn the direction: "master" (we turn the sign) or "drive" (607Eh).',
+    "rated_torque": "N·m that 6076h stands for; torques travel in parts of it.",
+    "position_limits": "[lowest, highest] in units.",
+    "max_velocity": "unit/s.",
+    "max_acceleration": "unit/s².",
+    "max_torque": "N·m.",
+    "limits_in_drive": "Write the limits into the drive too (607Dh, 607Fh, 6080h, 6072h).",
+    "modulo": "Units per turn of an endless axis.",
+    "position_window": "Target window (6067h) in units.",
+    "standstill_velocity": "unit/s below which the axis counts as standing.",
+    "standstill_window": "How far an axis at rest may be from where it is led, in units.",
+    "following_error": "How much farther in motion, in units.",
+    "modes": "Modes to use, where not all that the drive has.",
+    "holds_load": 'A vertical axis: what holds it, "brake" or "torque"; false where nothing must.',
+    "transition_time": "How long one step of the power-stage machine may take.",
+    "mode_time": "How long a mode change may take.",
+    "acknowledge_time": "How long the set-point acknowledge may take.",
+    "handshake": '"on-change" where bit 12 of the statusword proves nothing (default "acknowledge").',
+}
+
+DEFAULTS: Mapping[str, str] = {
+    "velocity": "unit/s.",
+    "acceleration": "unit/s².",
+    "deceleration": "unit/s².",
+    "torque_slope": "N·m/s (6087h).",
+}
+
+HOMING: Mapping[str, str] = {
+    "method": "Homing method (6098h); 35 and 37: where it stands is zero.",
+    "speed_switch": "unit/s until the switch (6099h:01).",
+    "speed_zero": "unit/s until zero (6099h:02).",
+    "acceleration": "unit/s² (609Ah).",
+    "timeout": "After which time homing has failed.",
+    "required": "Whether absolute moves wait for it (default: where position_limits are set).",
+    "offset": "Home offset (607Ch) in units.",
+}
+
+STOP: Mapping[str, str] = {
+    "quick_stop": "Quick stop option code (605Ah).",
+    "shutdown": "Shutdown option code (605Bh).",
+    "disable": "Disable operation option code (605Ch).",
+    "halt": "Halt option code (605Dh).",
+    "fault": "Fault reaction option code (605Eh).",
+    "connection_loss": "Abort connection option code (6007h).",
+    "communication_error": "Error behaviour (1029h:01).",
+    "deceleration": "unit/s² of the quick stop (6085h).",
+    "halt_time": "How long the halt may take before the next rung of the stop ladder.",
+    "quick_stop_time": "How long the quick stop may take.",
+    "disable_time": "How long the disabling may take.",
+}
+
+GROUP: Mapping[str, str] = {"axes": "In this order move_linear takes their positions."}

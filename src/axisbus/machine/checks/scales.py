@@ -1,0 +1,31 @@
+"""Whether the scale of an axis fits what the drive's objects will say of its encoder and gear."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import objects
+from axisbus.machine import proposal
+from axisbus.machine.checks.case import Case, Check, Found, own_title
+from axisbus.machine.scales import units_of
+
+
+def disagreement(case: Case) -> Found:
+    """Check each scale against 608Fh and 6091h, as ``boot`` does with the drive's own; 1 increment per turn says nothing."""
+    for drive in case.drives:
+        axis = drive.axis
+        if axis.scale is None or not axis.at.sound("unit", "scale"):
+            continue
+        values = {(index, sub): drive.number(index, sub) for index, sub in proposal.OBJECTS}
+        if values[objects.ENCODER_RESOLUTION, 1] == values[objects.ENCODER_RESOLUTION, 2]:
+            continue
+        found = proposal.compare(units_of(axis).position, values)
+        if found.agrees is False:
+            yield case.warning(
+                axis.at.of("scale"),
+                f"the scale of axis {axis.name} is not what its drive's objects suggest",
+                f"{found.configured}; {found.proposed}, by {own_title(drive, objects.ENCODER_RESOLUTION)} and "
+                f"{own_title(drive, objects.GEAR_RATIO)}",
+                "correct scale (or unit), or the objects; axisbus boot compares it with the drive's own values",
+            )
+
+
+CHECKS: tuple[Check, ...] = (disagreement,)

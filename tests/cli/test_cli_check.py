@@ -1,0 +1,195 @@
+"""What ``axisbus check`` shows, in which order, and how on a terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cli_bus_kit as kit
+import pytest
+
+from axisbus.machine.celljson import schema_of_cells
+from axisbus.units import AXIS_UNITS
+
+if sys.platform != "win32":
+    import pty
+
+CLEAN = Path(kit.CELL).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys) -> kit.Run:
+    return kit.runner(monkeypatch, capsys)
+
+
+def cell(folder: Path, *changes: tuple[str, str]) -> Path:
+    text = CLEAN
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = folder / "cell.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def findings(out: str, path: Path) -> list[str]:
+    """The severities of the findings, in their order."""
+    return [
+        line.split(": ")[1]
+        for line in out.splitlines()
+        if line.startswith(f"{path}:") and line.count(": ") > 1
+    ]
+
+
+FAULTY = (("scan_period", "scan_perod"), ('unit = "deg"', 'unit = "banana"'), ('quick_stop = "ramp"\n', ""))
+
+
+def test_errors_come_last(axisbus, tmp_path):
+    path = cell(tmp_path, *FAULTY)
+    code, out, _ = axisbus("check", path)
+    shown = [each for each in findings(out, path) if each in ("note", "warning", "error")]
+    assert code == 1
+    assert set(shown) == {"note", "warning", "error"}
+    assert shown == sorted(shown, key=["note", "warning", "error"].index)
+    assert "\x1b" not in out
+
+
+def test_errors_only_shows_nothing_else_and_counts_all(axisbus, tmp_path):
+    path = cell(tmp_path, *FAULTY)
+    code, out, _ = axisbus("check", path, "--errors-only")
+    assert code == 1
+    assert ": warning: " not in out
+    assert ": note: " not in out
+    assert out.count(": error: ") == 3
+    assert f"{path}: 3 errors, " in out
+    as_json = json.loads(axisbus("check", path, "--errors-only", "--json").out)
+    assert {each["severity"] for each in as_json["findings"]} == {"error"}
+    assert as_json["ok"] is False
+
+
+def test_errors_only_of_a_sound_cell_is_quiet(axisbus):
+    code, out, _ = axisbus("check", kit.CELL, "--errors-only")
+    assert code == 0
+    assert out.splitlines()[0].startswith(f"{kit.CELL}: 0 errors")
+
+
+def test_a_unit_that_is_none_is_refused_with_the_list(axisbus, tmp_path):
+    code, out, _ = axisbus("check", cell(tmp_path, ('unit = "deg"', 'unit = "banana"')))
+    assert code == 1
+    assert "unit in [axes.x] cannot be used" in out
+    assert f"expected one of {', '.join(AXIS_UNITS)}" in out
+    _, near, _ = axisbus("check", cell(tmp_path, ('unit = "deg"', 'unit = "Degs"')))
+    assert 'did you mean "deg"?' in near
+
+
+@pytest.mark.parametrize("unit", AXIS_UNITS)
+def test_each_unit_of_the_list_is_taken(axisbus, tmp_path, unit):
+    code, _, _ = axisbus("check", cell(tmp_path, ('unit = "deg"', f'unit = "{unit}"')))
+    assert code == 0
+
+
+ENCODER = '[nodes.1.objects]\n"608F:01" = 16384\n"608F:02" = 1\n"6091:01" = 8\n"6091:02" = 1\n[nodes.2]'
+
+
+@pytest.mark.parametrize(
+    ("scale", "warned"),
+    [
+        ('"131072/360"', False),
+        ('"16384/360"', False),
+        ('"8192/360"', True),
+        ("1000", True),
+        ("364.0889", False),
+    ],
+)
+def test_a_scale_that_disagrees_with_the_drives_objects_is_told(axisbus, tmp_path, scale, warned):
+    path = cell(tmp_path, ('scale = "131072/360"', f"scale = {scale}"), ("[nodes.2]", ENCODER))
+    code, out, _ = axisbus("check", path)
+    assert code == 0
+    assert ("warning: the scale of axis x is not what its drive's objects suggest" in out) is warned
+    if warned:
+        assert "the drive's objects suggest 364.089 (at the gear's output), 45.5111 (at the motor)" in out
+
+
+def test_an_encoder_of_one_increment_says_nothing(axisbus, tmp_path):
+    path = cell(tmp_path, ("[nodes.2]", ENCODER.replace("16384", "1")))
+    assert "objects suggest" not in axisbus("check", path).out
+
+
+def test_the_schema_is_printed_without_a_cell(axisbus):
+    code, out, _ = axisbus("check", "--schema")
+    assert code == 0
+    assert json.loads(out) == schema_of_cells()
+
+
+def test_neither_cell_nor_schema_is_misuse(axisbus):
+    code, _, err = axisbus("check")
+    assert code == 2
+    assert "give a cell file, or --schema" in err
+
+
+# -- on a terminal --------------------------------------------------------------------------------------------------------------
+
+
+def on_terminal(*arguments: object, **environment: str) -> str:
+    """Run the command line with a terminal as its output, and return what it wrote."""
+    ours, theirs = pty.openpty()
+    base = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")}
+    with subprocess.Popen(
+        [sys.executable, "-m", "axisbus", *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        stdout=theirs,
+        stderr=subprocess.DEVNULL,
+        env={**base, "TERM": "xterm-256color", "COLUMNS": "80", **environment},
+    ) as process:
+        os.close(theirs)
+        found = b""
+        while True:
+            try:
+                part = os.read(ours, 65536)
+            except OSError:  # Linux says so when the other side is closed
+                break
+            if not part:
+                break
+            found += part
+        process.wait(30)
+    os.close(ours)
+    return found.decode().replace("\r\n", "\n")
+
+
+terminal = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals of this kind")
+
+
+@terminal
+def test_on_a_terminal_severities_have_their_colours(tmp_path):
+    out = on_terminal("check", cell(tmp_path, *FAULTY))
+    assert "\x1b[1;31merror:\x1b[0m" in out
+    assert "\x1b[33mwarning:\x1b[0m" in out
+
+
+@terminal
+@pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "dumb"}])
+def test_colours_can_be_refused(axisbus, tmp_path, environment):
+    path = cell(tmp_path, *FAULTY)
+    out = on_terminal("check", path, **environment)
+    assert "\x1b" not in out
+    assert out == axisbus("check", path).out
+
+
+@terminal
+def test_no_color_holds_for_trace_too(tmp_path):
+    path = tmp_path / "run.log"
+    path.write_text("(100.0) can0 081#1186210102000000\n")
+    assert "\x1b[31m" in on_terminal("trace", path)
+    assert "\x1b" not in on_terminal("trace", path, NO_COLOR="1")
+
+
+@terminal
+def test_scan_draws_a_table_on_a_terminal(axisbus):
+    drawn, plain = on_terminal("scan", kit.CELL, COLUMNS="140"), axisbus("scan", kit.CELL).out
+    assert "vendor" in drawn.splitlines()[0]
+    assert drawn.count("servo drive (CiA 402)") == plain.count("servo drive (CiA 402)") == 3
+    assert "\x1b" not in plain
+    assert on_terminal("scan", kit.CELL, NO_COLOR="1") == plain

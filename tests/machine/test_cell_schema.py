@@ -1,0 +1,205 @@
+"""The JSON Schema of cell files takes what the reader takes, and refuses what an editor can know to be wrong."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import test_config
+from cells import kit
+from hypothesis import given
+from hypothesis import strategies as st
+
+from axisbus.eds.model import Severity
+from axisbus.machine import cellwords, config, schema, values
+from axisbus.machine.celljson import schema_of_cells
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = schema_of_cells()
+CELLS = sorted([*(ROOT / "examples").glob("*.toml"), kit.HERE / "clean.toml"])
+VALIDATOR = jsonschema.Draft7Validator(SCHEMA)
+TABLES = {
+    "BUS": schema.BUS,
+    "NODE": schema.NODE,
+    "PROGRAM": schema.PROGRAM,
+    "PDO": schema.PDO,
+    "AXIS": schema.AXIS,
+    "DEFAULTS": schema.DEFAULTS,
+    "HOMING": schema.HOMING,
+    "STOP": schema.STOP,
+    "GROUP": schema.GROUP,
+}
+# What a schema cannot know: which of two numbers is the larger, the bounds of a time, and of a ratio.
+BEYOND = re.compile(r"exchange or correct them|units are us, ms, s and min|both an axis and a group")
+
+
+def plain(value: Any) -> Any:
+    """Return TOML as JSON: dates and times are texts."""
+    if isinstance(value, dict):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None  # JSON has no such number
+    return value.isoformat() if isinstance(value, (dt.date, dt.time)) else value
+
+
+def refused(text: str) -> list[str]:
+    return [error.message for error in VALIDATOR.iter_errors(plain(tomllib.loads(text)))]
+
+
+def wrong(text: str) -> list[str]:
+    """The errors that the reader finds in a text that is TOML."""
+    _, problems = config.loads(text)
+    return [f"{each.message}; {each.remedy}" for each in problems if each.severity is Severity.ERROR]
+
+
+def planted() -> list[tuple[str, str]]:
+    """The clean cell with each defect that the tests of the reader plant in it."""
+    (mark,) = (
+        mark
+        for name in dir(test_config)
+        if name.startswith("test_")
+        for mark in getattr(getattr(test_config, name), "pytestmark", ())
+        if mark.args[0] == ("old", "new", "line", "message", "remedy")
+    )
+    return [(row[0], row[1]) for row in mark.args[1]]
+
+
+PLANTED = planted()
+
+
+def test_it_is_a_schema() -> None:
+    jsonschema.Draft7Validator.check_schema(SCHEMA)
+    json.dumps(SCHEMA, allow_nan=False)
+
+
+@pytest.mark.parametrize("path", CELLS, ids=lambda path: path.name)
+def test_good_cells_are_good(path: Path) -> None:
+    assert refused(path.read_text(encoding="utf-8")) == []
+
+
+def test_the_readme_s_tables_are_good() -> None:
+    rest = '\n[nodes.1]\neds = "builtin:gim6010-8"\n[axes.x]\nnode = 1\nunit = "increments"\n'
+    found = re.findall(r"```toml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert found
+    assert [refused(text + rest) for text in found] == [[]] * len(found)
+
+
+def test_there_are_planted_mistakes() -> None:
+    assert len(PLANTED) > 30
+
+
+@pytest.mark.parametrize(("old", "new"), PLANTED, ids=[new[:40] for _, new in PLANTED])
+def test_a_planted_mistake_is_refused_by_both(old: str, new: str) -> None:
+    text = kit.changed(kit.CLEAN, (old, new))
+    found = wrong(text)
+    assert found
+    if not all(BEYOND.search(each) for each in found):
+        assert refused(text), found
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        test_config.MINIMAL.replace('unit = "deg"', 'unit = "banana"'),
+        test_config.MINIMAL.replace("scale = 364.0888888888889\n", ""),
+        test_config.MINIMAL.replace('eds = "builtin:gim6010-8"', ""),
+        test_config.MINIMAL.replace("scan_period", "period"),
+        test_config.MINIMAL + "[nodes.1.program]\ndownload = true\n",
+        test_config.MINIMAL + '[axes."a.b"]\nnode = 1\nunit = "increments"\n',
+        test_config.MINIMAL + "[nodes.1.pdo.rpdo513]\n",
+        test_config.MINIMAL + "[nodes.0]\neds = 'x'\n",
+        test_config.MINIMAL + "[[groups]]\naxes = ['x']\n",
+        "",
+    ],
+    ids=["unit", "scale", "eds", "period", "program", "name", "pdo", "node", "brackets", "empty"],
+)
+def test_structure(text: str) -> None:
+    assert wrong(text)
+    assert refused(text)
+
+
+@pytest.mark.parametrize("name", ["x", "X-1_y", "é", "\u03b1", "9", "x" * 64])
+def test_names_of_any_language_are_taken(name: str) -> None:
+    text = test_config.MINIMAL.replace("[axes.x]", f'[axes."{name}"]')
+    assert wrong(text) == refused(text) == []
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_each_key_has_its_words(table: str) -> None:
+    assert list(getattr(cellwords, table)) == list(TABLES[table])
+    assert all(getattr(cellwords, table).values())
+
+
+# -- each key by itself --------------------------------------------------------------------------------------------------------
+
+KEYS = [(table, key) for table, keys in TABLES.items() for key in keys]
+texts = st.one_of(
+    st.sampled_from(
+        ("4ms", " 2.5 s ", "500 µs", "1min", "4", "1e3ms", "131072/360", "2.5 / 0.1", "1/0", "", " ")
+    ),
+    st.sampled_from(("deg", "ramp", "pp", "brake", "off", "external", "auto", "on-change", "cell")),
+    st.text(max_size=8),
+)
+numbers = st.one_of(
+    st.integers(-300, 300), st.integers(), st.floats(), st.sampled_from([0x7FF, 1_000_000, 10**15, 10**16])
+)
+single = st.one_of(texts, numbers, st.booleans(), st.dates(), st.times(), st.datetimes())
+anything = st.one_of(single, st.lists(single, max_size=3), st.dictionaries(texts, single, max_size=2))
+
+
+def taken(read: values.Reader, value: Any) -> bool:
+    try:
+        read(value)
+    except values.Unfit:
+        return False
+    return True
+
+
+def good_ones(key: str) -> list[Any]:
+    """Values of the clean cell and the examples that stand under a key of this name."""
+    found = []
+
+    def walk(value: Any) -> None:
+        for name, each in value.items() if isinstance(value, dict) else ():
+            found.extend([each] * (name == key))
+            walk(each)
+
+    for path in CELLS:
+        walk(tomllib.loads(path.read_text(encoding="utf-8")))
+    return found
+
+
+@pytest.mark.parametrize(("table", "key"), KEYS, ids=[f"{table}-{key}" for table, key in KEYS])
+@given(data=st.data())
+def test_nothing_that_the_reader_takes_is_refused(table: str, key: str, data: st.DataObject) -> None:
+    read = TABLES[table][key].read
+    good = good_ones(key)
+    value = data.draw(st.one_of(anything, st.sampled_from(good)) if good else anything)
+    valid = jsonschema.Draft7Validator(dict(read.json)).is_valid(plain(value))
+    if taken(read, value):
+        assert valid
+
+
+@pytest.mark.parametrize(("table", "key"), KEYS, ids=[f"{table}-{key}" for table, key in KEYS])
+@given(value=anything)
+def test_a_value_of_another_kind_is_refused(table: str, key: str, value: Any) -> None:
+    """Beyond a schema are bounds of times and ratios, the order of two numbers, 1.0 for 1, infinity, and a date in quotes."""
+    read = TABLES[table][key].read
+    if taken(read, value) or isinstance(value, (dt.date, dt.time, float)):
+        return
+    valid = jsonschema.Draft7Validator(dict(read.json)).is_valid(plain(value))
+    told = json.dumps(dict(read.json))
+    if valid and isinstance(value, str):
+        assert '"pattern"' in told or '"format"' in told
+    elif valid:
+        assert isinstance(value, list)
+        assert read is values.interval or any(isinstance(each, (float, dt.date, dt.time)) for each in value)
