@@ -89,6 +89,7 @@ def test_good_cells_are_good(path: Path) -> None:
 def test_the_readme_s_tables_are_good() -> None:
     rest = '\n[nodes.1]\neds = "builtin:gim6010-8"\n[axes.x]\nnode = 1\nunit = "increments"\n'
     found = re.findall(r"```toml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    found = [text for text in found if text.startswith("[bus]")]
     assert found
     assert [refused(text + rest) for text in found] == [[]] * len(found)
 

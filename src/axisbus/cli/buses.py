@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from axisbus.bus.changeover import Opening
     from axisbus.bus.channel import Channel
 
-SIM = "sim"
+SIMULATED = "sim"  # as in a cell file: stand-ins instead of hardware
 _NO_BUS = "give a cell file, or the bus with -i and -c (such as: -i socketcan -c can0)"
 
 
@@ -29,27 +29,52 @@ def open_bus(
     bitrate: int | None,
     option: tuple[str, ...],
 ) -> Channel:
-    """Open a bus; ``stack`` closes it. A simulated cell's bus has its stand-ins on it.
+    """Open a bus; ``stack`` closes it. A simulated cell's bus has its stand-ins on it; so has ``-i sim -c CELL`` of any cell.
 
     Raises:
-        UsageError: neither a cell file nor an interface is given, or an option that this bus cannot have.
+        UsageError: neither a cell file nor an interface is given, no cell with ``-i sim``, or an option that this bus cannot have.
         ConfigError, EdsError, AdapterError: the cell file is wrong, or the bus cannot be opened.
     """
     from axisbus.bus.channel import Channel
 
     options = parse_options(option)
+    if interface == SIMULATED:
+        return _stand_ins(stack, simulated(channel))
     if interface is not None:
         require_rate(interface, bitrate, options)
         return stack.enter_context(Channel.open(interface, channel, bitrate, **options))
     if cell is None:
         raise click.UsageError(_NO_BUS)
     from axisbus.machine import config
+
+    return _stand_ins(stack, with_options(config.load(cell), channel, bitrate, option))
+
+
+def simulated(channel: str | None) -> CellConfig:
+    """Read the cell that ``-i sim -c CELL`` names, with stand-ins for its nodes whatever its own bus is.
+
+    Raises:
+        UsageError: no cell is given.
+        ConfigError: the cell file is wrong.
+    """
+    from axisbus.machine import config
+
+    if channel is None:
+        raise click.UsageError(
+            "-i sim simulates the nodes of a cell file: give it with -c (-c examples/cell.toml)"
+        )
+    loaded = config.load(Path(channel))
+    if loaded.bus.interface == SIMULATED:
+        return loaded
+    return replace(loaded, bus=replace(loaded.bus, interface=SIMULATED, options={}))
+
+
+def _stand_ins(stack: ExitStack, cell: CellConfig) -> Channel:
     from axisbus.machine.runtime import load_dictionaries
     from axisbus.machine.wire import open_channel
 
-    loaded = with_options(config.load(cell), channel, bitrate, option)
-    dictionaries = load_dictionaries(loaded) if loaded.bus.interface == SIM else {}
-    return open_channel(loaded, dictionaries, stack)[0]
+    dictionaries = load_dictionaries(cell) if cell.bus.interface == SIMULATED else {}
+    return open_channel(cell, dictionaries, stack)[0]
 
 
 def with_options(
@@ -61,7 +86,7 @@ def with_options(
         UsageError: its bus is simulated, and so can have neither channel nor options.
     """
     bus, options = cell.bus, parse_options(option)
-    if bus.interface == SIM and (channel is not None or options):
+    if bus.interface == SIMULATED and (channel is not None or options):
         raise click.UsageError(
             f"{cell.file} is simulated, on a bus of its own: leave -c and -O out, or say another bus with -i"
         )
@@ -103,10 +128,12 @@ def opening_of(
     """
     from axisbus.bus.changeover import Opening
 
+    if interface == SIMULATED:
+        return Opening("virtual", None)
     if interface is not None or cell is None:
         return Opening(interface or "", channel, bitrate, parse_options(option))
     from axisbus.machine import config
 
     bus = with_options(config.load(cell), channel, bitrate, option).bus
-    virtual = bus.interface == SIM
+    virtual = bus.interface == SIMULATED
     return Opening("virtual" if virtual else bus.interface, bus.channel, bus.bitrate, bus.options)

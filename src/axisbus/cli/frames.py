@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.buses import require_rate, with_options
+from axisbus.cli.buses import SIMULATED, require_rate, simulated, with_options
 from axisbus.cli.options import Decorated, parse_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
@@ -121,6 +121,10 @@ def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened
 def _live(
     stack: ExitStack, asked: Asked, loaded: CellConfig | None, seconds: float | None
 ) -> Iterator[Frame]:
+    if asked.interface == SIMULATED:
+        from axisbus.machine.listening import listen_to
+
+        return listen_to(simulated(asked.channel), stack).frames(seconds)
     if asked.interface is not None:
         from axisbus.bus.listen import listen
 

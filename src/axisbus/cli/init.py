@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.buses import open_bus
+from axisbus.cli.buses import SIMULATED, open_bus
 from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.options import bus_options, parse_options
 from axisbus.cli.output import output_option, require_free, write_whole
@@ -130,7 +130,8 @@ def _draft(
     from axisbus.machine.first import draft
 
     rate = bitrate or link_bitrate(interface, channel)
-    return draft.draft(draft.BusFound(interface, channel, rate, parse_options(option)), nodes)
+    name = None if interface == SIMULATED else channel  # there it is the cell that was simulated
+    return draft.draft(draft.BusFound(interface, name, rate, parse_options(option)), nodes)
 
 
 def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[str], as_json: bool) -> int:

@@ -32,13 +32,16 @@ def bus_options(function: Decorated) -> Decorated:
         ),
         click.option("-b", "--bitrate", type=BitRate(), help="Bit rate in bit/s, where the adapter sets it."),
         click.option(
-            "-c", "--channel", shell_complete=complete_channel, help="Channel, such as can0 or PCAN_USBBUS1."
+            "-c",
+            "--channel",
+            shell_complete=complete_channel,
+            help="Channel, such as can0 or PCAN_USBBUS1; with -i sim a cell file.",
         ),
         click.option(
             "-i",
             "--interface",
             shell_complete=complete_interface,
-            help="python-can interface, such as socketcan, pcan, kvaser, slcan.",
+            help="python-can interface, such as socketcan, pcan, kvaser, slcan; sim: see -c.",
         ),
     ):
         function = decorate(function)

@@ -59,6 +59,8 @@ def command(
     _show(found)
     for line in told(speakers):
         say(line)
+    if found:
+        _next(cell, interface, channel, bitrate)
     if not found and not speakers:
         say("nobody answered: check supply, cable and termination; then the bit rate")
         silence.show(elsewhere, opening)
@@ -93,14 +95,21 @@ def _elsewhere(heard: Heard | None) -> list[dict[str, Any]]:
 
 
 def _show(found: list[Found]) -> None:
-    if not found:
-        return
-    if coloured():
+    if coloured() and found:
         say_table(("node", "kind", "device", "state", *_NUMBERS), [_row(node) for node in found])
     else:
         for node in found:
             _lines(node)
-    say_next("write these nodes into a cell.toml, then: axisbus check cell.toml")
+
+
+def _next(cell: Path | None, interface: str | None, channel: str | None, bitrate: int | None) -> None:
+    if interface is None:
+        say_next(f"axisbus boot {cell}")
+        return
+    given = f"-i {interface}" + "".join(
+        f" {flag} {value}" for flag, value in (("-c", channel), ("-b", bitrate)) if value is not None
+    )
+    say_next(f"a first cell file of them: axisbus init {given} -o cell.toml")
 
 
 def _lines(node: Found) -> None:

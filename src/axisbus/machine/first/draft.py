@@ -22,6 +22,7 @@ from axisbus.machine import proposal
 from axisbus.machine.cell import BusConfig
 from axisbus.machine.first.look import Axis
 from axisbus.machine.first.match import Match
+from axisbus.machine.wire import SIM
 from axisbus.wording import counted
 
 _DEGREES = "deg"
@@ -63,7 +64,7 @@ class Draft:
 def draft(bus: BusFound, nodes: list[NodeFound]) -> Draft:
     """Return a first cell file of what was found."""
     missing = [text for node in nodes for text in _missing(node)]
-    if bus.bitrate is None:
+    if bus.bitrate is None and bus.interface != SIM:
         missing.append("the bit rate of the bus is not known: write bitrate in [bus] (or give it with -b)")
     confirm = [
         f"axis {name(node, axis)}: unit, scale, defaults and stop are comments"
@@ -112,11 +113,10 @@ def _bus(bus: BusFound, nodes: list[NodeFound]) -> Iterator[str]:
     yield f"interface = {_text(bus.interface)}"
     if bus.channel is not None:
         yield f"channel = {_text(bus.channel)}"
-    yield (
-        f"bitrate = {bus.bitrate}"
-        if bus.bitrate is not None
-        else _noted("# bitrate = 1_000_000", "MISSING: bit/s")
-    )
+    if bus.bitrate is not None:
+        yield f"bitrate = {bus.bitrate}"
+    elif bus.interface != SIM:
+        yield _noted("# bitrate = 1_000_000", "MISSING: bit/s")
     yield _noted('scan_period = "10ms"', "commands, SYNC and feedback travel once in this time")
     yield _noted('heartbeat = "100ms"', "ours, which the drives watch, and theirs, which we watch")
     taken = {node.found.node_id for node in nodes}
