@@ -211,12 +211,14 @@ class Listening:
         if len(frame.data) != _LENGTH:
             self._heard.pop(key, None)
             self._other.add(key)
+        elif not frame.extended and not (_life(frame.data) or _legacy(frame.data)):
+            self._heard.pop(key, None)  # what comes after it must prove itself anew
         elif key in self._heard or len(self._heard) < _MOST:
             self._heard.setdefault(key, deque(maxlen=_KEPT)).append((frame.time, frame.data))
 
     def _judge(self, can_id: int, extended: bool) -> Speaker | None:
         beats = self._heard[can_id, extended]
-        if len(beats) < ENOUGH:
+        if len(beats) < ENOUGH or (not extended and self._supervised(can_id)):
             return None
         pace = _pace([time for time, _ in beats])
         data = [each for _, each in beats]
