@@ -193,3 +193,15 @@ def test_scan_draws_a_table_on_a_terminal(axisbus):
     assert drawn.count("servo drive (CiA 402)") == plain.count("servo drive (CiA 402)") == 3
     assert "\x1b" not in plain
     assert on_terminal("scan", kit.CELL, NO_COLOR="1") == plain
+
+
+@terminal
+def test_monitor_keeps_one_table_on_a_terminal():
+    out = on_terminal("monitor", kit.CELL, "--every", "0.05", "--count", "3", COLUMNS="140")
+    assert "\x1b[1A" in out  # the table is drawn over the one before
+    last = out[out.rindex("position") :]
+    assert last.count("switch on disabled") == 3
+    assert "next: axisbus home" in last
+    plain = on_terminal("monitor", kit.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
+    assert "\x1b" not in plain
+    assert plain.count("switch on disabled") == 6

@@ -16,6 +16,7 @@ from axisbus.cli.common import OK, say, say_json, say_next
 from axisbus.cli.numbers import Seconds
 from axisbus.cli.options import beside_option
 from axisbus.cli.speech import in_commands
+from axisbus.cli.terminal import coloured
 from axisbus.machine.machine import Machine
 from axisbus.machine.node import NodeAccess
 from axisbus.motion.axis import Axis
@@ -65,6 +66,11 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
 
 def _look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
     looks, told, drops = 0, set[str](), DropNews()
+    if coloured() and not as_json:
+        from axisbus.cli import monitor_live
+
+        monitor_live.show(lambda: _rows(machine, told, drops), lambda: machine.sleep(every), count)
+        return
     while True:
         _look(machine, as_json, told, drops)
         looks += 1
@@ -91,6 +97,24 @@ def _look(machine: Machine, as_json: bool, told: set[str], drops: DropNews) -> N
             say("         " + str(seen["error"]).replace("\n", "\n         "))
     for line in [*news(machine, told), *_dropped(machine, drops)]:
         say(f"         {line}")
+
+
+def _rows(machine: Machine, told: set[str], drops: DropNews) -> tuple[list[dict[str, str]], list[str]]:
+    """Return each axis's values as texts, and what has happened since the last look: news, and errors that are new."""
+    rows, lines = [], []
+    for axis in machine:
+        seen = describe(axis)
+        numbers = {
+            "position": _number(seen["position"], axis.unit),
+            "velocity": _number(seen["velocity"], axis.unit + "/s"),
+        }
+        row = {key: str(value or "") for key, value in seen.items()} | numbers
+        rows.append(row)
+        if row["error"] and f"{axis.name} {row['error']}" not in told:
+            lines.append(f"{axis.name}: {row['error']}")
+    lines += [*news(machine, told), *_dropped(machine, drops)]
+    told.update(f"{row['axis']} {row['error']}" for row in rows if row["error"])
+    return rows, lines
 
 
 def _dropped(machine: Machine, drops: DropNews) -> list[str]:
