@@ -52,7 +52,7 @@ def command(
     What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
     energises nothing. Exit code 1 when something is missing in the file.
     """
-    from axisbus.drives.gim6010.factory import REMEDY, Listening, told
+    from axisbus.drives.gim6010.factory import Listening, told
     from axisbus.machine.first import match
 
     if interface is None:
@@ -66,8 +66,8 @@ def command(
     if not nodes:
         raise UserError(
             "nobody answered on the bus; no cell file was written",
-            observed="; ".join(told(others.speakers)[:-1]),
-            remedy=REMEDY
+            observed="; ".join(each.strip() for each in told(others.speakers)),
+            remedy="switch the modules over to CANopen, as said"
             if others.speakers
             else "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)",
         )

@@ -261,21 +261,27 @@ def recognise(frames: Iterable[Frame]) -> list[Speaker]:
     return listening.speakers
 
 
-def told(speakers: Sequence[Speaker]) -> list[str]:
-    """Return what was heard and what to do, one line for each protocol, and a remedy; empty where there is nobody."""
-    lines = [
-        f"{counted(len(found), 'module speaks', 'modules speak')} {protocol.value}, not CANopen: "
-        + ", ".join(each.words for each in found)
-        for protocol in Protocol
-        if (found := [each for each in speakers if each.protocol is protocol])
-    ]
-    return [*lines, REMEDY] if lines else []
-
-
-REMEDY = (
-    "a GIM6010-8 leaves its factory like this (CAN Simple, 500 kbit/s, node ID 0 or 1): over USB, in odrivetool, set "
-    "odrv0.can.config.protocol = 2 and a node ID from 1 to 127 that is free, save, and switch it off and on"
+_SWITCH = (
+    "over USB, in odrivetool, set odrv0.can.config.protocol = 2 and a node ID from 1 to 127 that is free, save, and switch "
+    "it off and on"
 )
+REMEDIES = {
+    Protocol.CAN_SIMPLE: f"a GIM6010-8 leaves its factory like this (500 kbit/s, node ID 0 or 1): {_SWITCH}",
+    Protocol.EXTENDED: "the maker's firmware 0.6.8 and later may speak it, and the manual does not describe it: try what that says of "
+    f"CAN Simple ({_SWITCH}), or ask the maker",
+}
+
+
+def told(speakers: Sequence[Speaker]) -> list[str]:
+    """Return what was heard and what to do, for each protocol a line and its remedy; empty where there is nobody."""
+    lines = []
+    for protocol, remedy in REMEDIES.items():
+        found = [each for each in speakers if each.protocol is protocol]
+        if found:
+            who = counted(len(found), "module speaks", "modules speak")
+            lines.append(f"{who} {protocol.value}, not CANopen: {', '.join(each.words for each in found)}")
+            lines.append(f"  remedy:   {remedy}")
+    return lines
 
 
 def heartbeat_words(speaker: Speaker, data: bytes) -> str:
