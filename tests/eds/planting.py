@@ -206,8 +206,8 @@ def long_pdo(rng: random.Random, text: Text) -> Plant | None:
             return None
         changes[place[0]] = f"DefaultValue={value}"
     lines, moved = text.changed(changes)
-    where = text.entries[f"{name}sub3"]["defaultvalue"][0]
-    return Plant(lines, moved, {where}, {"P006"}, f"[{name}] of 96 bits")
+    where = {text.entries[f"{name}sub{sub}"]["defaultvalue"][0] for sub in (2, 3)}  # P017 speaks of both
+    return Plant(lines, moved, where, {"P006"}, f"[{name}] of 96 bits")
 
 
 def bad_sub_number(rng: random.Random, text: Text) -> Plant | None:

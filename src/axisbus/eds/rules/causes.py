@@ -14,7 +14,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import values
 from axisbus.eds.model import Finding, Number, Severity
-from axisbus.eds.rules import ending, pdo, pdo_parameters, records, services, standard
+from axisbus.eds.rules import ending, mapping, pdo_parameters, records, services, standard
 from axisbus.eds.rules.sheet import Sheet
 from axisbus.eds.text import entry_of
 
@@ -81,7 +81,7 @@ def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, 
     entry = sheet.eds.objects.get(index)
     if subindex == 0 and entry is not None and entry.is_record:
         return (records.type_of_count(index),)
-    if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + pdo.PDOS_OF_A_KIND:
+    if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + mapping.PDOS_OF_A_KIND:
         return (pdo_parameters.standard_type(index, subindex),)
     if index in services.SDO_PARAMETERS and subindex in services.SDO_TYPES:
         return (services.SDO_TYPES[subindex],)

@@ -8,7 +8,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import is_synchronous
 from axisbus.eds.model import ObjectType, Severity
-from axisbus.eds.rules import pdo, services, standard
+from axisbus.eds.rules import mapping, services, standard
 from axisbus.eds.rules.pdo_parameters import restricted
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, an, number_of, start_key, start_value
 
@@ -142,7 +142,7 @@ def no_sync_id(sheet: Sheet) -> Iterator[Hit]:
     """C009."""
     if o.COB_ID_SYNC in sheet.eds:
         return
-    for _, entry in pdo.communications(sheet):
+    for _, entry in mapping.communications(sheet):
         sub = entry.subs.get(2)
         kind = number_of(sub) if sub is not None else None
         if sub is not None and kind is not None and is_synchronous(kind) and _exists(sheet, entry.index):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
 from axisbus.eds.model import Number, ObjectType, Severity
-from axisbus.eds.rules import pdo, standard
+from axisbus.eds.rules import mapping, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
 from axisbus.eds.rules.drive import axes
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, start_key
@@ -64,7 +64,7 @@ def access(sheet: Sheet) -> Iterator[Hit]:
 
 def mappable(sheet: Sheet) -> Iterator[Hit]:
     """M005."""
-    mapped = {slot.mapped.index for slot in pdo.slots(sheet)}  # of which P004 speaks
+    mapped = {slot.mapped.index for slot in mapping.slots(sheet)}  # of which P004 speaks
     for entry, row in _rows(sheet):
         if row.index not in standard.CYCLIC or row.subindex or entry.variable.pdo_mapping:
             continue

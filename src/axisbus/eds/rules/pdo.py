@@ -2,102 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 
 from axisbus.cia301 import cob
-from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
-from axisbus.eds.model import Object, Severity, Variable
+from axisbus.eds.model import Severity, Variable
 from axisbus.eds.rules import drive, standard
+from axisbus.eds.rules.mapping import (
+    DATA_TYPES,
+    MAX_ENTRIES,
+    MULTIPLEXED,
+    NETWORK_VARIABLES,
+    PDOS_OF_A_KIND,
+    Slot,
+    communications,
+    every_slot,
+    filled,
+    maps,
+    slots_of,
+    unused,
+    used,
+)
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 from axisbus.eds.text import Section
 from axisbus.wording import counted
 
-PDOS_OF_A_KIND = 0x200
-MAX_ENTRIES = 64
-_MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean something else (CiA 301 7.5.2.36)
-_NETWORK_VARIABLES = range(0xA000, 0xB000)  # made by the tool that configures the network (CiA 302-4)
-_DATA_TYPES = range(0x0001, 0x0020)
-
 _TO_RPDO = frozenset(("rw", "wo", "rww"))
 _TO_TPDO = frozenset(("ro", "rw", "rwr", "const"))
-
-
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """One entry of a mapping: what it maps, the entry of 16xxh or 1Axxh that says so, and whether sub-index 0 counts it."""
-
-    receive: bool
-    holder: Variable
-    mapped: MappedObject
-    active: bool = True
-
-    @property
-    def name(self) -> str:
-        """The section of the entry, as a person writes it."""
-        return f"{self.holder.index:04X}sub{self.holder.subindex:X}"
-
-
-def maps(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
-    """Yield every mapping parameter, with whether it is of an RPDO.
-
-    One that a DCF configures comes twice: as it is configured, and as the device has it by default.
-    """
-    for first, receive in ((o.RPDO_MAPPING, True), (o.TPDO_MAPPING, False)):
-        for entry in _objects(sheet, first):
-            yield receive, entry
-            if any(sub.parameter_value is not None for sub in entry.subs.values()):
-                subs = {key: replace(sub, parameter_value=None) for key, sub in entry.subs.items()}
-                yield receive, replace(entry, subs=subs)
-
-
-def communications(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
-    """Yield every communication parameter, with whether it is of an RPDO."""
-    for first, receive in ((o.RPDO_COMMUNICATION, True), (o.TPDO_COMMUNICATION, False)):
-        for entry in _objects(sheet, first):
-            yield receive, entry
-
-
-def _objects(sheet: Sheet, first: int) -> Iterator[Object]:
-    for index, entry in sheet.eds.objects.items():
-        if first <= index < first + PDOS_OF_A_KIND:
-            yield entry
-
-
-def used(sheet: Sheet, entry: Object) -> list[Variable]:
-    """Return the entries of a mapping that its sub-index 0 puts in use; all that are not 0 where it gives no number."""
-    count = number_of(entry.subs[0]) if 0 in entry.subs else None
-    if count in _MULTIPLEXED:
-        return []
-    there = [sub for subindex, sub in entry.subs.items() if 1 <= subindex <= MAX_ENTRIES]
-    if count is None and 0 in entry.subs and not understood(sheet, entry.subs[0]):
-        return []  # V001 and its kin speak of it
-    if count is None:
-        return [sub for sub in there if number_of(sub)]
-    return [sub for sub in there if sub.subindex <= count]
-
-
-def unused(entry: Object) -> list[Variable]:
-    """Return the entries of a mapping that its sub-index 0 leaves out, if it is a number."""
-    count = number_of(entry.subs[0]) if 0 in entry.subs else None
-    if count is None or count in _MULTIPLEXED:
-        return []
-    return [sub for subindex, sub in entry.subs.items() if count < subindex <= MAX_ENTRIES]
-
-
-def slots(sheet: Sheet) -> Iterator[Slot]:
-    """Yield every entry in use of every mapping that maps something."""
-    for receive, entry in maps(sheet):
-        yield from slots_of(sheet, receive, entry)
-
-
-def every_slot(sheet: Sheet) -> Iterator[Slot]:
-    """Yield every entry of every mapping that maps something, also those that sub-index 0 leaves out."""
-    yield from slots(sheet)
-    for receive, entry in maps(sheet):
-        yield from _filled(unused(entry), receive, active=False)
 
 
 def no_mapping(sheet: Sheet) -> Iterator[Hit]:
@@ -122,7 +54,7 @@ def no_target(sheet: Sheet) -> Iterator[Hit]:
     """P002."""
     for slot in every_slot(sheet):
         index, subindex, _ = slot.mapped
-        if index in _DATA_TYPES or sheet.modular or index in _NETWORK_VARIABLES:
+        if index in DATA_TYPES or sheet.modular or index in NETWORK_VARIABLES:
             continue
         if sheet.eds.get(index, subindex) is None and not _misshapen(sheet, index, subindex):
             yield _on(sheet, slot, f"maps {index:04X}:{subindex:02X}, which the file does not describe")
@@ -149,7 +81,7 @@ def repeated(sheet: Sheet) -> Iterator[Hit]:
         for slot in slots_of(sheet, receive, entry):
             target = slot.mapped.index, slot.mapped.subindex
             first = seen.setdefault(target, slot)
-            if first is not slot and slot.mapped.index not in _DATA_TYPES:
+            if first is not slot and slot.mapped.index not in DATA_TYPES:
                 yield _on(sheet, slot, f"maps {target[0]:04X}:{target[1]:02X} again, as [{first.name}] does")
 
 
@@ -261,25 +193,12 @@ def _right_bits(sheet: Sheet, slot: Slot) -> int:
     return slot.mapped.bits if _right_by_standard(sheet, target, slot.mapped) else bits
 
 
-def slots_of(sheet: Sheet, receive: bool, entry: Object) -> list[Slot]:
-    """Return the entries in use of one mapping that map something."""
-    return list(_filled(used(sheet, entry), receive))
-
-
-def _filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> Iterator[Slot]:
-    for holder in holders:
-        value = start_value(holder)
-        if value is not None and value.value and not value.plus_node_id:
-            mapped = MappedObject.from_entry(value.value & 0xFFFF_FFFF)
-            yield Slot(receive, holder, mapped, active)
-
-
 def count_beyond(sheet: Sheet) -> Iterator[Hit]:
     """P008."""
     for _, entry in maps(sheet):
         count = entry.subs.get(0)
         number = number_of(count) if count is not None else None
-        if count is None or number is None or number in _MULTIPLEXED or sheet.modular:
+        if count is None or number is None or number in MULTIPLEXED or sheet.modular:
             continue
         highest = max((sub for sub in entry.subs if 1 <= sub <= MAX_ENTRIES), default=0)
         if number > highest:
@@ -306,10 +225,10 @@ def carries_nothing(sheet: Sheet) -> Iterator[Hit]:
     """P016."""
     for receive, entry in maps(sheet):
         count = entry.subs.get(0)
-        filled = list(_filled(unused(entry), receive))
-        if count is None or number_of(count) != 0 or not filled:
+        waiting = list(filled(unused(entry), receive))
+        if count is None or number_of(count) != 0 or not waiting:
             continue
-        what = counted(len(filled), "entry is", "entries are")
+        what = counted(len(waiting), "entry is", "entries are")
         text = f"[{entry.index:04X}sub0] is 0: the PDO carries nothing, though {what} filled"
         severity = None if _is_on(sheet, entry.index) else Severity.NOTE
         yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0, severity)
@@ -325,20 +244,12 @@ def dummies(sheet: Sheet) -> Iterator[Hit]:
     """P010."""
     for slot in every_slot(sheet):
         index = slot.mapped.index
-        if index in _DATA_TYPES and index not in sheet.eds.dummies:
+        if index in DATA_TYPES and index not in sheet.eds.dummies:
             yield _on(sheet, slot, f"maps the dummy {index:04X}, which [DummyUsage] does not allow")
 
 
-def understood(sheet: Sheet, entry: Variable) -> bool:
-    """Whether the value after power-up is one, or there is none; else the reading has reported what is written there."""
-    section = sheet.section_of(entry.index, entry.subindex)
-    return section is None or not section.entries.get("defaultvalue") or entry.default is not None
-
-
 def _target(sheet: Sheet, slot: Slot) -> Variable | None:
-    return (
-        None if slot.mapped.index in _DATA_TYPES else sheet.eds.get(slot.mapped.index, slot.mapped.subindex)
-    )
+    return None if slot.mapped.index in DATA_TYPES else sheet.eds.get(slot.mapped.index, slot.mapped.subindex)
 
 
 def _name(target: Variable) -> str:

@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.pdo import MAX_ENTRIES, PDOS_OF_A_KIND, communications, maps
+from axisbus.eds.rules.mapping import MAX_ENTRIES, PDOS_OF_A_KIND, communications, maps
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 
 _PARAMETERS = {

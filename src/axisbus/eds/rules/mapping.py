@@ -1,0 +1,111 @@
+"""The default mappings of a file's PDOs, entry by entry, as the rules look at them (CiA 301 7.5.2.36, 7.5.2.38)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from axisbus.cia301 import objects as o
+from axisbus.cia301.pdo import MappedObject
+from axisbus.eds.model import Object, Variable
+from axisbus.eds.rules.sheet import Sheet, number_of, start_value
+
+PDOS_OF_A_KIND = 0x200
+MAX_ENTRIES = 64
+MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean something else (CiA 301 7.5.2.36)
+NETWORK_VARIABLES = range(0xA000, 0xB000)  # made by the tool that configures the network (CiA 302-4)
+DATA_TYPES = range(0x0001, 0x0020)
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One entry of a mapping: what it maps, the entry of 16xxh or 1Axxh that says so, and whether sub-index 0 counts it."""
+
+    receive: bool
+    holder: Variable
+    mapped: MappedObject
+    active: bool = True
+
+    @property
+    def name(self) -> str:
+        """The section of the entry, as a person writes it."""
+        return f"{self.holder.index:04X}sub{self.holder.subindex:X}"
+
+
+def maps(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
+    """Yield every mapping parameter, with whether it is of an RPDO.
+
+    One that a DCF configures comes twice: as it is configured, and as the device has it by default.
+    """
+    for first, receive in ((o.RPDO_MAPPING, True), (o.TPDO_MAPPING, False)):
+        for entry in _objects(sheet, first):
+            yield receive, entry
+            if any(sub.parameter_value is not None for sub in entry.subs.values()):
+                subs = {key: replace(sub, parameter_value=None) for key, sub in entry.subs.items()}
+                yield receive, replace(entry, subs=subs)
+
+
+def communications(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
+    """Yield every communication parameter, with whether it is of an RPDO."""
+    for first, receive in ((o.RPDO_COMMUNICATION, True), (o.TPDO_COMMUNICATION, False)):
+        for entry in _objects(sheet, first):
+            yield receive, entry
+
+
+def _objects(sheet: Sheet, first: int) -> Iterator[Object]:
+    for index, entry in sheet.eds.objects.items():
+        if first <= index < first + PDOS_OF_A_KIND:
+            yield entry
+
+
+def used(sheet: Sheet, entry: Object) -> list[Variable]:
+    """Return the entries of a mapping that its sub-index 0 puts in use; all that are not 0 where it gives no number."""
+    count = number_of(entry.subs[0]) if 0 in entry.subs else None
+    if count in MULTIPLEXED:
+        return []
+    there = [sub for subindex, sub in entry.subs.items() if 1 <= subindex <= MAX_ENTRIES]
+    if count is None and 0 in entry.subs and not understood(sheet, entry.subs[0]):
+        return []  # V001 and its kin speak of it
+    if count is None:
+        return [sub for sub in there if number_of(sub)]
+    return [sub for sub in there if sub.subindex <= count]
+
+
+def unused(entry: Object) -> list[Variable]:
+    """Return the entries of a mapping that its sub-index 0 leaves out, if it is a number."""
+    count = number_of(entry.subs[0]) if 0 in entry.subs else None
+    if count is None or count in MULTIPLEXED:
+        return []
+    return [sub for subindex, sub in entry.subs.items() if count < subindex <= MAX_ENTRIES]
+
+
+def slots(sheet: Sheet) -> Iterator[Slot]:
+    """Yield every entry in use of every mapping that maps something."""
+    for receive, entry in maps(sheet):
+        yield from slots_of(sheet, receive, entry)
+
+
+def every_slot(sheet: Sheet) -> Iterator[Slot]:
+    """Yield every entry of every mapping that maps something, also those that sub-index 0 leaves out."""
+    yield from slots(sheet)
+    for receive, entry in maps(sheet):
+        yield from filled(unused(entry), receive, active=False)
+
+
+def slots_of(sheet: Sheet, receive: bool, entry: Object) -> list[Slot]:
+    """Return the entries in use of one mapping that map something."""
+    return list(filled(used(sheet, entry), receive))
+
+
+def filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> Iterator[Slot]:
+    for holder in holders:
+        value = start_value(holder)
+        if value is not None and value.value and not value.plus_node_id:
+            mapped = MappedObject.from_entry(value.value & 0xFFFF_FFFF)
+            yield Slot(receive, holder, mapped, active)
+
+
+def understood(sheet: Sheet, entry: Variable) -> bool:
+    """Whether the value after power-up is one, or there is none; else the reading has reported what is written there."""
+    section = sheet.section_of(entry.index, entry.subindex)
+    return section is None or not section.entries.get("defaultvalue") or entry.default is not None
