@@ -230,12 +230,27 @@ def test_a_missing_sub_index_is_not_counted_away() -> None:
         assert fixed(wrong).mended == ()
 
 
+def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> None:
+    before = record(
+        "2000",
+        variable("2000sub0", DataType=U8),
+        variable("2000sub1", DefaultValue="1Fh"),
+        "[2000sub2]\nParam",
+    )
+    lists = "[ManufacturerObjects]\nSupportedObjects=3\n1=0x2000\n2=0x2001\n3=0x2002\n\n"
+    done = fixed(lists + before.rstrip())
+    assert [each.rule for each in done.mended] == ["V001"]
+
+
 @pytest.mark.parametrize(
     "body",
     [
         "[2000]\nParameterName=a\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=x\nSubNumber=3\n"
         + variable("2000sub0", DataType=U8),
         "[Comments]\nLines=1\nLine0=a\nLine1=b\n",
+        record("2000", variable("2000sub0", DataType=U8)).replace(
+            "SubNumber=1", "SubNumber=1\nCompactSubObj=255"
+        ),
         variable("2000", AccessType="READ"),
     ],
 )

@@ -55,15 +55,24 @@ def fix(reading: Reading) -> Fixed:
     """
     reading, done = _whole(reading)
     bench = Bench(reading)
+    stages = (
+        STAGES[:1] if _ends_early(reading) else STAGES
+    )  # where the rest is missing, the counts are not wrong
     origins = tuple(range(1, len(reading.document.lines) + 1))
     for _ in range(_MAX_ROUNDS):
         before = len(done)
-        for stage in STAGES:
+        for stage in stages:
             bench, more, origins = _stage(bench, stage, origins)
             done += more
         if len(done) == before:
             break
     return Fixed(bench.reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
+
+
+def _ends_early(reading: Reading) -> bool:
+    from axisbus.eds.rules import ending, sheet  # the rules take as long to import as all the rest
+
+    return ending.ending(sheet.Sheet(reading)) is not None
 
 
 def _whole(reading: Reading) -> tuple[Reading, list[Mended]]:

@@ -17,7 +17,8 @@ def both_forms(sheet: Sheet) -> Iterator[Hit]:
     for index, head in sheet.heads.items():
         count = values.plain(head.entries.get("compactsubobj", ""))
         if count and values.plain(head.entries.get("subnumber", "")):
-            text = f"[{head.name}] has SubNumber beside CompactSubObj={count}"
+            which = "; its sub-indices are described one by one" if index in sheet.subs else ""
+            text = f"[{head.name}] has SubNumber beside CompactSubObj={count}{which}"
             yield sheet.at(head, "subnumber", text, index)
 
 

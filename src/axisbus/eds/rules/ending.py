@@ -88,7 +88,7 @@ def _index_of(sheet: Sheet, section: Section) -> int | None:
 def _announces(sheet: Sheet, last: Section, index: int) -> bool:
     """Whether the last section announces sub-indices, of which none comes."""
     bare = last is sheet.heads.get(index) and index not in sheet.subs and sheet.eds.objects[index].is_record
-    return bare and bool(values.plain(last.entries.get("subnumber", "")))
+    return bare and not is_compact(last) and bool(values.plain(last.entries.get("subnumber", "")))
 
 
 def _is_unfinished(sheet: Sheet, last: Section, index: int) -> bool:
