@@ -11,6 +11,7 @@ from eds_samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communicatio
 from eds_texts import record, variable
 
 from axisbus.eds import Eds, Finding, Severity, layout, load
+from axisbus.eds import reference as reference_package
 from axisbus.eds.reference import html, markdown, reference
 
 VOID = frozenset(("meta", "rect", "path", "col", "br"))
@@ -219,3 +220,12 @@ def test_every_real_file_becomes_a_page_with_a_drawing_for_each_pdo() -> None:
         text = html(reference(eds, 5))
         drawn = [each for each in layout.layouts(eds, 5) if each.bits]
         assert text.count("<svg ") == text.count("</svg>") == len(drawn), path.name
+
+
+def test_no_cell_breaks_within_a_word_but_for_those_of_fixed_width() -> None:
+    """On a phone a table whose cells may break anywhere has columns of one letter; objects stand below each other there."""
+    style = (Path(reference_package.__file__).parent / "style.css").read_text()
+    assert re.search(r"^th, td \{[^}]*overflow-wrap: break-word", style, re.M)
+    phone = style[style.index("(max-width: 50rem)") : style.index("@page")]
+    for selector in ("table.objects > tbody > tr {", "table.findings tr {", "table.plain {"):
+        assert selector in phone

@@ -194,7 +194,9 @@ def _findings(page: Reference) -> Iterator[str]:
     yield f'<h2 id="findings">Findings <span class="faint">({page.verdict})</span></h2>'
     if not page.findings:
         return
-    yield '<table class="plain">' + _head(("", "Rule", "Line", "What is wrong", "Remedy")) + "<tbody>"
+    yield (
+        '<table class="plain findings">' + _head(("", "Rule", "Line", "What is wrong", "Remedy")) + "<tbody>"
+    )
     for each in page.findings:
         line = str(each.line) if each.line else ""
         yield _cells((each.severity.value, each.rule, line, each.message, each.remedy), each.severity.value)
