@@ -16,12 +16,12 @@ from eds_samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communicati
 from eds_texts import canopen_facts, variable
 
 from axisbus.cia301.pdo import PdoCodec
-from axisbus.eds import Eds, dbc, export, layout, load
+from axisbus.eds import Eds, dbc, export, frames, layout, load
 from axisbus.errors import ArgumentError, UserError
 
 
 def read(eds: Eds, node_id: int = 5) -> Database:
-    return cantools.database.load_string(dbc.dumps(eds, node_id).text, "dbc")
+    return cantools.database.load_string(dbc.dumps(eds, node_id, words=True).text, "dbc")
 
 
 def message(database: Database, name: str) -> Message:
@@ -194,3 +194,51 @@ def test_without_cantools_the_error_says_what_to_install(monkeypatch: pytest.Mon
     with pytest.raises(UserError, match="cantools, which is not installed") as caught:
         dbc.dumps(small(STATUS), 5)
     assert "pip install 'axisbus[dbc]'" in caught.value.remedy
+
+
+def test_a_dbc_has_units_limits_and_what_bits_and_modes_mean() -> None:
+    limited = variable("607A", DataType="0x0004", PDOMapping="1", LowLimit="-1000", HighLimit="2000")
+    body = (
+        limited
+        + variable("60A8", DefaultValue="0xFF410000")
+        + variable("6071", DataType="0x0003", PDOMapping="1")
+        + communication("1800", "$NODEID+0x180")
+        + mapped("1A00", "0x607A0020", "0x60710010", "0x60410010")
+    )
+    text = dbc.dumps(small(body), 5).text
+    found = {
+        signal.name: signal
+        for signal in message(cantools.database.load_string(text, "dbc"), "Node5_TPDO1").signals
+    }
+    position = next(signal for signal in found.values() if signal.length == 32)
+    assert (position.minimum, position.maximum, position.unit) == (-1000, 2000, "0.1deg")
+    assert next(signal for signal in found.values() if signal.length == 16).unit == "0.1% rated torque"
+    bits = {signal.start: signal for signal in found.values() if signal.length == 1}
+    assert sorted(bits) == list(range(48, 64))
+    assert dict(bits[51].choices or {}) == {0: "not_fault", 1: "fault"}
+    assert dict(bits[53].choices or {}) == {0: "quick_stop_active", 1: "no_quick_stop"}
+    assert bits[62].choices is None  # the maker's
+
+
+@pytest.mark.parametrize(
+    ("code", "unit"),
+    [
+        (0x00B44700, "rev/min"),
+        (0xFD010300, "0.001m/s"),
+        (0x00B50000, "inc"),
+        (0x00000000, ""),
+        (0x00B49900, ""),
+    ],
+)
+def test_units_are_those_of_the_si_unit_objects(code: int, unit: str) -> None:
+    assert frames._si_unit(code) == unit
+
+
+def test_pdos_that_are_switched_off_are_in_a_dbc_on_request() -> None:
+    eds = small(communication("1800", "$NODEID+0x80000180") + mapped("1A00", "0x60410010"))
+    assert "TPDO1" not in dbc.dumps(eds, 5).text
+    made = dbc.dumps(eds, 5, switched_off=True)
+    assert made.left_out == ()
+    found = message(cantools.database.load_string(made.text, "dbc"), "Node5_TPDO1")
+    assert found.frame_id == 0x185
+    assert "switched off" in str(found.comment)

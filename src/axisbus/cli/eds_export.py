@@ -30,18 +30,26 @@ _FORMATS = ("csv", "json", "dbc")
 @click.option(
     "--dbc", "form", flag_value="dbc", help="The frames of the node; needs --node and axisbus[dbc]."
 )
+@click.option("--switched-off", is_flag=True, help="In a DBC the PDOs that are switched off, too.")
+@click.option("--words", is_flag=True, help="In a DBC a statusword as one signal, not as one for each bit.")
 @output_option("Where to write [default: standard output].")
 @node_option
-def command(file: str, form: str | None, output: Path | None, node: int | None) -> int:
+def command(
+    file: str, form: str | None, switched_off: bool, words: bool, output: Path | None, node: int | None
+) -> int:
     """Write the dictionary of FILE (an EDS, a DCF or builtin:NAME) as CSV or JSON, or its PDOs as DBC.
 
     To standard output, or with -o to a file, whose ending (.csv, .json, .dbc) may name the format. With --node, values that
     depend on the node ID are those for it; a DBC needs it.
     """
     chosen = _chosen(form, output)
+    if chosen != "dbc" and (switched_off or words):
+        raise ArgumentError(
+            f"--switched-off and --words say nothing for {chosen.upper()}", remedy="leave them out"
+        )
     require_writable(output)
     eds = open_eds(file)
-    text, left_out = _text(eds, chosen, node_of(eds, node))
+    text, left_out = _text(eds, chosen, node_of(eds, node), switched_off, words)
     for each in left_out:
         tell(f"left out: {each}")
     if output is None:
@@ -63,11 +71,13 @@ def _chosen(form: str | None, output: Path | None) -> str:
     return chosen
 
 
-def _text(eds: Eds, form: str, node_id: int | None) -> tuple[str, tuple[str, ...]]:
+def _text(
+    eds: Eds, form: str, node_id: int | None, switched_off: bool, words: bool
+) -> tuple[str, tuple[str, ...]]:
     if form == "dbc":
         from axisbus.eds import dbc
 
-        made = dbc.dumps(eds, node_id)
+        made = dbc.dumps(eds, node_id, switched_off=switched_off, words=words)
         return made.text, made.left_out
     from axisbus.eds import export
 

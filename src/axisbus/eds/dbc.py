@@ -23,8 +23,10 @@ class Dbc:
     left_out: tuple[str, ...]
 
 
-def dumps(eds: Eds, node_id: int | None) -> Dbc:
-    """Return the DBC of a device as node ``node_id`` (1 to 127).
+def dumps(eds: Eds, node_id: int | None, *, switched_off: bool = False, words: bool = False) -> Dbc:
+    """Return the DBC of a device as node ``node_id`` (1 to 127); PDOs that are switched off only where they are wanted.
+
+    A statusword is one signal for each bit, with ``words`` one signal of 16 bits.
 
     Raises:
         ArgumentError: ``node_id`` is None; the identifiers depend on it.
@@ -34,7 +36,7 @@ def dumps(eds: Eds, node_id: int | None) -> Dbc:
         raise ArgumentError(
             f"{eds.source}: the CAN identifiers of a DBC depend on the node ID", remedy="give it: --node 5"
         )
-    kept, left_out = frames(eds, node_id)
+    kept, left_out = frames(eds, node_id, switched_off=switched_off, words=words)
     return Dbc(_text(eds, node_id, kept), left_out)
 
 
@@ -79,6 +81,9 @@ def _signal(each: Field, receiver: str) -> Signal:
         each.bits,
         "little_endian",
         each.signed,
+        minimum=each.low,
+        maximum=each.high,
+        unit=each.unit or None,
         conversion=BaseConversion.factory(choices=OrderedDict(each.choices) or None, is_float=each.real),
         comment=_ascii(each.comment) or None,
         receivers=[receiver],

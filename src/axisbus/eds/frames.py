@@ -14,7 +14,8 @@ from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
 from axisbus.eds import layout, naming, pdo_text, wording
 from axisbus.eds.layout import Layout, Slot
-from axisbus.eds.model import Eds
+from axisbus.eds.meanings import meanings
+from axisbus.eds.model import Eds, Number
 from axisbus.wording import counted
 
 MASTER = "Master"
@@ -25,7 +26,11 @@ _REALS = (DataType.REAL32, DataType.REAL64)
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One signal: ``first_bit`` counts from the least significant of byte 0 (Intel), factor 1, no offset."""
+    """One signal: ``first_bit`` counts from the least significant of byte 0 (Intel), factor 1, no offset.
+
+    ``low`` and ``high`` are the object's limits, None where the file gives none; ``unit`` is that of one count, empty where neither
+    the standard nor the file says it.
+    """
 
     name: str
     first_bit: int
@@ -34,6 +39,9 @@ class Field:
     signed: bool = False
     real: bool = False
     choices: Mapping[int, str] = field(default_factory=dict)
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,31 +57,33 @@ class Frame:
     extended: bool = False
 
 
-def frames(eds: Eds, node_id: int) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
+def frames(
+    eds: Eds, node_id: int, *, switched_off: bool = False, words: bool = False
+) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
     """Return the frames of a node (1 to 127), services, RPDOs, TPDOs, and a sentence about each PDO that cannot be among them.
 
-    Left out is a PDO without a known identifier, one that is switched off or whose identifier another frame has, and one of more
-    than 64 bits.
+    Left out is a PDO without a known identifier, one that is switched off (unless these are wanted) or whose identifier another
+    frame has, and one of more than 64 bits. A statusword is a signal for each of its bits, with ``words`` one signal.
     """
     kept: dict[tuple[int, bool], Frame] = {}
     left_out: list[str] = []
     for frame in _services(eds, node_id):
         kept[frame.identifier, frame.extended] = frame
     for each in layout.layouts(eds, node_id):
-        reason = _obstacle(each, kept)
+        reason = _obstacle(each, kept, switched_off)
         if reason:
             left_out.append(f"{each.name}: {reason}")
         else:
-            frame = _pdo(each, node_id)
+            frame = _pdo(eds, each, node_id, words)
             kept[frame.identifier, frame.extended] = frame
     return tuple(kept.values()), tuple(left_out)
 
 
-def _obstacle(each: Layout, kept: Mapping[tuple[int, bool], Frame]) -> str:
+def _obstacle(each: Layout, kept: Mapping[tuple[int, bool], Frame], switched_off: bool) -> str:
     """Return why a PDO cannot be in the DBC; empty where it can."""
     if each.identifier is None:
         return "the file gives no COB-ID"
-    if not each.valid:
+    if not each.valid and not switched_off:
         return "switched off (bit 31 of its COB-ID)"
     if not each.bits:
         return "maps nothing"
@@ -83,7 +93,7 @@ def _obstacle(each: Layout, kept: Mapping[tuple[int, bool], Frame]) -> str:
     return f"{each.identifier:03X}h is already the identifier of {other.name}" if other is not None else ""
 
 
-def _pdo(each: Layout, node_id: int) -> Frame:
+def _pdo(eds: Eds, each: Layout, node_id: int, words: bool) -> Frame:
     slots = {number: slot for number, slot in enumerate(each.slots) if slot.bits and not slot.mapped.is_dummy}
     names = naming.unique(
         {number: _field_name(slot) for number, slot in slots.items()},
@@ -94,8 +104,12 @@ def _pdo(each: Layout, node_id: int) -> Frame:
         each.identifier or 0,
         each.size,
         MASTER if each.receive else node_name(node_id),
-        f"{each.name} {pdo_text.transmission(each)}",
-        tuple(_field(slot, names[number]) for number, slot in slots.items()),
+        f"{each.name} {'' if each.valid else 'switched off, '}{pdo_text.transmission(each)}",
+        tuple(
+            made
+            for number, slot in slots.items()
+            for made in _fields(eds, slot, names[number], node_id, words)
+        ),
         each.extended,
     )
 
@@ -115,7 +129,57 @@ def _address(slot: Slot) -> str:
     return f"{slot.mapped.index:04X}_{slot.mapped.subindex:02X}"
 
 
-def _field(slot: Slot, name: str) -> Field:
+def _fields(eds: Eds, slot: Slot, name: str, node_id: int, words: bool) -> Iterator[Field]:
+    """Yield the signal of a mapped object; a signal for each bit of a statusword, with what 0 and 1 mean, not with ``words``."""
+    whole = _field(eds, slot, name, node_id)
+    if words or wording.first_axis(slot.mapped.index) != cia402.STATUSWORD or slot.bits != len(_STATUS):
+        yield whole
+        return
+    for bit, text in _STATUS.items():
+        comment = f"{whole.comment}, bit {bit}: {text}"
+        named = naming.snake(text.partition(" (")[0].partition(":")[0])
+        choices = (
+            {0: f"not_{named.lower()}", 1: named.lower()} if bit in _PLAIN_BITS else _QUICK_STOP.get(bit, {})
+        )
+        yield Field(f"{name}_{bit}_{named}", slot.first_bit + bit, 1, comment, choices=choices)
+
+
+def _limits(slot: Slot, node_id: int) -> tuple[float | None, float | None]:
+    """Return the limits that the file gives an object, where its place in the PDO can hold them."""
+    if (
+        slot.variable is None
+        or slot.data_type is None
+        or not slot.data_type.integer
+        or slot.bits != slot.variable.bits
+    ):
+        return None, None
+    low, high = (
+        each.resolve(node_id) if isinstance(each, Number) else each
+        for each in (slot.variable.low, slot.variable.high)
+    )
+    if low is None and high is None:
+        return None, None
+    bottom, top = slot.data_type.range  # a DBC has both or none
+    return bottom if low is None else low, top if high is None else high
+
+
+def _unit(eds: Eds, slot: Slot, node_id: int) -> str:
+    """Return what one count of an object is: by CiA 402 where it fixes that, else by the SI unit that the file gives (60A8h …)."""
+    index = wording.first_axis(slot.mapped.index)
+    if index in _UNITS:
+        return _UNITS[index]
+    given = next(
+        (
+            _number(eds, unit + slot.mapped.index - index, node_id)
+            for unit, of in _SI_UNITS.items()
+            if index in of
+        ),
+        None,
+    )
+    return "" if given is None else _si_unit(given)
+
+
+def _field(eds: Eds, slot: Slot, name: str, node_id: int) -> Field:
     return Field(
         name,
         slot.first_bit,
@@ -124,7 +188,52 @@ def _field(slot: Slot, name: str) -> Field:
         slot.signed and slot.data_type not in _REALS,
         slot.data_type in _REALS and slot.data_type is not None and slot.data_type.bits == slot.bits,
         _MODES if wording.first_axis(slot.mapped.index) in _MODE_OBJECTS else {},
+        *_limits(slot, node_id),
+        _unit(eds, slot, node_id),
     )
+
+
+_STATUS = {
+    int(bit): text for each in meanings(cia402.STATUSWORD, 0) if each.key == "bit" for bit, text in each.rows
+}
+_PLAIN_BITS = frozenset(  # whose 1 is what their name says
+    bit for bit, text in _STATUS.items() if "specific" not in text and "(" not in text
+)
+_QUICK_STOP = {5: {0: "quick_stop_active", 1: "no_quick_stop"}}
+# Units of one count that CiA 402-2 fixes; per thousand are of the rated value (6075h, 6076h).
+_UNITS = {
+    **dict.fromkeys((0x6071, 0x6072, 0x6074, 0x6077, 0x60B2, 0x60E0, 0x60E1), "0.1% rated torque"),
+    **dict.fromkeys((0x6073, 0x6078), "0.1% rated current"),
+    0x6075: "mA",
+    0x6076: "mNm",
+    0x6079: "mV",
+    **dict.fromkeys((0x6063, 0x60FC), "inc"),
+}
+# SI unit objects (CiA 402-2), each with the objects that are in that unit.
+_SI_UNITS = {
+    0x60A8: frozenset((0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x60B0, 0x60F4)),
+    0x60A9: frozenset((0x606B, 0x606C, 0x6080, 0x607F, 0x6081, 0x60B1, 0x60FF)),
+}
+# Codes of CiA 303-2 in the SI unit objects, for what drives count in: bits 31-24 the power of ten, 23-16 what, 15-8 per what.
+_NUMERATORS = {
+    0x01: "m",
+    0x10: "rad",
+    0x40: "gon",
+    0x41: "deg",
+    0x42: "arcmin",
+    0x43: "arcsec",
+    0xB4: "rev",
+    0xB5: "inc",
+}
+_DENOMINATORS = {0x00: "", 0x03: "/s", 0x47: "/min", 0x48: "/h"}
+
+
+def _si_unit(code: int) -> str:
+    """Return the unit that a code means (``0.001deg``, ``rev/min``), empty where it is none of the usual ones."""
+    power, what, per = int.from_bytes((code >> 24 & 0xFF,), signed=True), code >> 16 & 0xFF, code >> 8 & 0xFF
+    if what not in _NUMERATORS or per not in _DENOMINATORS:
+        return ""
+    return f"{f'{10.0**power:g}' if power else ''}{_NUMERATORS[what]}{_DENOMINATORS[per]}"
 
 
 _MODES = {mode.value: facts.short for mode, facts in modes.FACTS.items()}
