@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 import time
 import tracemalloc
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from eds_texts import HEAD, read, variable
 
 from axisbus import eds
-from axisbus.eds import compact, fix, reader
+from axisbus.cli.common import run
+from axisbus.cli.main import cli
+from axisbus.eds import compact, dcf, fix, reader
 from axisbus.errors import EdsError
 
 SOME_SECONDS = 6.0  # of the processor, on a slow machine; what is not linear takes minutes
@@ -92,3 +96,21 @@ def test_lines_that_all_change_are_still_told_by_their_own_numbers() -> None:
 def test_more_lines_than_any_eds_has_are_refused() -> None:
     with pytest.raises(EdsError, match="more lines than any EDS"):
         reader.read((HEAD + "\n" * (reader.MAX_LINES + 1)).encode(), "big.eds")
+
+
+@pytest.mark.parametrize("command", ["show", "doc", "code", "export"])
+def test_what_lists_every_entry_refuses_more_than_any_device_has(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "big.eds"
+    path.write_text(compact_objects(500))
+    options = {"show": [], "export": ["--csv"]}.get(command, ["-o", str(tmp_path / "out.py")])
+    monkeypatch.setattr(sys, "argv", ["axisbus", "eds", command, str(path), *options])
+    assert run(cli) == 1
+    assert "more entries than any device has" in capsys.readouterr().err
+    assert not (tmp_path / "out.py").exists()
+
+
+def test_a_dcf_of_compact_objects_does_not_make_them_all() -> None:
+    made = eds.loads(compact_objects(4000).encode(), "big.eds")
+    assert spent(lambda: dcf.differing(made, 5)) < SOME_SECONDS

@@ -14,6 +14,12 @@ import click
 
 from axisbus.cli.common import say, say_next
 from axisbus.eds import Eds, builtin, load
+from axisbus.errors import EdsError, UserError
+from axisbus.wording import counted
+
+MAX_ENTRIES = (
+    100_000  # ten times as many as the largest file that we know has; to list a million takes minutes
+)
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -45,9 +51,18 @@ def open_eds(file: str) -> Eds:
     """Read FILE: a path, or ``builtin:NAME``.
 
     Raises:
-        EdsError: it cannot be read, or is no EDS.
+        EdsError: it cannot be read, is no EDS, or has more entries than a report can list.
     """
-    return load(builtin.resolve(file, Path()))
+    eds = load(builtin.resolve(file, Path()))
+    there = sum(len(entry.subs) for entry in eds)
+    if there > MAX_ENTRIES:
+        raise EdsError(
+            "the file describes more entries than any device has",
+            file=file,
+            observed=f"{counted(there, 'entry', 'entries')}, {MAX_ENTRIES} at most can be listed",
+            remedy=f"look at CompactSubObj in it: axisbus eds check {file}",
+        )
+    return eds
 
 
 def node_of(eds: Eds, node: int | None) -> int | None:

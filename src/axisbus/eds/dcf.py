@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from axisbus.eds import assign, edit, reader, values
+from axisbus.eds import assign, compact, edit, reader, values
 from axisbus.eds.edit import Change
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.eds.reader import Reading
@@ -130,8 +130,8 @@ def _section(reading: Reading, index: int, subindex: int) -> Section | None:
 def has_place(reading: Reading, index: int, subindex: int) -> bool:
     """Whether a file can give an entry a value of its own; not where the entry is only implied, as by CompactPDO."""
     head = reading.parts.heads.get(index)
-    compact = head is not None and "compactsubobj" in head.entries
-    return compact or _section(reading, index, subindex) is not None
+    compacted = head is not None and "compactsubobj" in head.entries
+    return compacted or _section(reading, index, subindex) is not None
 
 
 def _lists(reading: Reading, document: Document, listed: Mapping[int, Mapping[str, str]]) -> Iterator[Change]:
@@ -231,6 +231,7 @@ def differing(eds: Eds, node_id: int | None = None) -> tuple[Variable, ...]:
     return tuple(
         sub
         for entry in eds
+        if any(like.parameter_value is not None for like, _ in compact.alike(entry.subs))
         for sub in entry.subs.values()
         if sub.parameter_value is not None and sub.initial(node) != default(sub, node)
     )
