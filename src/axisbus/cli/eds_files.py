@@ -14,7 +14,7 @@ import click
 
 from axisbus.cli.common import say, say_next
 from axisbus.eds import Eds, builtin, load
-from axisbus.errors import EdsError, UserError
+from axisbus.errors import EdsError
 from axisbus.wording import counted
 
 MAX_ENTRIES = (
