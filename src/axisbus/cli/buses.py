@@ -39,7 +39,7 @@ def open_bus(
 
     options = parse_options(option)
     if interface == SIMULATED:
-        return _stand_ins(stack, simulated(channel))
+        return _stand_ins(stack, simulated(channel, option))
     if interface is not None:
         require_rate(interface, bitrate, options)
         return stack.enter_context(Channel.open(interface, channel, bitrate, **options))
@@ -50,11 +50,11 @@ def open_bus(
     return _stand_ins(stack, with_options(config.load(cell), channel, bitrate, option))
 
 
-def simulated(channel: str | None) -> CellConfig:
+def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
     """Read the cell that ``-i sim -c CELL`` names, with stand-ins for its nodes whatever its own bus is.
 
     Raises:
-        UsageError: no cell is given.
+        UsageError: no cell is given, or an option, which a bus of stand-ins cannot have.
         ConfigError: the cell file is wrong.
     """
     from axisbus.machine import config
@@ -63,6 +63,8 @@ def simulated(channel: str | None) -> CellConfig:
         raise click.UsageError(
             "-i sim simulates the nodes of a cell file: give it with -c (-c examples/cell.toml)"
         )
+    if option:
+        raise click.UsageError("-i sim has no adapter, and so no options for one: leave -O out")
     loaded = config.load(Path(channel))
     if loaded.bus.interface == SIMULATED:
         return loaded

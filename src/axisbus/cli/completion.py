@@ -42,10 +42,11 @@ def complete_nodes_or_all(ctx: click.Context, _: click.Parameter, incomplete: st
 
 
 def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -> Items:
-    """Return python-can's interfaces."""
+    """Return python-can's interfaces, and the one without hardware."""
     from axisbus.bus.adapter import interfaces
 
-    return _fitting(incomplete, [(name, "") for name in interfaces()])
+    simulated = ("sim", "stand-ins for the nodes of a cell file, which -c names")
+    return _fitting(incomplete, [*((name, "") for name in interfaces()), simulated])
 
 
 def complete_channel(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:

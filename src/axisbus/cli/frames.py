@@ -124,7 +124,7 @@ def _live(
     if asked.interface == SIMULATED:
         from axisbus.machine.listening import listen_to
 
-        return listen_to(simulated(asked.channel), stack).frames(seconds)
+        return listen_to(simulated(asked.channel, asked.option), stack).frames(seconds)
     if asked.interface is not None:
         from axisbus.bus.listen import listen
 
