@@ -186,7 +186,7 @@ def reading() -> None:
             other / mine >= 8)  # fmt: skip
         mine = best(lambda data=data: [entry.subs for entry in reader.read(data, "bench").eds], 9)
         row(f"{what} read, and every object looked at", f"{mine * 1000:.1f} ms", f"canopen.import_od {other * 1000:.1f} ms",
-            other / mine, other / mine >= 5)  # fmt: skip
+            other / mine, other / mine >= 8)  # fmt: skip
 
 
 def corpus() -> None:
@@ -210,7 +210,7 @@ def corpus() -> None:
             f"canopen.import_od; from 20 kB at least {least:.1f}x", median, median >= 8)  # fmt: skip
         median = statistics.median(looked)
         row(f"{len(looked)} real EDS files, every object looked at", f"median {median:.1f}x",
-            "canopen.import_od", median, median >= 4)  # fmt: skip
+            "canopen.import_od", median, median >= 5)  # fmt: skip
 
 
 def nodes_of_one_type() -> None:
