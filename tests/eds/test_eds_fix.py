@@ -211,6 +211,12 @@ def test_a_name_is_written_in_ascii_where_there_is_a_plain_way(written: str, pla
     assert mended(variable("2000", ParameterName=written)) == variable("2000", ParameterName=plain)
 
 
+def test_many_names_beyond_ascii_are_one_mend() -> None:
+    body = "; für\n; µm\n" + variable("2000", ParameterName="Größe")
+    (done,) = fixed(body).mended
+    assert done.what == "; für in ASCII, and 2 more lines"
+
+
 @pytest.mark.parametrize("key", ["DefaultValue", "ParameterValue", "Unit", "UploadFile"])
 def test_a_letter_that_a_device_or_tool_compares_stays(key: str) -> None:
     before = variable("2000", DataType=TEXT, **{key: "Größe"})

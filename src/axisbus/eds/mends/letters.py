@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from axisbus.eds.edit import Change
 from axisbus.eds.mends.mend import Bench, Mend, Mended, short
 from axisbus.eds.text import entry_of
+from axisbus.wording import counted
 
 MAX_LINE = 255  # DS 306 4.2
 
@@ -28,31 +29,44 @@ _PLAIN: Mapping[str, str] = {
     "≤": "<=", "≥": ">=", "≠": "!=", "→": "->", "←": "<-", "©": "(C)", "®": "(R)", "™": "(TM)",
 }  # fmt: skip
 
+_TABLE = str.maketrans(dict(_PLAIN))
+
 
 def plain(text: str) -> str | None:
     """Return a text in ASCII, None where one of its letters has no plain way to be written."""
-    letters = [_bare(letter) for letter in unicodedata.normalize("NFC", text)]
+    known = unicodedata.normalize("NFC", text).translate(_TABLE)
+    if known.isascii():
+        return known
+    letters = [_bare(letter) for letter in known]
     return None if None in letters else "".join(letter for letter in letters if letter is not None)
 
 
 def _bare(letter: str) -> str | None:
     """Return what stands for a letter; None where there is nothing plain."""
-    if letter.isascii() or letter in _PLAIN:
-        return _PLAIN.get(letter, letter)
+    if letter.isascii():
+        return letter
     apart = unicodedata.normalize("NFD", letter)
     known = apart[0].isascii() and all(unicodedata.combining(accent) for accent in apart[1:])
     return apart[0] if known else None
 
 
 def _letters(bench: Bench) -> Iterator[Mended]:
-    """S001: names and comments."""
+    """S001: names and comments, all at once as the check tells of them."""
+    changes = tuple(_changes(bench))
+    if changes:
+        first = bench.document.lines[changes[0].line - 1].strip()
+        more = f", and {counted(len(changes) - 1, 'more line')}" if len(changes) > 1 else ""
+        yield Mended("S001", changes[0].line, f"{short(first)} in ASCII{more}", changes)
+
+
+def _changes(bench: Bench) -> Iterator[Change]:
     for number, line in enumerate(bench.document.lines, 1):
         if line.isascii():
             continue
         raw = line.removesuffix("\r")
-        new = plain(raw)
-        if new is not None and len(new) <= MAX_LINE and _is_for_people(raw):
-            yield Mended("S001", number, f"{short(raw.strip())} in ASCII", (Change(number, 1, (new,)),))
+        new = plain(raw) if _is_for_people(raw) else None
+        if new is not None and len(new) <= MAX_LINE:
+            yield Change(number, 1, (new,))
 
 
 def _is_for_people(raw: str) -> bool:
