@@ -335,6 +335,31 @@ FOUND: Mapping[str, Script] = {
             Event(pause=0.1, what="group_disable", axis="", value=0.87),
         ),
     ),
+    "reset of an axis whose drive ignores its quick stop": Script(
+        "braked",
+        (
+            Event(0.0, "follow_on", "y", -0.84),
+            Event(0.0, "creeps", "y", 0.96),
+            Event(0.2, "ignores_quick_stop", "y", 0.66),
+            Event(0.2, "quick_stop", "y", -0.89),
+            Event(1.5, "move_fast", "y", -0.82),
+            Event(0.8, "group_reset", "", -0.15),
+        ),
+        scene="held-by-brake",
+        ending="ctrl-c",
+    ),
+    "coast of a halted axis whose drive stays on": Script(
+        "lagging",
+        (
+            Event(0.4, "move_additive", "x", -0.45),
+            Event(0.5, "halt", "x"),
+            Event(0.4, "move_direct", "", 0.87),
+            Event(0.0, "ignores_off", "x", -0.54),
+            Event(0.05, "coast", "x", 0.87),
+        ),
+        scene="ranged",
+        ending="busy-close",
+    ),
 }
 
 

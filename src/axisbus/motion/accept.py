@@ -134,6 +134,12 @@ def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
             observed="no fresh statusword (6041h)",
             remedy=f"see why it is in ErrorStop (axis.error), and whether the drive sends the TPDO that holds it; then {ANEW}",
         )
+    if core.state is AxisState.ERRORSTOP and core.disobeyed:
+        raise StateError(
+            f"{handle.name}: the drive does not do what its stop asked for",
+            observed=f"it drives its motor still, in state {image.state.value!r}",
+            remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then see why it is in ErrorStop (axis.error)",
+        )
     core.clear_error()
     core.finish(handle)
 

@@ -112,6 +112,13 @@ class AxisCore:
         return self._stopped_for_sure
 
     @property
+    def disobeyed(self) -> bool:
+        """Whether its drive drives the motor still, in another state than it was asked for; *quick stop active* holds it."""
+        state, goal = self.image.state, self.order.goal
+        drives = state in ENERGISED and state is not State.QUICK_STOP_ACTIVE
+        return self.touched and drives and goal is not None and goal is not state
+
+    @property
     def bounded(self) -> bool:
         """Whether the position limits hold: where homing is required they promise nothing before it."""
         return self.homed or not self.parameters.homing.required

@@ -300,7 +300,7 @@ class StopLadder:
         return self._next_if_late(image, Rung.DISABLE_VOLTAGE)
 
     def _quick_stop(self, image: Image, order: Order) -> bool:
-        order.word = _still_halted(cw.Command.QUICK_STOP, image, order)
+        order.word = order.stopping(cw.Command.QUICK_STOP, image.state)
         order.goal = State.QUICK_STOP_ACTIVE
         order.target_velocity = 0
         if self._parameters.holds_load is HoldsLoad.NO:
@@ -328,13 +328,13 @@ class StopLadder:
         return holds is HoldsLoad.TORQUE or (holds is HoldsLoad.BRAKE and not image.standstill)
 
     def _disable_voltage(self, image: Image, order: Order) -> bool:
-        order.word = _still_halted(cw.Command.DISABLE_VOLTAGE, image, order)
+        order.word = order.stopping(cw.Command.DISABLE_VOLTAGE, image.state)
         order.goal = State.SWITCH_ON_DISABLED
         self._by_sdo.send(order.word, image, order)
         return self._next_if_late(image, Rung.NMT_STOP)
 
     def _nmt_stop(self, image: Image, order: Order) -> bool:
-        order.word = _still_halted(cw.Command.DISABLE_VOLTAGE, image, order)
+        order.word = order.stopping(cw.Command.DISABLE_VOLTAGE, image.state)
         order.nmt_stop = True
         return self._expired(image)
 
@@ -369,12 +369,6 @@ class StopLadder:
             Rung.DISABLE_VOLTAGE: times.disable,
             Rung.NMT_STOP: _NMT_STOP_TIME,
         }[rung]
-
-
-def _still_halted(command: cw.Command, image: Image, order: Order) -> int:
-    """Return a stop's word, with the halt bit if it stood: a drive that stays enabled all the same would go on without it."""
-    stays = image.state in (State.OPERATION_ENABLED, State.UNKNOWN) and order.halt
-    return command.word | (cw.HALT if stays else 0)
 
 
 _STEPS = {

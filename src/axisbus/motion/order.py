@@ -71,6 +71,11 @@ class Order:
         self.sdo.append(SdoRequest(self._next_id, index, subindex, value))
         return self._next_id
 
+    def stopping(self, command: cw.Command, state: State) -> int:
+        """Return a stop's word, with the halt bit if it stood: a drive that stays enabled all the same would go on without it."""
+        stays = state in (_ENABLED, _UNKNOWN) and self.halt
+        return command.word | (cw.HALT if stays else 0)
+
     def controlword(self, state: State) -> int | None:
         """Return the controlword for a drive seen in ``state``; None where nothing must be sent."""
         if self.word is not None:

@@ -38,7 +38,7 @@ class Coast(Activity):
             return True
         done = self._walk.step(image, order, State.SWITCH_ON_DISABLED)
         if image.state in ENERGISED:
-            order.word = cw.Command.DISABLE_VOLTAGE.word
+            order.word = order.stopping(cw.Command.DISABLE_VOLTAGE, image.state)
         return done
 
 

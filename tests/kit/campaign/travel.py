@@ -30,6 +30,7 @@ class Travel:
             str, float
         ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
         self._pushed = dict.fromkeys(facts.names, facts.now)  # when the drive was in a torque mode last
+        self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
 
     def ended(self, asked: Asked) -> None:
         """A move that is done is where it was to go, and stands."""
@@ -48,6 +49,8 @@ class Travel:
         drive = self._facts.drive[name]
         if drive.mode_display in TORQUE_MODES or drive.mode in TORQUE_MODES:
             self._pushed[name] = self._facts.now
+        if self._mode.get(name, (None,))[0] != drive.mode_display:
+            self._mode[name] = drive.mode_display, self._facts.now
         samples = self._facts.cell.record(name).since(self._seen[name])
         exact = self._facts.scene.exact
         calm = exact and not any(True for _ in self._facts.troubled(name, _CALM))
@@ -133,14 +136,18 @@ class Travel:
     # -- jolts -----------------------------------------------------------------------------------------------------------
 
     def _smooth(self, name: str, samples: list[PlantSample]) -> None:
-        """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set."""
+        """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set.
+
+        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells.
+        """
         drive = self._facts.cell.drive(name)
         if self._facts.now - self._pushed[name] < _SEIZED:
             return
         if any(sample.stage != ENABLED for sample in samples) or self._by_path(name):
             return
         allowed = self._allowed(name)
-        for before, after in pairwise(_speeds(_spaced(samples))):
+        seized = self._facts.now - self._mode[name][1] < _SEIZED
+        for before, after in pairwise(_speeds(_spaced(samples), "position" if seized else "demand")):
             change = abs(after[0] - before[0]) / min(before[1], after[1])
             noise = _QUANTUM / abs(self._facts.cell.scale_of(name)) / min(before[1], after[1]) ** 2
             if change > 1.1 * allowed + 2.0 * noise:
@@ -167,9 +174,9 @@ def _spaced(samples: list[PlantSample]) -> list[PlantSample]:
     return kept
 
 
-def _speeds(samples: list[PlantSample]) -> list[tuple[float, float]]:
-    """Speeds between samples, with the time that each is of."""
+def _speeds(samples: list[PlantSample], of: str) -> list[tuple[float, float]]:
+    """Speeds between samples, of their demand or position, with the time that each is of."""
     return [
-        ((after.demand - before.demand) / (after.time - before.time), after.time - before.time)
+        ((getattr(after, of) - getattr(before, of)) / (after.time - before.time), after.time - before.time)
         for before, after in pairwise(samples)
     ]
