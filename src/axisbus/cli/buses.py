@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.options import parse_options
-from axisbus.machine.cell import CellConfig
+from axisbus.machine.cell import SIMULATED, CellConfig
 
 if TYPE_CHECKING:
     from axisbus.bus.changeover import Opening
     from axisbus.bus.channel import Channel
 
-SIMULATED = "sim"  # as in a cell file: stand-ins instead of hardware
 _NO_BUS = "give a cell file, or the bus with -i and -c (such as: -i socketcan -c can0)"
 
 

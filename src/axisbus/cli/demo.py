@@ -13,10 +13,9 @@ from axisbus.cli.common import FAILURE, OK, say, say_next
 from axisbus.cli.output import output_option, require_writable
 from axisbus.cli.speech import in_commands
 from axisbus.errors import AxisbusError
-from axisbus.machine.cell import CellConfig
+from axisbus.machine.cell import SIMULATED, CellConfig
 from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
-from axisbus.machine.wire import SIM
 from axisbus.wording import counted
 
 # In an installed package the cell lies beside this module; in a checkout, among the examples.
@@ -68,7 +67,7 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
 
 def _require_simulated(cell: CellConfig) -> None:
     """Refuse a cell on hardware before anything of it is opened."""
-    if cell.bus.interface != SIM:
+    if cell.bus.interface != SIMULATED:
         raise click.UsageError(
             f'{cell.file}: the demo provokes a fault, so it runs on simulated cells only (interface = "sim")'
         )

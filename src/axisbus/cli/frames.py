@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.buses import SIMULATED, require_rate, simulated, with_options
+from axisbus.cli.buses import require_rate, simulated, with_options
 from axisbus.cli.options import Decorated, parse_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
+from axisbus.machine.cell import SIMULATED
 
 if TYPE_CHECKING:
     from axisbus.bus.recording import Skipped

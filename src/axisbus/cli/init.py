@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.buses import SIMULATED, open_bus
+from axisbus.cli.buses import open_bus
 from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.options import bus_options, parse_options
 from axisbus.cli.output import output_option, require_free, write_whole
 from axisbus.errors import UserError
+from axisbus.machine.cell import SIMULATED
 from axisbus.wording import counted
 
 if TYPE_CHECKING:

@@ -11,6 +11,8 @@ from typing import Any
 from axisbus.cia301.cob import SYNC, TIME
 from axisbus.units import INCREMENTS as INCREMENTS
 
+SIMULATED = "sim"  # the interface of a cell whose drives are stand-ins
+
 
 @dataclass(frozen=True, slots=True)
 class Place:

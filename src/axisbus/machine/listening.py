@@ -8,9 +8,8 @@ from contextlib import ExitStack
 
 from axisbus.bus import listenonly
 from axisbus.bus.listen import Listener, listen
-from axisbus.machine.cell import CellConfig
+from axisbus.machine.cell import SIMULATED, CellConfig
 from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.wire import SIM
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.network import StandIns
 
@@ -26,7 +25,7 @@ def listen_to(cell: CellConfig, stack: ExitStack, *, silent: bool = False) -> Li
         EdsError, AdapterError: an EDS of a simulated cell, or the adapter, cannot be opened.
     """
     bus = cell.bus
-    if bus.interface != SIM:
+    if bus.interface != SIMULATED:
         options = listenonly.silent(bus.interface, bus.options) if silent else bus.options
         return stack.enter_context(listen(bus.interface, bus.channel, bus.bitrate, options))
     name = f"axisbus-listen-{os.getpid()}-{next(_CHANNELS)}"

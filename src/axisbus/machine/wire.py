@@ -21,7 +21,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.machine.alone import cast_of, listening_time
 from axisbus.machine.boot import Booted, NodeBoot
-from axisbus.machine.cell import BusConfig, CellConfig
+from axisbus.machine.cell import SIMULATED, BusConfig, CellConfig
 from axisbus.machine.comms import CanComms
 from axisbus.machine.node import NodeAccess
 from axisbus.machine.node_stop import NodeStop
@@ -32,7 +32,6 @@ from axisbus.machine.simulated import devices
 from axisbus.machine.standin import StandIn
 from axisbus.sim.network import StandIns
 
-SIM = "sim"
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
 _CHANNELS = itertools.count(1)
 OnProgram = Callable[[int, int, int | None], None]
@@ -133,7 +132,7 @@ def open_channel(
         AdapterError: it cannot be opened.
     """
     bus = cell.bus
-    if bus.interface != SIM:
+    if bus.interface != SIMULATED:
         return stack.enter_context(Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
     made = devices(cell, dictionaries)

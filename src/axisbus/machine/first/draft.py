@@ -19,10 +19,9 @@ from axisbus.cia402 import homing, options
 from axisbus.cia402 import objects as o
 from axisbus.drives.make import Make
 from axisbus.machine import proposal
-from axisbus.machine.cell import BusConfig
+from axisbus.machine.cell import SIMULATED, BusConfig
 from axisbus.machine.first.look import Axis
 from axisbus.machine.first.match import Match
-from axisbus.machine.wire import SIM
 from axisbus.wording import counted
 
 _DEGREES = "deg"
@@ -64,7 +63,7 @@ class Draft:
 def draft(bus: BusFound, nodes: list[NodeFound]) -> Draft:
     """Return a first cell file of what was found."""
     missing = [text for node in nodes for text in _missing(node)]
-    if bus.bitrate is None and bus.interface != SIM:
+    if bus.bitrate is None and bus.interface != SIMULATED:
         missing.append("the bit rate of the bus is not known: write bitrate in [bus] (or give it with -b)")
     confirm = [
         f"axis {name(node, axis)}: unit, scale, defaults and stop are comments"
@@ -115,7 +114,7 @@ def _bus(bus: BusFound, nodes: list[NodeFound]) -> Iterator[str]:
         yield f"channel = {_text(bus.channel)}"
     if bus.bitrate is not None:
         yield f"bitrate = {bus.bitrate}"
-    elif bus.interface != SIM:
+    elif bus.interface != SIMULATED:
         yield _noted("# bitrate = 1_000_000", "MISSING: bit/s")
     yield _noted('scan_period = "10ms"', "commands, SYNC and feedback travel once in this time")
     yield _noted('heartbeat = "100ms"', "ours, which the drives watch, and theirs, which we watch")
