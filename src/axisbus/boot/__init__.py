@@ -1,0 +1,1 @@
+"""A node brought up, or the reason why not."""

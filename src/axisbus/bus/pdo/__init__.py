@@ -1,0 +1,1 @@
+"""PDO of one drive: chosen, mapped, configured, sent and received."""

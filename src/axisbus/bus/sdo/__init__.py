@@ -1,0 +1,1 @@
+"""SDO on a channel: transfers in real time, channels, values with their types."""

@@ -1,0 +1,1 @@
+"""`axisbus config`: one file for each subcommand."""

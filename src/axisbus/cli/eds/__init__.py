@@ -1,0 +1,1 @@
+"""`axisbus eds`: one file for each subcommand."""

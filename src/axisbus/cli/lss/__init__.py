@@ -1,0 +1,1 @@
+"""`axisbus lss`: one file for each subcommand."""

@@ -1,0 +1,1 @@
+"""`axisbus od`: one file for each subcommand."""

@@ -1,0 +1,1 @@
+"""The one owner of a bus: scan, links, boot's wiring, rescue and parting."""

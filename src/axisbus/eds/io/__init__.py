@@ -1,0 +1,1 @@
+"""EDS and DCF files read and written: sections, lines, values."""

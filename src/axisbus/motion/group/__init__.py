@@ -1,0 +1,1 @@
+"""Axes that act together: groups, gates, lines, and the clock of a path."""

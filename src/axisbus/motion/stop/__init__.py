@@ -1,0 +1,1 @@
+"""Everything that stops an axis or looks whether it stands."""
