@@ -24,21 +24,22 @@ import canopen  # noqa: E402
 from rig import rig  # noqa: E402
 
 from axisbus import eds  # noqa: E402
-from axisbus.bus import remote  # noqa: E402
-from axisbus.bus.channel import Channel  # noqa: E402
+from axisbus.bus.link.channel import Channel  # noqa: E402
 from axisbus.bus.lss import LssMaster  # noqa: E402
-from axisbus.bus.parallel import on_each  # noqa: E402
-from axisbus.bus.sdo import SdoClient  # noqa: E402
+from axisbus.bus.node import remote  # noqa: E402
+from axisbus.bus.sdo.client import SdoClient  # noqa: E402
+from axisbus.bus.sdo.parallel import on_each  # noqa: E402
 from axisbus.cia301.datatypes import DataType  # noqa: E402
 from axisbus.cia301.pdo import MappedObject, PdoCodec  # noqa: E402
 from axisbus.cia301.sdo import Way  # noqa: E402
-from axisbus.eds import fix, reader  # noqa: E402
+from axisbus.eds import fix  # noqa: E402
 from axisbus.eds.builtin import resolve  # noqa: E402
+from axisbus.eds.io import reader  # noqa: E402
 from axisbus.eds.model import Eds, Object, ObjectType, Variable  # noqa: E402
 from axisbus.machine.machine import Machine  # noqa: E402
 from axisbus.sim.build import device_from_eds  # noqa: E402
 from axisbus.sim.device import Device  # noqa: E402
-from axisbus.sim.network import StandIns  # noqa: E402
+from axisbus.sim.node.network import StandIns  # noqa: E402
 from kit.corpus import CORPUS  # noqa: E402
 
 missed: list[str] = []

@@ -12,11 +12,11 @@ import time
 from pathlib import Path
 
 from axisbus import eds
+from axisbus.boot.report import NodeReport
 from axisbus.eds.builtin import resolve
 from axisbus.machine.machine import boot
-from axisbus.machine.report import NodeReport
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 from lossy_line import LossyLine
 
 EDS = "builtin:generic-cia402"

@@ -22,7 +22,22 @@ SOURCE = ROOT / "src" / "axisbus"
 TRIED = tuple(SOURCE / name for name in ("motion", "cia402", "bus"))
 MEASURED = (
     *TRIED,
-    *(SOURCE / name for name in ("machine", "drives", "cia301", "record", "cli")),
+    *(
+        SOURCE / name
+        for name in (
+            "machine",
+            "core",
+            "cell",
+            "boot",
+            "check",
+            "drives",
+            "cia301",
+            "cia302",
+            "cia305",
+            "record",
+            "cli",
+        )
+    ),
 )  # who uses a constant
 MAP = ROOT / ".mutants-map" / "map.json"
 EQUIVALENT = ROOT / "tests" / "mutation" / "equivalent.toml"

@@ -12,8 +12,8 @@ from pathlib import Path
 import click
 import pytest
 
+from axisbus.cell import reader as config
 from axisbus.cli.main import COMMANDS, cli
-from axisbus.machine import config
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -12,9 +12,9 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from axisbus.errors import AxisbusError
+    from axisbus.machine.axis import Axis
+    from axisbus.machine.groups import Group
     from axisbus.machine.machine import Machine
-    from axisbus.motion.axes import Group
-    from axisbus.motion.axis import Axis
     from axisbus.motion.handle import Handle, wait
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 _HOME = {
     "AxisbusError": "axisbus.errors",
-    "Axis": "axisbus.motion.axis",
+    "Axis": "axisbus.machine.axis",
     "AxisState": "axisbus.motion.states",
-    "Group": "axisbus.motion.axes",
+    "Group": "axisbus.machine.groups",
     "Handle": "axisbus.motion.handle",
     "Machine": "axisbus.machine.machine",
     "Recorder": "axisbus.record.recorder",

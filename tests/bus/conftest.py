@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import pytest
 from bus_peer import FakeBus, Slave, eventually
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.node import Node
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ from pathlib import Path
 import can
 import pytest
 
-from axisbus.bus import adapter, socketcan
-from axisbus.bus.socketcan import Link
+from axisbus.bus.link import adapter, socketcan
+from axisbus.bus.link.socketcan import Link
 from axisbus.errors import AdapterError, ArgumentError
 
 

@@ -10,8 +10,8 @@ import can
 import pytest
 from bus_peer import FakeBus, eventually
 
-from axisbus.bus.alone import require_alone
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.alone import require_alone
+from axisbus.bus.link.channel import Channel
 from axisbus.cia301.mastersigns import Cast
 from axisbus.errors import AdapterError, SecondMasterError, StateError
 

@@ -15,12 +15,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "cia301"))
 
 from lss_line import HandSlave
 
-from axisbus.bus import changeover
-from axisbus.bus.changeover import Opening, OwnRate, change_over
-from axisbus.bus.channel import Channel
+from axisbus.bus.link import changeover
+from axisbus.bus.link.changeover import Opening, OwnRate, change_over
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_dialogue import Timing
+from axisbus.cia305.dialogue import Timing
+from axisbus.cia305.services import LssAddress
 from axisbus.errors import AdapterError, LssTimeout
 
 ONE, OTHER = LssAddress(0xC0B00, 8, 1, 1), LssAddress(0xC0B00, 8, 1, 2)

@@ -9,7 +9,7 @@ import can
 import pytest
 from bus_peer import FakeBus, eventually
 
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 from axisbus.errors import AdapterError, BusError
 
 

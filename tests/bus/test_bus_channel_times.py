@@ -9,9 +9,9 @@ import pytest
 from bus_clock import SleepingClock as Clock
 from bus_peer import FakeBus, eventually
 
-from axisbus.bus import channel as module
-from axisbus.bus.channel import Channel
-from axisbus.bus.errorframe import Condition, ErrorCounters
+from axisbus.bus.link import channel as module
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.errorframe import Condition, ErrorCounters
 from axisbus.errors import AdapterError, BusOff
 
 

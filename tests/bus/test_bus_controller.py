@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.bus.controller import HISTORY, Controller
-from axisbus.bus.errorframe import Condition, ErrorCounters
+from axisbus.bus.link.controller import HISTORY, Controller
+from axisbus.bus.link.errorframe import Condition, ErrorCounters
 
 OFF, WARNING, PASSIVE, ACTIVE = Condition.OFF, Condition.WARNING, Condition.PASSIVE, Condition.ACTIVE
 

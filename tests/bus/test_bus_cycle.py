@@ -12,11 +12,11 @@ import pytest
 from bus_peer import FakeBus, Slave, eventually
 from test_bus_plan import objects, rpdo, tpdo
 
-from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.mapping import DevicePdos
-from axisbus.bus.node import Node
-from axisbus.bus.plan import Policy, Wanted, make_plan
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia402.port import Outputs
 from axisbus.errors import AdapterError

@@ -9,8 +9,8 @@ from itertools import pairwise
 import pytest
 from bus_peer import FakeBus, Slave
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.discover import scan
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.discover import scan
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError
 

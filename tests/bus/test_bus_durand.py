@@ -15,11 +15,11 @@ from durand.datatypes import DatatypeEnum
 from durand.node import NodeCapabilities
 from durand.scheduler import VirtualScheduler
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.nmt import Confirmation
-from axisbus.bus.node import Node
-from axisbus.bus.pdo import set_pdo
-from axisbus.bus.sdo_channels import SdoChannel, open_channel, read_server, set_server
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.nmt import Confirmation
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.configure import set_pdo
+from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_server, set_server
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MappedObject

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from bus_peer import FakeBus, eventually
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.emcy import EmcyMonitor
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.emcy import EmcyMonitor
 from axisbus.cia301.incident import Outcome
 
 

@@ -7,10 +7,10 @@ import time
 import pytest
 from bus_peer import FakeBus, Slave, eventually
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.nmt import guarding_answer
-from axisbus.bus.node import Node
-from axisbus.bus.nodeevents import NodeEvent, NodeEvents
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.events import NodeEvent, NodeEvents
+from axisbus.bus.node.nmt import guarding_answer
+from axisbus.bus.node.node import Node
 from axisbus.cia301.nmt import NmtState
 
 

@@ -12,10 +12,10 @@ import pytest
 from bus_peer import FakeBus
 
 import axisbus
-from axisbus.bus.channel import Channel
-from axisbus.bus.inbox import Inbox
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.inbox import Inbox
 from axisbus.bus.lss import LssMaster
-from axisbus.bus.sdo_transfer import Line
+from axisbus.bus.sdo.transfer import Line
 
 WAITS = 100_000
 SHORT = [step * 1e-7 for step in range(1, 101)]  # seconds: 0.1 to 10 us

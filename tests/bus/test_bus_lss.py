@@ -16,11 +16,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "cia301"))
 from lss_line import AnswersOnSelected, HandSlave
 
 from axisbus.bus import lss as bus_lss
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_dialogue import Timing
-from axisbus.cia301.lss_found import Check, Known
+from axisbus.cia305.dialogue import Timing
+from axisbus.cia305.found import Check, Known
+from axisbus.cia305.services import LssAddress
 from axisbus.errors import (
     AdapterError,
     ArgumentError,

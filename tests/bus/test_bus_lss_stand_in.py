@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.discover import scan
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_dialogue import Timing
-from axisbus.cia301.lss_found import Known
+from axisbus.bus.node.discover import scan
+from axisbus.cia305.dialogue import Timing
+from axisbus.cia305.found import Known
+from axisbus.cia305.services import LssAddress
 from axisbus.eds import builtin
 from axisbus.eds import load as load_eds
 from axisbus.eds.model import Eds
 from axisbus.errors import LssRefused
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 _channels = (f"test-bus-lss-{number}" for number in itertools.count())
 PATIENT = Timing(floor=0.03, first=0.3)  # the machine may be busy

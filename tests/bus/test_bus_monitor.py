@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus import nmt, operation
-from axisbus.bus.nmt import NodeMonitor
+from axisbus.bus.link import operation
+from axisbus.bus.node import nmt
+from axisbus.bus.node.nmt import NodeMonitor
 from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff

@@ -8,10 +8,10 @@ import time
 import pytest
 from bus_peer import FakeBus, Frame, Slave, eventually
 
-from axisbus.bus import nmt
-from axisbus.bus.channel import Channel
-from axisbus.bus.nmt import Confirmation, NodeMonitor
-from axisbus.bus.node import Node
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node import nmt
+from axisbus.bus.node.nmt import Confirmation, NodeMonitor
+from axisbus.bus.node.node import Node
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AdapterError, ArgumentError, NodeTimeout, StateError
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.bus import nmt_confirm
-from axisbus.bus.channel import Channel
-from axisbus.bus.nmt import Confirmation
-from axisbus.bus.node import Node
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node import nmt_by_hand as nmt_confirm
+from axisbus.bus.node.nmt import Confirmation
+from axisbus.bus.node.node import Node
 from axisbus.cia301.nmt import NmtCommand, NmtState
 
 U16 = 2

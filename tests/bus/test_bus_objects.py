@@ -8,12 +8,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus import errorframe, sdo_errors
-from axisbus.bus.errorframe import Condition
-from axisbus.bus.from_device import as_file, skeleton, stored_eds
-from axisbus.bus.pdo import set_pdo
-from axisbus.bus.pdo_read import read_pdo, read_pdos
-from axisbus.bus.sdo_channels import (
+from axisbus.bus.link import errorframe
+from axisbus.bus.link.errorframe import Condition
+from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
+from axisbus.bus.node.verify import Kind, verify
+from axisbus.bus.pdo.configure import set_pdo
+from axisbus.bus.pdo.read import read_pdo, read_pdos
+from axisbus.bus.sdo import errors as sdo_errors
+from axisbus.bus.sdo.channels import (
     SdoChannel,
     open_channel,
     read_client,
@@ -21,7 +23,6 @@ from axisbus.bus.sdo_channels import (
     set_client,
     set_server,
 )
-from axisbus.bus.verify import Kind, verify
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo_session import Request

@@ -13,13 +13,13 @@ import can
 import pytest
 from bus_peer import FakeBus, Slave, eventually
 
-from axisbus.bus import errorframe
-from axisbus.bus.channel import Channel
-from axisbus.bus.controller import Controller
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.errorframe import Condition
-from axisbus.bus.node import Node
-from axisbus.bus.nodeevents import NodeEventKind, NodeEvents
+from axisbus.bus.link import errorframe
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.controller import Controller
+from axisbus.bus.link.errorframe import Condition
+from axisbus.bus.node.events import NodeEventKind, NodeEvents
+from axisbus.bus.node.node import Node
 from axisbus.bus.sync import SyncConsumer
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.parallel import on_each
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.parallel import on_each
 from axisbus.eds import load
 from axisbus.errors import SdoAbort, SdoTimeout
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 EDS = load(Path(__file__).parents[2] / "eds" / "generic-cia402.eds")
 KEYS = [(item.index, sub) for item in EDS for sub, variable in item.subs.items() if variable.readable][:100]

@@ -8,18 +8,18 @@ from types import SimpleNamespace
 import pytest
 from test_bus_plan import CIA402, objects, rpdo, tpdo
 
-from axisbus.bus import freshness, sdo_output
-from axisbus.bus.choose import slots
-from axisbus.bus.deadline import Deadline, Deadlines, Reception
-from axisbus.bus.emcy import FEED, EmcyFeed
 from axisbus.bus.lateness import EDGES, Lateness
-from axisbus.bus.mapping import DevicePdos, axis_objects
-from axisbus.bus.pdo_read import Indices
-from axisbus.bus.plan import Change, PlannedPdo, Policy, Wanted, make_plan
-from axisbus.bus.poller import Poller
-from axisbus.bus.rpdo import RpdoImage, arrange
-from axisbus.bus.sdo_output import SdoOutputs, is_stop
-from axisbus.bus.tpdo import Requests, TpdoSlot
+from axisbus.bus.node.emcy import FEED, EmcyFeed
+from axisbus.bus.pdo import freshness, sdo_output
+from axisbus.bus.pdo.choose import slots
+from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
+from axisbus.bus.pdo.plan import Change, PlannedPdo, Policy, Wanted, make_plan
+from axisbus.bus.pdo.poller import Poller
+from axisbus.bus.pdo.read import Indices
+from axisbus.bus.pdo.reception import Deadline, Deadlines, Reception
+from axisbus.bus.pdo.rpdo import RpdoImage, arrange
+from axisbus.bus.pdo.sdo_output import SdoOutputs, is_stop
+from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
 from axisbus.cia402.port import Sample, Source
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds

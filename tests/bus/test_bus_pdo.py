@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from bus_peer import FakeBus, Slave, pdo_objects
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.pdo import configure
-from axisbus.bus.pdo_read import read_pdo, read_pdos
-from axisbus.bus.plan import Change, Plan, Policy, Wanted
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.pdo.configure import configure
+from axisbus.bus.pdo.plan import Change, Plan, Policy, Wanted
+from axisbus.bus.pdo.read import read_pdo, read_pdos
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.port import Source
 from axisbus.errors import BootError

@@ -10,17 +10,17 @@ import pytest
 from bus_peer import FakeBus, Slave, eventually, pdo_objects
 from test_bus_plan import objects, rpdo, tpdo
 
-from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.deadline import Deadline, Deadlines, PdoEvent, Reception
-from axisbus.bus.freshness import pdo_age
-from axisbus.bus.mapping import DevicePdos
-from axisbus.bus.node import Node
-from axisbus.bus.pdo import configure, set_pdo
-from axisbus.bus.plan import Plan, Policy, Wanted, make_plan
-from axisbus.bus.plantext import describe
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.configure import configure, set_pdo
+from axisbus.bus.pdo.freshness import pdo_age
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.bus.pdo.plan import Plan, Policy, Wanted, make_plan
+from axisbus.bus.pdo.plantext import describe
+from axisbus.bus.pdo.reception import Deadline, Deadlines, PdoEvent, Reception
 from axisbus.bus.port import CanPort
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.cia402.port import Outputs, Source
 from axisbus.errors import BootError

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from axisbus.bus import edge
-from axisbus.bus.mapping import DevicePdos, MapEntry, axis_objects
-from axisbus.bus.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
-from axisbus.bus.plantext import describe
+from axisbus.bus.pdo import edge
+from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, axis_objects
+from axisbus.bus.pdo.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
+from axisbus.bus.pdo.plantext import describe
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.port import Source

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.bus.mapping import DevicePdos, axis_objects
-from axisbus.bus.plan import Policy, make_plan
-from axisbus.bus.plantext import describe
+from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
+from axisbus.bus.pdo.plan import Policy, make_plan
+from axisbus.bus.pdo.plantext import describe
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.port import Source
 from axisbus.eds import Eds, load

@@ -12,11 +12,11 @@ import pytest
 from bus_peer import FakeBus, Slave, eventually
 from test_bus_plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
 
-from axisbus.bus import freshness
-from axisbus.bus.channel import Channel
-from axisbus.bus.mapping import DevicePdos
-from axisbus.bus.node import Node
-from axisbus.bus.plan import Policy, Wanted, make_plan
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo import freshness
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, Source

@@ -5,7 +5,7 @@ from __future__ import annotations
 import can
 import pytest
 
-from axisbus.bus import candump, recording
+from axisbus.bus.link import candump, recording
 from axisbus.cia301.frame import Frame
 from axisbus.errors import UserError
 

@@ -12,9 +12,9 @@ from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.node import Node
-from axisbus.bus.remote import canopen_dictionary, remote_node
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
+from axisbus.bus.node.remote import canopen_dictionary, remote_node
 from axisbus.eds import Eds, canopen_text, load, loads
 from axisbus.errors import StateError
 

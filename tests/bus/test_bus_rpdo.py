@@ -7,9 +7,9 @@ import struct
 import pytest
 from test_bus_plan import GENERIC, NO_TORQUE, mapped, objects, rpdo
 
-from axisbus.bus.mapping import DevicePdos, MapEntry
-from axisbus.bus.plan import Policy, Wanted, make_plan
-from axisbus.bus.rpdo import RpdoImage, arrange
+from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
+from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.errors import StateError
 
 

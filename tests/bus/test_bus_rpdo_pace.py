@@ -10,10 +10,10 @@ from dataclasses import replace
 import pytest
 from test_bus_plan import NO_TORQUE, objects, rpdo
 
-from axisbus.bus.mapping import DevicePdos
-from axisbus.bus.plan import Plan, Policy, make_plan
-from axisbus.bus.rpdo import Frame, RpdoImage, arrange
-from axisbus.bus.rpdo_pace import REPEAT, RpdoPace
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.bus.pdo.plan import Plan, Policy, make_plan
+from axisbus.bus.pdo.rpdo import Frame, RpdoImage, arrange
+from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
 
 PERIOD = 0.004
 ONE = ("6060/8 607A/32 6040/16", "60FF/32")

@@ -10,8 +10,8 @@ from collections.abc import Callable
 import pytest
 from bus_peer import FakeBus, Frame, Slave, eventually
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.errors import AdapterError, AxisbusError, Interrupted, SdoAbort, SdoError, SdoTimeout, StateError
 
 NODE = 5

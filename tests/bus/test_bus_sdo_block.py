@@ -9,15 +9,15 @@ from collections.abc import Iterable
 import pytest
 from bus_peer import FakeBus, Frame
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.sdo import SdoClient
-from axisbus.bus.sdo_channels import SdoChannel, open_channel, read_client, set_server
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_client, set_server
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.sdo import Way
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import ArgumentError, Interrupted, SdoError, SdoTimeout
 from axisbus.sim.device import Device
-from axisbus.sim.slave import Slave
+from axisbus.sim.node.slave import Slave
 
 NODE = 5
 FILE = 0x2100

@@ -7,8 +7,8 @@ import math
 import pytest
 from bus_peer import FakeBus, Slave
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.dictionary import Dictionary, merged_type
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable

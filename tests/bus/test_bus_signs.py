@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import pytest
 from bus_clock import SleepingClock as Clock
 
-from axisbus.bus import candump, nmt_confirm
-from axisbus.bus.changeover import ChangedOver, Opening, _commands
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.nmt import Confirmation
-from axisbus.bus.nmt_confirm import Way
-from axisbus.bus.nodeevents import BAD, NodeEventKind, NodeEvents
+from axisbus.bus.link import candump
+from axisbus.bus.link.changeover import ChangedOver, Opening, _commands
+from axisbus.bus.node import nmt_by_hand as nmt_confirm
+from axisbus.bus.node.events import BAD, NodeEventKind, NodeEvents
+from axisbus.bus.node.nmt import Confirmation
+from axisbus.bus.node.nmt_by_hand import Way
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.drops import Drops

@@ -11,19 +11,19 @@ from typing import Any
 
 import pytest
 
-from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.discover import scan
-from axisbus.bus.node import Node
-from axisbus.bus.pdo import configure, set_pdo
-from axisbus.bus.plan import Policy, Wanted
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.discover import scan
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.configure import configure, set_pdo
+from axisbus.bus.pdo.plan import Policy, Wanted
 from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Inputs, Outputs, Source
 from axisbus.eds import load
 from can_line import line
 
-sim_network = pytest.importorskip("axisbus.sim.network")
+sim_network = pytest.importorskip("axisbus.sim.node.network")
 sim_build = pytest.importorskip("axisbus.sim.build")
 
 EDS = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"

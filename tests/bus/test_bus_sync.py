@@ -11,14 +11,14 @@ import pytest
 from bus_peer import FakeBus, Slave, eventually
 from test_bus_cycle import port_of, slave_of
 
-from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.sync import SyncWatch, fits, measured_period
 from axisbus.cia402.port import Outputs
+from axisbus.core.scan import Scan
 from axisbus.errors import SyncError
-from axisbus.motion.scan import Scan
 
 PERIOD = 0.004
 

@@ -17,12 +17,12 @@ import pytest
 from bus_peer import eventually
 from test_bus_stand_in import EDS, Master
 
-from axisbus.bus.channel import Channel
 from axisbus.bus.cycle import CanCycle
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.bus.node import Node
-from axisbus.bus.pdo import set_pdo
-from axisbus.bus.plan import Policy
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.configure import set_pdo
+from axisbus.bus.pdo.plan import Policy
 from axisbus.bus.timeofday import TimeProducer
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Outputs
@@ -30,7 +30,7 @@ from axisbus.eds import load
 from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 TSHARK = shutil.which("tshark")
 pytestmark = pytest.mark.skipif(TSHARK is None, reason="tshark is not installed (package tshark)")

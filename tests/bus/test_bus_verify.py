@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from axisbus import eds
-from axisbus.bus.channel import Channel
-from axisbus.bus.from_device import as_file, skeleton, stored_eds
-from axisbus.bus.node import Node
-from axisbus.bus.verify import Kind, verify
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
+from axisbus.bus.node.node import Node
+from axisbus.bus.node.verify import Kind, verify
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import writer
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 ROOT = Path(__file__).parents[2]
 GENERIC = (ROOT / "eds" / "generic-cia402.eds").read_text()

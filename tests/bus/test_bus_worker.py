@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from bus_peer import FakeBus, Slave, eventually
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.sdo import SdoClient
-from axisbus.bus.worker import QUEUE_LIMIT, Job, SdoWorker
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.worker import QUEUE_LIMIT, Job, SdoWorker
 from axisbus.errors import BusError, Interrupted
 
 TIMED_OUT = 0x0504_0000

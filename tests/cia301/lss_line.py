@@ -199,7 +199,7 @@ class Line:
             return end.value
 
     def _exchange(self, ask: Any) -> Any:
-        from axisbus.cia301.lss_dialogue import Answer, Heard
+        from axisbus.cia305.dialogue import Answer, Heard
 
         late = [
             moment - self._asked[1] for moment, data in self._until(self.now) if data[0] == self._asked[0]

@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from axisbus.cia301 import bootplan as b
-from axisbus.cia301.bootup import boot_up
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia302 import vocabulary as b
+from axisbus.cia302.bootup import boot_up
 
 MISSING = 0x0602_0000
 

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lss_line import AnswersAnything, AnswersOn, AnswersOnSelected, AnswersResets, HandSlave, Line, Sticky
 
-from axisbus.cia301 import lss_master
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_dialogue import Pace
-from axisbus.cia301.lss_exclude import GIVEN_UP
-from axisbus.cia301.lss_found import Check, Known, Scanned
-from axisbus.cia301.lss_scan import FastScan
-from axisbus.cia301.lss_tree import DEPTH, ROOT, of
+from axisbus.cia305 import master as lss_master
+from axisbus.cia305.dialogue import Pace
+from axisbus.cia305.exclude import GIVEN_UP
+from axisbus.cia305.fastscan import FastScan
+from axisbus.cia305.found import Check, Known, Scanned
+from axisbus.cia305.services import LssAddress
+from axisbus.cia305.tree import DEPTH, ROOT, of
 
 ONES = 0xFFFF_FFFF
 STACKS = (AnswersOn, AnswersOnSelected, AnswersAnything)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia301 import lss
-from axisbus.cia301.lss import LssAddress, Service, State
+from axisbus.cia305 import services as lss
+from axisbus.cia305.services import LssAddress, Service, State
 from axisbus.errors import ArgumentError
 
 ADDRESS = LssAddress(0x11223344, 0x55667788, 0x99AABBCC, 0xDDEEFF00)

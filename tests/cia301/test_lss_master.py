@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from lss_line import HandSlave, Line
 
-from axisbus.cia301 import lss_master
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_dialogue import Pace
-from axisbus.cia301.lss_master import Inquired, NodeIdSet
+from axisbus.cia305 import master as lss_master
+from axisbus.cia305.dialogue import Pace
+from axisbus.cia305.master import Inquired, NodeIdSet
+from axisbus.cia305.services import LssAddress
 from axisbus.errors import ArgumentError, LssError, LssRefused, LssTimeout
 
 ADDRESS = LssAddress(0xC0B00, 8, 0x10002, 4711)

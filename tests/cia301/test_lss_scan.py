@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lss_line import HandSlave, Line, Sticky
 
-from axisbus.cia301.lss_dialogue import Pace, Timing
-from axisbus.cia301.lss_found import Check, Known, Scanned
-from axisbus.cia301.lss_scan import FastScan
+from axisbus.cia305.dialogue import Pace, Timing
+from axisbus.cia305.fastscan import FastScan
+from axisbus.cia305.found import Check, Known, Scanned
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 
 ONES = 0xFFFF_FFFF

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import pytest
 
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 from axisbus.eds import builtin, load
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 ROOT = Path(__file__).parents[2]
 CELL = str(ROOT / "examples" / "cell.toml")

@@ -8,12 +8,12 @@ from pathlib import Path
 import cli_bus_kit as kit
 import pytest
 
-from axisbus.bus import adapter
+from axisbus.bus.link import adapter
+from axisbus.check.checked import checked
+from axisbus.core.stand_in import StandIn
 from axisbus.errors import LimitError, StateError
-from axisbus.machine.checked import checked
+from axisbus.machine.axis import Axis
 from axisbus.machine.rehearsal import Rehearsal
-from axisbus.machine.standin import StandIn
-from axisbus.motion.axis import Axis
 
 BUS = ("-i", "virtual", "-c", "nobody")
 NODE = ("--eds", kit.GENERIC, *BUS)
@@ -273,7 +273,7 @@ def test_a_drive_without_the_objects_is_not_enabled_for_them(tmp_path):
     )
     cell = tmp_path / "cell.toml"
     cell.write_text(Path(kit.CELL).read_text("utf-8").replace("builtin:gim6010-8", "poor.eds", 1), "utf-8")
-    from axisbus.machine import config
+    from axisbus.cell import reader as config
 
     rehearsal = Rehearsal(config.load(cell))
     rehearsal["x"].home()

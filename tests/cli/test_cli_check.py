@@ -11,7 +11,7 @@ from pathlib import Path
 import cli_bus_kit as kit
 import pytest
 
-from axisbus.machine.celljson import schema_of_cells
+from axisbus.cell.json_schema import schema_of_cells
 from axisbus.units import AXIS_UNITS
 
 if sys.platform != "win32":

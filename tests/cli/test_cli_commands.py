@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.bus.controller import ControllerEvent
-from axisbus.bus.errorframe import Condition, ErrorCounters
-from axisbus.cli.common import run
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.link.errorframe import Condition, ErrorCounters
 from axisbus.cli.main import COMMANDS, cli
+from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
 from kit.corpus import CORPUS
 

@@ -10,12 +10,13 @@ import cli_bus_kit as kit
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.configuration import preconditions as guard
+from axisbus.configuration import store
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds import load, loads
-from axisbus.machine.backup import guard, store
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 # Numbers by hand: objects of the generic drive that a configuration changes, with what they then hold.
 CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (0x607D, 2): 50_000}

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 
 EDS = """[FileInfo]
 FileName=a.eds

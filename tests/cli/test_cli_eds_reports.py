@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import pytest
 
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 from axisbus.eds.builtin import resolve
 
 DRIVE = "builtin:gim6010-8"

@@ -9,7 +9,8 @@ import can
 import cli_bus_kit as commands
 import pytest
 
-from axisbus.bus import adapter, listenonly, otherrates
+from axisbus.bus.link import adapter, listenonly
+from axisbus.bus.link import other_rates as otherrates
 from axisbus.errors import AdapterError, ArgumentError
 from kit.talker import Talker
 
@@ -219,7 +220,7 @@ def test_where_nobody_acknowledges_the_rate_is_looked_for_before_the_error_is_to
     def refused(*_, **__):
         raise AdapterError("frame 601h was not taken")
 
-    monkeypatch.setattr("axisbus.bus.discover.scan", refused)
+    monkeypatch.setattr("axisbus.bus.node.discover.scan", refused)
     with Modules("factory-wire", 1):
         code, out, _ = axisbus("scan", "-i", "pcan", "-c", "PCAN_USBBUS1", "-b", "1000000")
     assert code == 1

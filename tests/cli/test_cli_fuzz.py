@@ -16,9 +16,9 @@ import cli_bus_kit as kit
 import click
 import pytest
 
-from axisbus.bus import adapter
-from axisbus.cli.common import run
+from axisbus.bus.link import adapter
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 from axisbus.errors import AdapterError
 
 CODES = {0, 1, 2, 3, 130}

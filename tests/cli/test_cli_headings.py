@@ -12,7 +12,7 @@ import pytest
 
 from axisbus.eds import builtin, load
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 _channels = (f"cli-heads-{os.getpid()}-{number}" for number in itertools.count())
 KINDS = {0x0003_0191: "I/O module (CiA 401)", 0: "no standard profile"}

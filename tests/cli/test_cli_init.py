@@ -12,16 +12,16 @@ import cli_bus_kit as kit
 import pytest
 
 from axisbus import eds
-from axisbus.bus.discover import Found
-from axisbus.bus.node import NodeIdentity
+from axisbus.bus.node.discover import Found
+from axisbus.bus.node.node import NodeIdentity
+from axisbus.check.run import check
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.make import GENERIC as GENERIC_MAKE
 from axisbus.eds import builtin
-from axisbus.machine.check import check
-from axisbus.machine.first.draft import BusFound, NodeFound, draft
-from axisbus.machine.first.match import Known, Match, collect, match
+from axisbus.scaffold.draft import BusFound, NodeFound, draft
+from axisbus.scaffold.match import Known, Match, collect, match
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 GENERIC = (kit.ROOT / "eds" / "generic-cia402.eds").read_text()
 CHANNELS = (f"init-{os.getpid()}-{number}" for number in itertools.count())

@@ -5,15 +5,15 @@ import sys
 
 import pytest
 
-from axisbus.bus import changeover
-from axisbus.bus.changeover import Opening
+from axisbus.bus.link import changeover
+from axisbus.bus.link.changeover import Opening
 from axisbus.bus.lss import LssMaster
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_found import Check, Scanned, Unconfigured
-from axisbus.cli import lss_set_bitrate
-from axisbus.cli.common import run
-from axisbus.cli.lss import COMMANDS
+from axisbus.cia305.found import Check, Scanned, Unconfigured
+from axisbus.cia305.services import LssAddress
+from axisbus.cli.lss import set_bitrate as lss_set_bitrate
+from axisbus.cli.lss.group import COMMANDS
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 from axisbus.sim.dials import LssDials
 
 CELL = """

@@ -11,7 +11,7 @@ import pytest
 from click.shell_completion import ShellComplete
 
 from axisbus import Machine
-from axisbus.bus import nmt_confirm
+from axisbus.bus.node import nmt_by_hand as nmt_confirm
 from axisbus.cli.main import cli
 
 

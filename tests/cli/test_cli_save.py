@@ -8,7 +8,7 @@ import time
 import cli_bus_kit as kit
 import pytest
 
-from axisbus.machine.backup import store
+from axisbus.configuration import store
 from axisbus.machine.machine import Machine
 
 NODE = 5

@@ -7,7 +7,7 @@ import json
 import cli_bus_kit as kit
 import pytest
 
-from axisbus.machine import config
+from axisbus.cell import reader as config
 
 SIM = ("-i", "sim", "-c", kit.CELL)
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import cli_bus_kit as kit
 import pytest
 
-from axisbus.cli.speech import in_commands
+from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
 
 SOURCE = kit.ROOT / "src" / "axisbus"
@@ -18,7 +18,7 @@ CALLS = re.compile(
     r"\b(?:axis|machine|cell|Machine|handle)\.(?!toml)\w+(?:\(|\b)|\bthe call\b|(?:open|close) the machine"
 )
 # Layers whose texts a command never shows, or shows as a program's own.
-ELSEWHERE = {"cli/speech.py", "machine/simulated.py", "eds/codegen.py"}
+ELSEWHERE = {"cli/shared/speech.py", "core/simulated.py", "eds/report/codegen.py"}
 
 
 def texts() -> Iterator[tuple[str, str]]:

@@ -10,8 +10,8 @@ import cli_bus_kit as kit
 import click
 import pytest
 
-from axisbus.cli.common import run
-from axisbus.cli.output import require_writable, write_whole
+from axisbus.cli.shared.common import run
+from axisbus.cli.shared.output import require_writable, write_whole
 from axisbus.errors import ArgumentError, BusError, StateError
 
 SHOW = ("eds", "show", "builtin:gim6010-8")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cli_bus_kit as kit
 import pytest
 
-from axisbus.cli import underway
-from axisbus.cli.underway import Way
+from axisbus.cli.shared import underway
+from axisbus.cli.shared.underway import Way
 from axisbus.errors import StaleError
 from axisbus.machine.machine import Machine
 

@@ -9,8 +9,9 @@ import pytest
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
-from axisbus.eds import Eds, Number, load, reader
+from axisbus.eds import Eds, Number, load
 from axisbus.eds.builtin import names, resolve
+from axisbus.eds.io import reader
 
 
 def builtin(name: str) -> Eds:

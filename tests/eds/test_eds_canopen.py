@@ -10,7 +10,7 @@ from eds_texts import HEAD, canopen_facts, import_text, our_facts, read, record,
 
 from axisbus.eds import canopen_text, loads
 from axisbus.eds.builtin import names, resolve
-from axisbus.eds.reader import load
+from axisbus.eds.io.reader import load
 
 DEFECTS = (
     "[DummyUsage]\nDummy0005=1\n\n[Comments]\nLines=\n\n"

@@ -17,8 +17,8 @@ from click.testing import CliRunner
 from rule_base import BASE, edited
 
 from axisbus import eds
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
 from axisbus.errors import ArgumentError, EdsError

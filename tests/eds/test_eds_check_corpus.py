@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rule_base import BASE
 
-from axisbus.eds import Severity, check, reader
+from axisbus.eds import Severity, check
+from axisbus.eds.io import reader
 from axisbus.errors import EdsError
 from kit.corpus import CORPUS
 

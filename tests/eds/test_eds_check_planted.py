@@ -10,7 +10,8 @@ import pytest
 from planting import KINDS, Plant, Text, plant
 from planting_more import EVERY
 
-from axisbus.eds import Finding, Severity, check, reader
+from axisbus.eds import Finding, Severity, check
+from axisbus.eds.io import reader
 from kit.corpus import CORPUS
 
 OURS = sorted((Path(__file__).parents[2] / "eds").glob("*.eds"))

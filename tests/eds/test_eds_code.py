@@ -13,7 +13,8 @@ import pytest
 from eds_samples import BUILTIN, CORPUS, EVERY_TENTH, builtin, small
 from eds_texts import record, variable
 
-from axisbus.eds import Eds, Number, codegen, load, loads, naming
+from axisbus.eds import Eds, Number, load, loads
+from axisbus.eds.report import codegen, naming
 
 ROOT = Path(__file__).parents[2]
 

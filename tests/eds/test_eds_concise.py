@@ -7,10 +7,11 @@ from eds_texts import HEAD, record, variable
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.eds import concise, reader
+from axisbus.eds import concise
 from axisbus.eds.concise import Write
 from axisbus.eds.configuration import configuration, parameters
-from axisbus.eds.reader import Reading
+from axisbus.eds.io import reader
+from axisbus.eds.io.reader import Reading
 from axisbus.errors import ArgumentError, EdsError
 
 U8, U16 = "5", "6"

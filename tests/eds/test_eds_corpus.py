@@ -12,8 +12,9 @@ import pytest
 from eds_texts import canopen_facts, import_text, our_facts
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import canopen_text, dcf, edit, reader, writer
+from axisbus.eds import canopen_text, dcf, writer
 from axisbus.eds.fix import fix
+from axisbus.eds.io import edit, reader
 from axisbus.errors import ArgumentError
 from kit.corpus import CORPUS as FOLDER
 

@@ -12,9 +12,10 @@ import pytest
 from eds_texts import HEAD, read, variable
 
 from axisbus import eds
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
-from axisbus.eds import compact, dcf, fix, reader
+from axisbus.cli.shared.common import run
+from axisbus.eds import dcf, fix
+from axisbus.eds.io import compact, reader
 from axisbus.errors import EdsError
 
 SOME_SECONDS = 6.0  # of the processor, on a slow machine; what is not linear takes minutes

@@ -8,11 +8,12 @@ import pytest
 from eds_texts import HEAD, canopen_facts, import_text, our_facts, record, variable
 from test_eds_corpus import FILES
 
-from axisbus.eds import assign, builtin, concise, configuration, dcf, reader, writer
-from axisbus.eds import text as eds_text
+from axisbus.eds import assign, builtin, concise, configuration, dcf, writer
 from axisbus.eds.dcf import Settings
+from axisbus.eds.io import reader
+from axisbus.eds.io import text as eds_text
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Number
-from axisbus.eds.reader import Reading
 from axisbus.errors import ArgumentError, EdsError, LimitError
 
 SPEED = variable("6081", ParameterName="Profile velocity", DefaultValue="10", LowLimit="1", HighLimit="5000")

@@ -11,8 +11,9 @@ from eds_samples import BUILTIN, CORPUS, STATUS, communication, mapped, small, s
 from eds_texts import record, variable
 
 import axisbus.eds
-from axisbus.eds import Difference, Eds, compare_text, diff, load, loads
-from axisbus.eds.difference import Group
+from axisbus.eds import Difference, Eds, diff, load, loads
+from axisbus.eds.report import compare_text
+from axisbus.eds.report.difference import Group
 
 
 def only(a: str | Eds, b: str | Eds, node_id: int | None = None) -> Difference:

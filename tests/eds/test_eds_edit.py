@@ -9,8 +9,9 @@ from eds_texts import HEAD, HEAD_LINES, variable
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.eds import edit, text, writer
-from axisbus.eds.text import Document
+from axisbus.eds import writer
+from axisbus.eds.io import edit, text
+from axisbus.eds.io.text import Document
 from axisbus.errors import ArgumentError
 
 

@@ -16,7 +16,8 @@ from eds_samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communicati
 from eds_texts import canopen_facts, variable
 
 from axisbus.cia301.pdo import PdoCodec
-from axisbus.eds import Eds, dbc, export, frames, layout, load
+from axisbus.eds import Eds, export, layout, load
+from axisbus.eds.report import dbc, frames
 from axisbus.errors import ArgumentError, UserError
 
 

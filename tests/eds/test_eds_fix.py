@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_eds_corpus import FILES
 
-from axisbus.eds import Eds, check, fix_diff, reader, writer
+from axisbus.eds import Eds, check, fix_diff, writer
 from axisbus.eds.fix import Fixed, fix
+from axisbus.eds.io import reader
 from axisbus.eds.mends.letters import plain
 from axisbus.eds.model import Object
 

@@ -19,9 +19,9 @@ from axisbus.eds import (
     configuration,
     dcf,
     loads,
-    reader,
     writer,
 )
+from axisbus.eds.io import reader
 from axisbus.errors import ArgumentError, EdsError
 
 SECTIONS = [

@@ -7,9 +7,10 @@ from eds_samples import BUILTIN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.eds import codegen, dbc, diff, export, loads, search, show, show_object
+from axisbus.eds import diff, export, loads
 from axisbus.eds.reference import html, markdown, reference
-from axisbus.eds.show import Screen
+from axisbus.eds.report import codegen, dbc, search, show, show_object
+from axisbus.eds.report.show import Screen
 
 LINES = BUILTIN[0].read_text().splitlines()
 WHOLE = loads("\n".join(LINES).encode(), "whole.eds")

@@ -8,7 +8,8 @@ import pytest
 from rule_base import BASE, edited, place
 from rule_cases import AXIS_TYPE, CASES, DCF, SECOND_AXIS, Case, Edit, not_optional, without
 
-from axisbus.eds import Finding, Severity, check, reader
+from axisbus.eds import Finding, Severity, check
+from axisbus.eds.io import reader
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
 

@@ -9,10 +9,11 @@ from eds_samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communicatio
 from eds_texts import variable
 
 from axisbus.cia301.pdo import PdoCodec
-from axisbus.eds import facts, layout, load, overview, pdo_text, search, show, show_object
+from axisbus.eds import layout, load
 from axisbus.eds.model import Eds
-from axisbus.eds.pdo_text import ASCII
-from axisbus.eds.show import Screen
+from axisbus.eds.report import facts, overview, pdo_text, search, show, show_object
+from axisbus.eds.report.pdo_text import ASCII
+from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
 
 

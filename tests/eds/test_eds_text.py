@@ -7,8 +7,9 @@ import codecs
 import pytest
 from eds_texts import HEAD, HEAD_LINES, only, read, rules, variable
 
-from axisbus.eds import loads, reader, writer
-from axisbus.eds.findings import MAX_FINDINGS
+from axisbus.eds import loads, writer
+from axisbus.eds.io import reader
+from axisbus.eds.io.findings import MAX_FINDINGS
 
 UMLAUTS = "[DeviceInfo]\nVendorName=Müller\n\n[1000]\nParameterName=Gerätetyp\nDataType=7\nAccessType=ro\n"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.cia301.datatypes import DataType as T
-from axisbus.eds import values
+from axisbus.eds.io import values
 from axisbus.eds.model import Number
 
 

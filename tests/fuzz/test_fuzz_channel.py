@@ -16,22 +16,23 @@ from bus_peer import FakeBus, Slave
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.bus import alone, discover, from_device, operation
-from axisbus.bus.channel import Channel
+from axisbus.bus.link import alone, operation
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.bus.node import Node
-from axisbus.bus.plan import Change, PlannedPdo
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.node import discover, from_device
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.plan import Change, PlannedPdo
+from axisbus.bus.pdo.tpdo import TpdoSlot
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer
-from axisbus.bus.tpdo import TpdoSlot
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.drops import Drops, Fault, words
 from axisbus.cia301.emcy import explain
-from axisbus.cia301.lss_dialogue import Timing
 from axisbus.cia301.mastersigns import Cast
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia305.dialogue import Timing
 from axisbus.errors import AxisbusError, EdsError, SdoError
 
 ID = fuzz.NODE

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia301 import lss_master
-from axisbus.cia301.lss import LssAddress
-from axisbus.cia301.lss_dialogue import Answer, Ask, Heard, Pace, Timing
-from axisbus.cia301.lss_scan import FastScan, Known
+from axisbus.cia305 import master as lss_master
+from axisbus.cia305.dialogue import Answer, Ask, Heard, Pace, Timing
+from axisbus.cia305.fastscan import FastScan, Known
+from axisbus.cia305.services import LssAddress
 from axisbus.errors import LssError, LssTimeout
 
 CEILING = 0.5  # s

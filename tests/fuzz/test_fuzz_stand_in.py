@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus.eds import builtin, load
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.slave import Slave
+from axisbus.sim.node.slave import Slave
 
 EDS = {name: load(builtin.resolve(f"builtin:{name}", Path())) for name in ("gim6010-8", "generic-cia402")}
 ID = fuzz.NODE

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.bus import candump, errorframe, recording
+from axisbus.bus.link import candump, errorframe, recording
+from axisbus.cell import reader as config
+from axisbus.check.busload import Meter
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Cast, Signs, words
+from axisbus.core.runtime import load_dictionaries
 from axisbus.eds import builtin, load
-from axisbus.machine import config
-from axisbus.machine.busload import Meter
 from axisbus.machine.overview import Overview
-from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.trace import known, plain, text
-from axisbus.machine.trace.decoder import Decoder
+from axisbus.trace import known, plain, text
+from axisbus.trace.decoder import Decoder
 
 CELL = config.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)

@@ -8,12 +8,12 @@ from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from unittest.mock import patch
 
+from axisbus.core import direct
 from axisbus.errors import AxisbusError
-from axisbus.machine import direct
+from axisbus.machine.axis import Axis
 from axisbus.machine.exit import EXIT
 from axisbus.machine.machine import Machine
-from axisbus.motion.axis import Axis
-from axisbus.motion.core import AxisCore
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.handle import Handle
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort

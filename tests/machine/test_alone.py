@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from axisbus.cell import reader as config
+from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Sign, sign_of
-from axisbus.machine import config
-from axisbus.machine.alone import cast_of
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.runtime import load_dictionaries
+from axisbus.core.alone import cast_of
+from axisbus.core.runtime import load_dictionaries
 from kit.cell import cell_text
 
 

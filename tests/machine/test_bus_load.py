@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from axisbus.cell import reader as config
+from axisbus.check import traffic as plannedload
+from axisbus.check.busload import Meter, actual_bits, plain_bits, worst_bits
 from axisbus.cia301.frame import Frame
-from axisbus.machine import config, plannedload
-from axisbus.machine.busload import Meter, actual_bits, plain_bits, worst_bits
-from axisbus.machine.runtime import load_dictionaries
+from axisbus.core.runtime import load_dictionaries
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 

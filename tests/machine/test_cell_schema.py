@@ -17,9 +17,11 @@ from cells import kit
 from hypothesis import given
 from hypothesis import strategies as st
 
+from axisbus.cell import reader as config
+from axisbus.cell import schema, values
+from axisbus.cell import words as cellwords
+from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
-from axisbus.machine import cellwords, config, schema, values
-from axisbus.machine.celljson import schema_of_cells
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = schema_of_cells()

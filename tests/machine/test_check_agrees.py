@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from cells import kit
 
+from axisbus.check.run import check
 from axisbus.errors import AxisbusError, StaleError, UserError
-from axisbus.machine.check import check
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
-from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
 from kit.corpus import CORPUS

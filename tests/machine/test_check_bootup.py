@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cells import kit
 
-from axisbus.machine.config import loads
+from axisbus.cell.reader import loads
 
 NODE = "[nodes.1]\n"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cells import kit
 
-from axisbus.machine.checks.load import nearest_period, worst_bits
+from axisbus.check.bus_load import nearest_period, worst_bits
 
 NO_GROUP = ('\n[groups.xy]\naxes = ["x", "y"]', "")
 NO_MODES = ('modes = ["pp", "pv", "hm", "csp"]\n', "")

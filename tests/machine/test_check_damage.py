@@ -10,13 +10,13 @@ from cells import kit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from axisbus.cell import reader as config
+from axisbus.cell.parameters import axis_parameters
+from axisbus.cell.problem import Problem, errors
+from axisbus.check import devices
+from axisbus.check.run import check, check_cell
 from axisbus.eds.model import Severity
 from axisbus.errors import ConfigError
-from axisbus.machine import config
-from axisbus.machine.check import check, check_cell
-from axisbus.machine.checks import devices
-from axisbus.machine.parameters import axis_parameters
-from axisbus.machine.problem import Problem, errors
 
 LINES = kit.CLEAN.split("\n")
 # A busy computer is no failure.

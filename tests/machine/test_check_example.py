@@ -8,12 +8,12 @@ import pytest
 from cells import kit
 
 from axisbus import eds
+from axisbus.cell import reader as config
+from axisbus.cell.parameters import axis_parameters
+from axisbus.check.run import check
 from axisbus.eds import builtin
 from axisbus.eds.model import Severity
 from axisbus.errors import EdsError
-from axisbus.machine import config
-from axisbus.machine.check import check
-from axisbus.machine.parameters import axis_parameters
 from kit.corpus import CORPUS
 
 CHECKOUT = Path(__file__).parents[2]

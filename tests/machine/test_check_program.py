@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from cells import kit
 
+from axisbus.cell import reader as config
+from axisbus.cell.program_file import wanted_program
 from axisbus.errors import ConfigError
-from axisbus.machine import config
-from axisbus.machine.programfile import wanted_program
 from loader_eds import with_loader
 
 HEAD = "[nodes.2]\n"

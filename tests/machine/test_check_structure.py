@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cells import kit
 
-from axisbus.machine.check import check
+from axisbus.check.run import check
 
 
 def test_the_clean_cell_has_neither_error_nor_warning(tmp_path: Path) -> None:

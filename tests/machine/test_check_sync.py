@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cells import kit
 
-from axisbus.machine import config
+from axisbus.cell import reader as config
 
 SYNC = "sync = true\n"
 

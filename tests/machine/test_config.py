@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from cells import kit
 
+from axisbus.cell import reader as config
+from axisbus.cell.problem import Problem
 from axisbus.errors import ConfigError
-from axisbus.machine import config
-from axisbus.machine.problem import Problem
 
 MINIMAL = """\
 [bus]

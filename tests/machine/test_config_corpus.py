@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from axisbus.configuration.restore import Outcome, Restore
+from axisbus.configuration.save import backup
+from axisbus.configuration.values import select
 from axisbus.drives.make import GENERIC
-from axisbus.eds import dcf, reader, writer
-from axisbus.machine.backup.items import select
-from axisbus.machine.backup.restore import Outcome, Restore
-from axisbus.machine.backup.save import backup
+from axisbus.eds import dcf, writer
+from axisbus.eds.io import reader
 from axisbus.sim.dictionary import Dictionary
 from kit.corpus import CORPUS as FOLDER
 

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from axisbus import Machine, eds
+from axisbus.check.run import check
 from axisbus.drives import registry
 from axisbus.drives.make import Make
-from axisbus.eds import assign, dcf, reader, writer
+from axisbus.eds import assign, dcf, writer
+from axisbus.eds.io import reader
 from axisbus.errors import BootError
-from axisbus.machine.check import check
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "eds" / "generic-cia402.eds"

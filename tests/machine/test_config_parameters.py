@@ -6,13 +6,13 @@ import pytest
 from cells import kit
 
 from axisbus import eds
+from axisbus.cell import reader as config
+from axisbus.cell.described import Drive
+from axisbus.cell.parameters import axis_parameters
+from axisbus.cell.writes import axis_writes, node_writes
 from axisbus.cia402.modes import ModeOfOperation as Mode
 from axisbus.drives.make import Make
 from axisbus.eds import builtin
-from axisbus.machine import config
-from axisbus.machine.drive import Drive
-from axisbus.machine.parameters import axis_parameters
-from axisbus.machine.writes import axis_writes, node_writes
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 
 BENCH = eds.loads(kit.DRIVE.encode(), "drive.eds")

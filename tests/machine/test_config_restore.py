@@ -9,13 +9,14 @@ import pytest
 from strict_device import PDO_MAPPING, Cut, StrictDevice
 
 from axisbus.cia301.datatypes import encode, size_in_bytes
+from axisbus.configuration.restore import Outcome, Restore
+from axisbus.configuration.save import backup
+from axisbus.configuration.values import Selection, Why, require_within_limits, select
+from axisbus.configuration.write_order import ordered
 from axisbus.drives.make import GENERIC, Make
-from axisbus.eds import dcf, reader, writer
+from axisbus.eds import dcf, writer
+from axisbus.eds.io import reader
 from axisbus.errors import ArgumentError, LimitError
-from axisbus.machine.backup.items import Selection, Why, require_within_limits, select
-from axisbus.machine.backup.order import ordered
-from axisbus.machine.backup.restore import Outcome, Restore
-from axisbus.machine.backup.save import backup
 
 NODE = 5
 ROOT = Path(__file__).parents[2]

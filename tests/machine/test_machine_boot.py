@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from axisbus import Machine, Recorder, eds
+from axisbus.boot.stop_report import Watchdog, stop_ladder
+from axisbus.cell.proposal import compare
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.core import wire
 from axisbus.errors import ArgumentError, BootError, LimitError, SdoAbort, StateError
-from axisbus.machine import wire
-from axisbus.machine.proposal import compare
-from axisbus.machine.stopping import Watchdog, stop_ladder
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.sim.build import device_from_eds
 from axisbus.units import Scale

@@ -10,11 +10,11 @@ import can
 import pytest
 
 from axisbus import Machine, eds
-from axisbus.bus.deadline import Reception
+from axisbus.bus.pdo.reception import Reception
+from axisbus.check.run import check
 from axisbus.cia301.incident import Outcome
 from axisbus.cli import monitor
 from axisbus.errors import BootError, ScanError, SyncError
-from axisbus.machine.check import check
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 

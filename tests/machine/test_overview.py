@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from axisbus.cell import reader as config
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli import monitor_listen
-from axisbus.machine import config
+from axisbus.core.runtime import load_dictionaries
 from axisbus.machine.overview import Overview
-from axisbus.machine.runtime import load_dictionaries
 
 CELL = config.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)

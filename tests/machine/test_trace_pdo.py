@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from trace_kit import Wire
 
+from axisbus.cell import reader as config
+from axisbus.core.runtime import load_dictionaries
 from axisbus.eds import builtin, load
-from axisbus.machine import config
-from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.trace import known
-from axisbus.machine.trace.decoded import Kind
-from axisbus.machine.trace.text import what
+from axisbus.trace import known
+from axisbus.trace.decoded import Kind
+from axisbus.trace.text import what
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trace_kit import Wire, crc16
 
-from axisbus.machine.trace.text import what
+from axisbus.trace.text import what
 
 
 def test_an_expedited_read_has_name_value_words_and_the_time_it_took():

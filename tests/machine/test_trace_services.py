@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from trace_kit import Wire
 
-from axisbus.machine.trace.decoded import Kind
-from axisbus.machine.trace.known import Known, KnownNode
-from axisbus.machine.trace.text import line, who
+from axisbus.trace.decoded import Kind
+from axisbus.trace.known import Known, KnownNode
+from axisbus.trace.text import line, who
 
 
 @pytest.mark.parametrize(

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus import Machine
-from axisbus.bus.listen import listen
+from axisbus.bus.link.listen import listen
+from axisbus.cell import reader as config
 from axisbus.cia301.frame import Frame
-from axisbus.machine import config
-from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.trace import filters, known
-from axisbus.machine.trace.decoded import Kind
-from axisbus.machine.trace.decoder import Decoder
-from axisbus.machine.trace.plain import plain
-from axisbus.machine.trace.text import line
+from axisbus.core.runtime import load_dictionaries
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
+from axisbus.trace import filters, known
+from axisbus.trace.decoded import Kind
+from axisbus.trace.decoder import Decoder
+from axisbus.trace.plain import plain
+from axisbus.trace.text import line
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from axisbus.cia301.frame import Frame
-from axisbus.machine.trace import text
-from axisbus.machine.trace.decoded import Decoded
-from axisbus.machine.trace.decoder import Decoder
-from axisbus.machine.trace.known import NOTHING, Known
+from axisbus.trace import text
+from axisbus.trace.decoded import Decoded
+from axisbus.trace.decoder import Decoder
+from axisbus.trace.known import NOTHING, Known
 
 STEP = 0.001
 

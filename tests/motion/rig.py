@@ -8,11 +8,11 @@ from pathlib import Path
 
 from axisbus import eds
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.motion.axes import Group
-from axisbus.motion.axis import Axis
-from axisbus.motion.core import AxisCore
+from axisbus.core.scan import PumpWaiter, Scan
+from axisbus.machine.axis import Axis
+from axisbus.machine.groups import Group
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units
-from axisbus.motion.scan import PumpWaiter, Scan
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.motor import MotorParams

@@ -6,8 +6,8 @@ from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.errors import BusError
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import Timing
 
 T = 1 / 64  # seconds of a cycle: times that add up exactly show on which side of a limit they lie

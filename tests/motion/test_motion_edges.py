@@ -11,22 +11,22 @@ from rig import GENERIC, dictionary_of, parameters, rig
 from steps import Drive, T
 
 from axisbus.cia402.state import State
+from axisbus.core.scan import Lateness, PumpWaiter, Scan
 from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.motion import handle as handles
-from axisbus.motion.diagnosis import remedy
+from axisbus.motion.group.path import plan_line
 from axisbus.motion.handle import Handle, Status
-from axisbus.motion.ladder import Rung, Then
-from axisbus.motion.lookahead import excess, widened
+from axisbus.motion.moves.lookahead import excess, widened
+from axisbus.motion.moves.onward import Onward, Start
+from axisbus.motion.moves.profile import braking_distance, duration
+from axisbus.motion.moves.takeover import resting_target
 from axisbus.motion.numbers import number, told
-from axisbus.motion.onward import Onward, Start
 from axisbus.motion.pace import Pace, Step, brakes_smoothly, pace_of
 from axisbus.motion.parameters import Defaults, Limits
-from axisbus.motion.path import plan_line
-from axisbus.motion.profile import braking_distance, duration
-from axisbus.motion.ramped import RampedWay
-from axisbus.motion.scan import Lateness, PumpWaiter, Scan
-from axisbus.motion.stopping import StopKind, Stopping, stop_error
-from axisbus.motion.takeover import resting_target
+from axisbus.motion.stop.diagnosis import remedy
+from axisbus.motion.stop.ladder import Rung, Then
+from axisbus.motion.stop.ramped import RampedWay
+from axisbus.motion.stop.stopping import StopKind, Stopping, stop_error
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
 

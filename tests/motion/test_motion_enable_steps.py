@@ -16,10 +16,10 @@ from axisbus.errors import (
     TransitionError,
     UncommandedMotion,
 )
-from axisbus.motion.enable import RESTING_MODES, Enable
-from axisbus.motion.gate import Gate
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.enable import RESTING_MODES, Enable
+from axisbus.motion.moves.walk import StateWalk
 from axisbus.motion.parameters import StopTimes
-from axisbus.motion.walk import StateWalk
 
 MODE = ModeOfOperation
 DISABLED, READY, SWITCHED_ON, ENABLED, QUICK, FAULT = 0x0250, 0x0231, 0x0233, 0x0237, 0x0217, 0x0218

@@ -8,7 +8,7 @@ from watch import HALT, Watch
 
 from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
 from axisbus.errors import NodeError, StaleError, StateError
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
 from axisbus.motion.states import AxisState
 
 NAMES = ("statusword", "mode", "position", "velocity", "torque", "demand")

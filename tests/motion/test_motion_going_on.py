@@ -10,18 +10,18 @@ from rig import Rig, rig
 from steps import Drive
 
 from axisbus.errors import LimitError, MotionTimeout, StaleError
-from axisbus.motion.enable import Enable
-from axisbus.motion.follow import Follow
-from axisbus.motion.gate import OPEN, Gate
-from axisbus.motion.goingon import GoingOn
-from axisbus.motion.homing import HomingRun
-from axisbus.motion.jog import Jog
-from axisbus.motion.moves import PositionMove
+from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.goingon import GoingOn
+from axisbus.motion.moves.homing import HomingRun
+from axisbus.motion.moves.jog import Jog
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.power import Coast, Reset
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import Limits
-from axisbus.motion.power import Coast, Reset
-from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trapezoid
-from axisbus.motion.turning import TorqueMove, VelocityMove
 
 PROFILE = Profile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
 PERIOD = 0.01

@@ -11,11 +11,11 @@ from steps import Drive, T
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError, StaleError
 from axisbus.motion.braking import Braking, Course
-from axisbus.motion.following import Following, Peak
-from axisbus.motion.guard import Guard, stop_of
-from axisbus.motion.ladder import Rung
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop.following import Following, Peak
+from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.stop.limits import Guard, stop_of
 
 FREE, MOVE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 LIMITS = Limits(position=(0.0, 100.0), velocity=400.0)  # deg of 1000 increments

@@ -12,9 +12,9 @@ import pytest
 from rig import PERIOD, rig
 
 from axisbus.cia402.port import Waiter
+from axisbus.core.scan import PumpWaiter, Scan
 from axisbus.errors import DriveError, HomingError, MotionTimeout, Replaced, StateError, Stopped
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter, end_as, wait
-from axisbus.motion.scan import PumpWaiter, Scan
 
 
 class RealTime:

@@ -10,15 +10,15 @@ from rig import GENERIC, dictionary_of, parameters
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply
 from axisbus.cia402.state import State
 from axisbus.errors import SetPointError
-from axisbus.motion.image import Image
-from axisbus.motion.ladder import Rung, StopLadder, Then
-from axisbus.motion.onchange import OnChange
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.onchange import OnChange
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.proof import Proof, proof_of
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import HoldsLoad, StopTimes
-from axisbus.motion.profile import Profile
-from axisbus.motion.proof import Proof, proof_of
-from axisbus.motion.rundown import RunDown
-from axisbus.motion.setpoint import SetPoint
+from axisbus.motion.stop.ladder import Rung, StopLadder, Then
+from axisbus.motion.stop.rundown import RunDown
 
 T = 0.01
 HALF, SPAN = 2**31, 2**32

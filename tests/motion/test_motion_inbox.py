@@ -9,12 +9,12 @@ import threading
 import pytest
 from rig import rig
 
+from axisbus.core.inbox import AT_ONCE, MOST, Inbox, Waiting
 from axisbus.errors import StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.group_commands import ForEach, MoveLinear
+from axisbus.motion.group.commands import ForEach, MoveLinear
 from axisbus.motion.handle import NOBODY, Handle
-from axisbus.motion.inbox import AT_ONCE, MOST, Inbox, Waiting
-from axisbus.motion.profile import Profile
+from axisbus.motion.moves.profile import Profile
 
 PROFILE = Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)
 TURN = c.MoveVelocity(PROFILE)

@@ -24,15 +24,15 @@ from axisbus.cia402.port import (
 )
 from axisbus.errors import Replaced
 from axisbus.motion import commands as c
-from axisbus.motion.accept import accept
-from axisbus.motion.core import AxisCore
-from axisbus.motion.enable import Enable
+from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.handle import NOBODY, Handle
-from axisbus.motion.homing import HomingJob
-from axisbus.motion.moves import PositionMove
+from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.homing import HomingJob
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.power import Coast
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import Homing, StopTimes, Timing, Units
-from axisbus.motion.power import Coast
-from axisbus.motion.profile import Profile
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.units import Scale

@@ -12,14 +12,14 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
 from axisbus.errors import ArgumentError, LimitError, StaleError
-from axisbus.motion.follow import Follow
-from axisbus.motion.gate import OPEN
-from axisbus.motion.ladder import Rung, StopLadder, Then
-from axisbus.motion.leaving import AxisLeaving, ladder_time
+from axisbus.motion.group.gate import OPEN
+from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
-from axisbus.motion.pathclock import PathClock
-from axisbus.motion.rundown import RunDown
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop.ladder import Rung, StopLadder, Then
+from axisbus.motion.stop.leaving import AxisLeaving, ladder_time
+from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.trajectory import Trapezoid
 
 ENABLED, QUICK, DISABLED, READY, SWITCHED_ON, FAULT = 0x0237, 0x0217, 0x0250, 0x0231, 0x0233, 0x0218

@@ -8,9 +8,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rig import PERIOD
 
-from axisbus.motion.lookahead import Known, excess, widened
-from axisbus.motion.path import LineAxis
-from axisbus.motion.pathclock import PathClock
+from axisbus.motion.group.path import LineAxis
+from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.moves.lookahead import Known, excess, widened
 from axisbus.motion.trajectory import Sampled, Trapezoid
 
 LIMITS = (-10.0, 10.0)

@@ -23,21 +23,28 @@ from axisbus.errors import (
     StaleError,
     TransitionError,
 )
-from axisbus.motion.activity import ModeSwitch, Transfers, age_text, object_text, require_position, where_text
 from axisbus.motion.braking import Braking
-from axisbus.motion.gate import Gate
-from axisbus.motion.homing import HomingJob, HomingRun
-from axisbus.motion.interpolation import CyclicSetup, interpolation_period
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.moves.activity import (
+    ModeSwitch,
+    Transfers,
+    age_text,
+    object_text,
+    require_position,
+    where_text,
+)
+from axisbus.motion.moves.homing import HomingJob, HomingRun
+from axisbus.motion.moves.interpolation import CyclicSetup, interpolation_period
+from axisbus.motion.moves.power import Coast, Reset
+from axisbus.motion.moves.prepare import Prepare, profile_writes, slow_ramp_writes
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
-from axisbus.motion.pathclock import PathClock
-from axisbus.motion.power import Coast, Reset
-from axisbus.motion.prepare import Prepare, profile_writes, slow_ramp_writes
-from axisbus.motion.profile import Profile
-from axisbus.motion.ramped import RampedWay
-from axisbus.motion.sdo_path import SdoPath
-from axisbus.motion.setpoint import Phase, SetPoint
-from axisbus.motion.standing import Standing
-from axisbus.motion.still import Still
+from axisbus.motion.stop.ramped import RampedWay
+from axisbus.motion.stop.sdo_path import SdoPath
+from axisbus.motion.stop.standing import Standing
+from axisbus.motion.stop.still import Still
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
 

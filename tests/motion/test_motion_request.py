@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
+from axisbus.machine.request import Request
 from axisbus.motion.parameters import AxisParameters, Defaults, Limits, Units
-from axisbus.motion.request import Request
 from axisbus.units import Scale
 
 DEGREES = Scale.of("131072/360", "deg")

@@ -10,8 +10,8 @@ import pytest
 from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.errors import ArgumentError, LimitError
+from axisbus.machine.request import Request
 from axisbus.motion.parameters import Defaults, Homing, Limits
-from axisbus.motion.request import Request
 from axisbus.motion.trajectory import Sampled, Trapezoid
 
 

@@ -11,13 +11,13 @@ from rig import PERIOD, dictionary_of, parameters, rig
 from watch import ENABLED, Watch
 
 from axisbus.cia402.port import Inputs, Outputs, Sample, SdoReply, SdoRequest
+from axisbus.core.scan import Lateness, Scan
 from axisbus.errors import AdapterError, AxisbusError, ScanError
 from axisbus.motion import commands as c
-from axisbus.motion.follow import PathClock
 from axisbus.motion.handle import NOBODY, Handle, Status
-from axisbus.motion.homing import HomingJob
-from axisbus.motion.profile import Profile
-from axisbus.motion.scan import Lateness, Scan
+from axisbus.motion.moves.follow import PathClock
+from axisbus.motion.moves.homing import HomingJob
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Sampled, Trapezoid
 

@@ -22,25 +22,25 @@ from axisbus.errors import (
     Stopped,
     UncommandedMotion,
 )
-from axisbus.motion.aftermath import Aftermath
-from axisbus.motion.arrival import Arrival
+from axisbus.motion.axis.led import Led
 from axisbus.motion.braking import Braking, Course
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
-from axisbus.motion.jog import Jog
-from axisbus.motion.ladder import Rung
-from axisbus.motion.led import Led
-from axisbus.motion.modewatch import ModeWatch
-from axisbus.motion.moves import PositionMove
+from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.moves.jog import Jog
+from axisbus.motion.moves.modewatch import ModeWatch
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.setpoint import Phase, SetPoint
+from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import Limits
-from axisbus.motion.profile import Profile
-from axisbus.motion.relief import Relief, is_blind, needs_relief
-from axisbus.motion.resting import Resting
-from axisbus.motion.rundown import RunDown
-from axisbus.motion.setpoint import Phase, SetPoint
 from axisbus.motion.states import AxisState
-from axisbus.motion.supervision import Supervision
-from axisbus.motion.turning import TorqueMove, VelocityMove
+from axisbus.motion.stop.aftermath import Aftermath
+from axisbus.motion.stop.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
+from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.stop.relief import Relief, is_blind, needs_relief
+from axisbus.motion.stop.resting import Resting
+from axisbus.motion.stop.rundown import RunDown
+from axisbus.motion.stop.supervision import Supervision
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
 MODE = ModeOfOperation

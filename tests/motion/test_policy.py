@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.errors import DriveFault, NodeError
-from axisbus.motion.policy import FaultPolicy, LostNode
+from axisbus.motion.stop.policy import FaultPolicy, LostNode
 
 AXES = ("x", "y", "z", "w")
 GROUPS = {"xy": ["x", "y"], "zy": ["z", "y"]}

@@ -20,7 +20,7 @@ ENOUGH = 75.0  # seconds of tests, by their measured times, that a mutant has to
 def every(root: Path, packages: tuple[Path, ...]) -> Iterator[Mutant]:
     """Yield all mutants of the packages, always in the same order."""
     for package in packages:
-        for file in sorted(package.glob("*.py")):
+        for file in sorted(package.rglob("*.py")):
             yield from mutants(str(file.relative_to(root)), file.read_text())
 
 

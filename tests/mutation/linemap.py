@@ -110,7 +110,7 @@ def up_to_date(
     hashes = {str(file.relative_to(root)): _hash(file) for file in test_files}
     changed = [name for name, is_now in hashes.items() if known.files.get(name) != is_now]
     for package in packages:
-        for file in sorted(package.glob("*.py")):
+        for file in sorted(package.rglob("*.py")):
             name, text = str(file.relative_to(root)), file.read_text()
             if known.texts.get(name) != text:
                 known.follow(name, text)

@@ -11,7 +11,7 @@ from axisbus.cia402.port import Outputs
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.drive import Drive
-from axisbus.sim.slave import Slave
+from axisbus.sim.node.slave import Slave
 
 PERIOD = 0.01
 

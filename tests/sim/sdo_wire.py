@@ -12,7 +12,7 @@ from axisbus.cia301.sdo import Way
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import Dictionary
-from axisbus.sim.sdo import SdoServer
+from axisbus.sim.node.sdo import SdoServer
 
 FILE = (0x2100, 0)
 TIMEOUT = 0.5

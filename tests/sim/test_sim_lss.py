@@ -12,9 +12,9 @@ from sim_eds import DRIVE, NODE, U32, make_eds
 
 from axisbus.sim.device import Device
 from axisbus.sim.dials import LssDials
-from axisbus.sim.lss import LssSlave
-from axisbus.sim.network import StandIns
-from axisbus.sim.slave import Slave
+from axisbus.sim.node.lss import LssSlave
+from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.slave import Slave
 
 EDS = make_eds(
     [

@@ -20,8 +20,8 @@ from sim_rig import state
 
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from axisbus.sim.network import StandIns
-from axisbus.sim.node import object_dictionary
+from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.node import object_dictionary
 from can_line import options
 
 DEADLINE = 20.0

@@ -10,7 +10,7 @@ from sim_rig import state
 from axisbus.cia301.datatypes import DataType
 from axisbus.sim.device import Device
 from axisbus.sim.motor import MotorParams
-from axisbus.sim.slave import Slave
+from axisbus.sim.node.slave import Slave
 
 NODE = 5
 

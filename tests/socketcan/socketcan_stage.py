@@ -14,7 +14,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.handle import Handle
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 GENERIC = "builtin:generic-cia402"
 CELL = """

@@ -13,7 +13,7 @@ import can
 import pytest
 from socketcan_stage import ip, until
 
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, AxisbusError, BusOff
 from axisbus.machine.machine import boot

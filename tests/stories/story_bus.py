@@ -17,12 +17,12 @@ from story_nets import patience
 from axisbus import eds
 from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
-from axisbus.motion.axis import Axis
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 from kit.cell import SCALE, cell_text
 from kit.probe import PlantProbe, RealTime
 

@@ -14,8 +14,8 @@ from typing import Any
 
 from story_bridge import Bridge
 
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 
 
 def _die(before: bool, done: Callable[..., Any]) -> Callable[..., Any]:

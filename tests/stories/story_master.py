@@ -16,8 +16,8 @@ from story_bridge import Bridge
 from story_nets import cut
 
 from axisbus.errors import AxisbusError
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
-from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
 

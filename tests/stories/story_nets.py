@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from unittest.mock import patch
 
+from axisbus.boot.configure import Watch
+from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.bus.cycle import CanCycle
-from axisbus.machine.configure import Watch
-from axisbus.machine.node_stop import NodeStop
-from axisbus.machine.stopping import NO_WATCHDOG
-from axisbus.machine.supervisor import Supervisor
-from axisbus.motion.ladder import StopLadder
-from axisbus.motion.leaving import AxisLeaving
+from axisbus.core.node_stop import NodeStop
+from axisbus.core.supervisor import Supervisor
+from axisbus.motion.stop.ladder import StopLadder
+from axisbus.motion.stop.leaving import AxisLeaving
 from axisbus.sim.direct import DirectCycle
 
 

@@ -15,9 +15,9 @@ from story_bus import Line, turning, until
 from story_nets import patience
 
 from axisbus.cia301.nmt import NmtState
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
-from axisbus.machine import node_stop
+from axisbus.cli.shared.common import run
+from axisbus.core import node_stop
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF, QUICK_STOP

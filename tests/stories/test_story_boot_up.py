@@ -13,16 +13,16 @@ import pytest
 from story_bus import Line, enable, until
 
 from axisbus import eds
+from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
+from axisbus.core import pickup, wire
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, DriveError, NodeError, NodeTimeout, StateError
-from axisbus.machine import pickup, wire
 from axisbus.machine.machine import Machine, boot
-from axisbus.machine.stopping import Watchdog
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 from kit.cell import GENERIC
 from kit.probe import ENABLED, OFF
 from lossy_line import LossyLine

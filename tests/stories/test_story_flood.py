@@ -7,11 +7,11 @@ import time
 
 import pytest
 
+from axisbus.core.inbox import MOST
 from axisbus.errors import StateError, Stopped
 from axisbus.motion.commands import MoveVelocity
 from axisbus.motion.handle import NOBODY, Handle
-from axisbus.motion.inbox import MOST
-from axisbus.motion.profile import Profile
+from axisbus.motion.moves.profile import Profile
 from kit.probe import ENABLED, OFF
 
 STOPS = {

@@ -9,9 +9,10 @@ from itertools import pairwise
 import pytest
 
 from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError, StateError
-from axisbus.motion import accept_motion, line
-from axisbus.motion.axes import Group
-from axisbus.motion.pathclock import PathClock
+from axisbus.machine.groups import Group
+from axisbus.motion.axis import accept_motion
+from axisbus.motion.group import line
+from axisbus.motion.group.pathclock import PathClock
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 

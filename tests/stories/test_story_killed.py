@@ -17,10 +17,11 @@ from story_bridge import Bridge
 from story_bus import until
 from story_program import Program
 
-from axisbus.eds import builtin, dcf, load, reader, writer
+from axisbus.eds import builtin, dcf, load, writer
 from axisbus.eds.assign import entry
+from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 EDS = "builtin:generic-cia402"
 PATH = builtin.resolve(EDS, Path())

@@ -13,9 +13,9 @@ from can.interfaces.virtual import VirtualBus
 from story_bus import Line, enable
 from story_other_master import Ear, OtherMaster, Says
 
-from axisbus.bus import adapter, listenonly
-from axisbus.cli.common import run
+from axisbus.bus.link import adapter, listenonly
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 from kit.probe import ENABLED

@@ -9,13 +9,13 @@ import pytest
 from story_bus import Line, enable, until
 
 from axisbus import eds
-from axisbus.cia301.bootplan import Letter
 from axisbus.cia301.nmt import NmtState
+from axisbus.cia302.vocabulary import Letter
 from axisbus.cli import boot as boot_command
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
+from axisbus.core import pickup, wire
 from axisbus.errors import BootError
-from axisbus.machine import pickup, wire
 from axisbus.machine.machine import Machine, boot
 from axisbus.sim.build import device_from_eds
 from kit.probe import ENABLED

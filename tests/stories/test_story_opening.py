@@ -10,9 +10,9 @@ import pytest
 from story_bus import Line, enable
 
 from axisbus import eds
+from axisbus.core import wire
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, ConfigError
-from axisbus.machine import wire
 from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from kit.cell import GENERIC, cell_text

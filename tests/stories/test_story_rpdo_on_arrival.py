@@ -12,7 +12,7 @@ import pytest
 from story_bus import Line, enable, until
 from story_other_master import Ear
 
-from axisbus.bus import rpdo_pace
+from axisbus.bus.pdo import rpdo_pace
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit.probe import ENABLED, QUICK_STOP, SWITCH_ON_DISABLED

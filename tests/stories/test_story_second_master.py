@@ -11,15 +11,15 @@ import story_other_master as others
 from story_bus import Line, enable, turning
 from story_other_master import Ear, OtherMaster, Says
 
-from axisbus.bus import alone
+from axisbus.bus.link import alone
+from axisbus.cell.model import BusConfig
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Cast, Signs
-from axisbus.cli.common import run
 from axisbus.cli.main import cli
+from axisbus.cli.shared.common import run
+from axisbus.core import wire
+from axisbus.core.alone import LONGEST, listening_time
 from axisbus.errors import BusError, SecondMasterError
-from axisbus.machine import wire
-from axisbus.machine.alone import LONGEST, listening_time
-from axisbus.machine.cell import BusConfig
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 from kit.probe import ENABLED, OFF
@@ -305,7 +305,7 @@ def test_ctrl_c_while_it_listens_leaves_nothing_behind(tmp_path, monkeypatch):
 
 def test_a_quiet_bus_costs_no_more_than_that(tmp_path):
     with Line(tmp_path, "x", present="") as line:
-        from axisbus.bus.channel import Channel
+        from axisbus.bus.link.channel import Channel
 
         with Channel.open("virtual", line.channel) as channel:
             begin = time.monotonic()

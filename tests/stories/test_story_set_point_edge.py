@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import pytest
 
-from axisbus.bus import edge
+from axisbus.bus.pdo import edge
 from axisbus.eds.builtin import resolve
 from axisbus.errors import MotionTimeout
 from kit.cell import GENERIC, SCALE, Cell, Stage

@@ -13,8 +13,8 @@ import pytest
 from story_bus import Line, turning, until
 
 from axisbus.cia402.starvation import REMEDY
+from axisbus.core.whereabouts import Place, whereabouts
 from axisbus.errors import AxisbusError, NodeError, StaleError
-from axisbus.machine.whereabouts import Place, whereabouts
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF
 

@@ -7,25 +7,25 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from axisbus.bus.edge import CONTROLWORD
-from axisbus.bus.eventtimer import EventTimer
-from axisbus.bus.nmt import guarding_answer
-from axisbus.bus.node import Node
-from axisbus.bus.pdo import configure, set_pdo
-from axisbus.bus.pdo_read import read_number
-from axisbus.bus.plan import Policy, Wanted, spare_cob_ids
+from axisbus.boot.configure import HEARTBEATS
+from axisbus.bus.node.nmt import guarding_answer
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.configure import configure, set_pdo
+from axisbus.bus.pdo.edge import CONTROLWORD
+from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.bus.pdo.plan import Policy, Wanted, spare_cob_ids
+from axisbus.bus.pdo.read import read_number
+from axisbus.bus.pdo.rpdo_pace import REPEAT
 from axisbus.bus.port import CanPort
-from axisbus.bus.rpdo_pace import REPEAT
+from axisbus.cell.model import AxisConfig, CellConfig
+from axisbus.cell.pdo_tables import fixed_pdos, map_entry, requested_pdos, timed_pdos
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootplan import DEADLINE
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
+from axisbus.cia302.vocabulary import DEADLINE
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
-from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.checks.pdomodel import fixed_pdos, map_entry, requested_pdos, timed_pdos
-from axisbus.machine.configure import HEARTBEATS
 
 _FIRST_GUARDING = 2.0  # seconds until the scan, which asks, has begun: other nodes may still be booting
 

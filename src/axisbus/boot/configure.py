@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from axisbus.boot.identity import expected
+from axisbus.boot.objects import Objects, read_int
+from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, WatchdogReport
+from axisbus.boot.sync_and_time import set_services
+from axisbus.cell.drive_limits import limit_writes
+from axisbus.cell.model import BusConfig, CellConfig
+from axisbus.cell.program_file import wanted_program
+from axisbus.cell.writes import Write, axis_writes, node_writes
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootplan import Plan, Setting
+from axisbus.cia302.vocabulary import Plan, Setting
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort
-from axisbus.machine.access import Objects, read_int
-from axisbus.machine.cell import BusConfig, CellConfig
-from axisbus.machine.drivelimits import limit_writes
-from axisbus.machine.identity import expected
-from axisbus.machine.programfile import wanted_program
-from axisbus.machine.services import set_services
-from axisbus.machine.stopping import NO_WATCHDOG, Watchdog, WatchdogReport
-from axisbus.machine.writes import Write, axis_writes, node_writes
 
 HEARTBEATS = 3  # missed ones after which a drive may call the master dead, and the master a drive
 

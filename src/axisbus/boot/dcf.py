@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from axisbus.boot.configure import writes_of
+from axisbus.boot.objects import Objects
+from axisbus.cell.model import CellConfig
 from axisbus.cia301 import objects as o
+from axisbus.configuration.restore import Outcome, Report, Restore
+from axisbus.configuration.values import Key, Selection, require_within_limits, select
+from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, BootError
-from axisbus.machine.access import Objects
-from axisbus.machine.backup.items import Key, Selection, require_within_limits, select
-from axisbus.machine.backup.order import pdo_of
-from axisbus.machine.backup.restore import Outcome, Report, Restore
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.configure import writes_of
 from axisbus.wording import counted
 
 _ERROR_CONTROL = frozenset((o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT, o.GUARD_TIME, o.LIFE_TIME_FACTOR))

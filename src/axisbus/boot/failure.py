@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from axisbus.boot import identity
+from axisbus.boot import program_text as programtext
+from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootplan import IDENTITY, Letter, Outcome
+from axisbus.cia302.vocabulary import IDENTITY, Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort
-from axisbus.machine import identity, programtext
-from axisbus.machine.cell import NodeConfig
 from axisbus.wording import counted
 
 _OTHER_DEVICE = {letter for _, _, letter in IDENTITY}

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from axisbus.boot.objects import Objects
+from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootplan import IDENTITY, Address, Expected, Outcome
+from axisbus.cia302.vocabulary import IDENTITY, Address, Expected, Outcome
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.objects import PROFILE_NUMBER
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds.model import Eds
 from axisbus.errors import BootError, SdoAbort
-from axisbus.machine.access import Objects
-from axisbus.machine.cell import NodeConfig
 
 _PROFILE = 0xFFFF  # the low word of 1000h; the high word says which of its options a device has
 _VENDOR = (o.IDENTITY, o.VENDOR_ID)

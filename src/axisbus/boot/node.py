@@ -20,11 +20,29 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from axisbus.bus.eventtimer import EventTimer
+from axisbus.boot import dcf
+from axisbus.boot import error_state as errorstate
+from axisbus.boot import identity as ids
+from axisbus.boot import program_text as programtext
+from axisbus.boot.configure import Watch, plan_of
+from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
+from axisbus.boot.objects import Objects, Progress, read_int
+from axisbus.boot.report import AxisReport, NodeReport
+from axisbus.boot.requests import Answerer, Locals, Nmt
+from axisbus.boot.stop_report import Watchdog, stop_ladder
+from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell import mode_list as modelist
+from axisbus.cell import proposal, torque
+from axisbus.cell import sync_window as syncwindow
+from axisbus.cell.described import Drive
+from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
+from axisbus.cell.parameters import axis_parameters
+from axisbus.cell.ramps import braking_of
+from axisbus.cell.writes import own_index
 from axisbus.cia301 import objects as o301
-from axisbus.cia301.bootplan import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
-from axisbus.cia301.bootup import boot_up
 from axisbus.cia301.emcy import Emcy
+from axisbus.cia302.bootup import boot_up
+from axisbus.cia302.vocabulary import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.port import Capabilities, Source
@@ -33,19 +51,6 @@ from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
-from axisbus.machine import dcf, errorstate, modelist, programtext, proposal, syncwindow, torque
-from axisbus.machine import identity as ids
-from axisbus.machine.access import Objects, Progress, read_int
-from axisbus.machine.answers import Answerer, Locals, Nmt
-from axisbus.machine.bootfailure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
-from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
-from axisbus.machine.configure import Watch, plan_of
-from axisbus.machine.drive import Drive
-from axisbus.machine.parameters import axis_parameters
-from axisbus.machine.ramps import braking_of
-from axisbus.machine.report import AxisReport, NodeReport
-from axisbus.machine.stopping import Watchdog, stop_ladder
-from axisbus.machine.writes import own_index
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootplan import Letter, Outcome
-from axisbus.cia301.program import NUMBER, Control, Mark, ProgramState, Stage
+from axisbus.cia302.program import NUMBER, Control, Mark, ProgramState, Stage
+from axisbus.cia302.vocabulary import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError, SdoAbort, SdoTimeout
-from axisbus.machine.cell import NodeConfig
 from axisbus.wording import counted
 
 LETTERS = frozenset({Letter.G, Letter.H, Letter.I})

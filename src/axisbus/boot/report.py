@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from axisbus.bus.eventtimer import EventTimer
-from axisbus.cia301.bootplan import Letter, Outcome
+from axisbus.boot import program_text as programtext
+from axisbus.boot import text as boottext
+from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
+from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell.proposal import ScaleReport
+from axisbus.cia302.vocabulary import Letter, Outcome
 from axisbus.errors import AxisbusError, BootError
-from axisbus.machine import boottext, programtext
-from axisbus.machine.proposal import ScaleReport
-from axisbus.machine.stopping import StopLadderReport, Watchdog, WatchdogReport
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import AbstractContextManager
 from typing import Protocol
 
-from axisbus.cia301 import bootplan as b
+from axisbus.boot.objects import Objects, Progress
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia302 import vocabulary as b
 from axisbus.errors import AxisbusError, NodeRefused, NodeTimeout, SdoAbort, SdoError
-from axisbus.machine.access import Objects, Progress
 
 
 class Nmt(Protocol):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from axisbus.boot.objects import Objects, read_int
+from axisbus.cell.model import BusConfig
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.errors import BootError, SdoAbort
-from axisbus.machine.access import Objects, read_int
-from axisbus.machine.cell import BusConfig
 
 
 def set_services(objects: Objects, bus: BusConfig) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from axisbus.boot.program_text import LETTERS
 from axisbus.cia301 import abort
-from axisbus.cia301.bootplan import Outcome
-from axisbus.machine.programtext import LETTERS
+from axisbus.cia302.vocabulary import Outcome
 from axisbus.wording import counted
 
 _WIDTH = 14

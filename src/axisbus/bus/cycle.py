@@ -23,11 +23,11 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
-from axisbus.bus.channel import Channel
 from axisbus.bus.lateness import Lateness, LatenessReport
-from axisbus.bus.nodeevents import NodeEvents
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.pdo.rpdo import Frame
 from axisbus.bus.port import CanPort
-from axisbus.bus.rpdo import Frame
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeProducer
 from axisbus.cia301 import cob

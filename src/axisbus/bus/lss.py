@@ -16,14 +16,20 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from axisbus.bus import discover, nmt
-from axisbus.bus.channel import Channel, require_other_thread
-from axisbus.bus.inbox import Inbox
-from axisbus.bus.nmt import NodeMonitor
-from axisbus.bus.operation import signs_of_operation
-from axisbus.cia301 import cob, lss_master
+from axisbus.bus.link.channel import Channel, require_other_thread
+from axisbus.bus.link.inbox import Inbox
+from axisbus.bus.link.operation import signs_of_operation
+from axisbus.bus.node import discover, nmt
+from axisbus.bus.node.nmt import NodeMonitor
+from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
-from axisbus.cia301.lss import (
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia305 import master as lss_master
+from axisbus.cia305.dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
+from axisbus.cia305.fastscan import FastScan
+from axisbus.cia305.found import Known, Scanned
+from axisbus.cia305.master import Inquired, NodeIdSet
+from axisbus.cia305.services import (
     UNCONFIGURED,
     LssAddress,
     State,
@@ -31,11 +37,6 @@ from axisbus.cia301.lss import (
     require_node_id,
     switch_global,
 )
-from axisbus.cia301.lss_dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
-from axisbus.cia301.lss_found import Known, Scanned
-from axisbus.cia301.lss_master import Inquired, NodeIdSet
-from axisbus.cia301.lss_scan import FastScan
-from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import ArgumentError, BusError, NodeTimeout, StateError
 
 T = TypeVar("T")
@@ -88,7 +89,7 @@ class LssMaster:
         Takes about 1 s for the first and one more for each that differs much; 0.6 s more at the end, when nobody answers any more.
         A slave that goes on answering after it was found (against CiA 305) costs some seconds: its address is read from it, and it
         is excluded; ``Scanned`` says so, and what could not be found out. Slaves with a node-ID do not take part
-        (``axisbus.bus.discover.scan`` finds those).
+        (``axisbus.bus.node.discover.scan`` finds those).
 
         Raises:
             LssTimeout, LssError: a slave went silent, or the answers go on contradicting each other.

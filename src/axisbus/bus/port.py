@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from axisbus.bus import edge, freshness
-from axisbus.bus.channel import Receiver
-from axisbus.bus.deadline import Deadline, Deadlines
-from axisbus.bus.edge import CONTROLWORD
-from axisbus.bus.mapping import axis_index
-from axisbus.bus.node import Node
-from axisbus.bus.plan import Plan
-from axisbus.bus.poller import Poller
-from axisbus.bus.prime import prime_inputs, prime_outputs
-from axisbus.bus.rpdo import Frame, RpdoImage
-from axisbus.bus.rpdo_pace import REPEAT, RpdoPace
-from axisbus.bus.sdo_output import SdoOutputs, is_motion
-from axisbus.bus.tpdo import Requests, TpdoSlot
-from axisbus.bus.worker import Job
+from axisbus.bus.link.channel import Receiver
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo import edge, freshness
+from axisbus.bus.pdo.edge import CONTROLWORD
+from axisbus.bus.pdo.mapping import axis_index
+from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.poller import Poller
+from axisbus.bus.pdo.prime import prime_inputs, prime_outputs
+from axisbus.bus.pdo.reception import Deadline, Deadlines
+from axisbus.bus.pdo.rpdo import Frame, RpdoImage
+from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
+from axisbus.bus.pdo.sdo_output import SdoOutputs, is_motion
+from axisbus.bus.pdo.tpdo import Requests, TpdoSlot
+from axisbus.bus.sdo.worker import Job
 from axisbus.cia301 import abort, cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtCommand, NmtState

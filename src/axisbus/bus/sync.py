@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import sync
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.sync import SyncWatch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.timeofday import TimeOfDay, parse

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from axisbus.cell.drive_limits import limit_writes
+from axisbus.cell.model import AxisConfig, NodeConfig
+from axisbus.cell.writes import FIRST_AXIS, Write, implied_writes, initial, known_writes, own_index
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed, supported
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Variable
-from axisbus.machine.cell import AxisConfig, NodeConfig
-from axisbus.machine.drivelimits import limit_writes
-from axisbus.machine.writes import FIRST_AXIS, Write, implied_writes, initial, known_writes, own_index
 
 
 @dataclass(frozen=True)

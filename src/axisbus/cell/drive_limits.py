@@ -11,12 +11,12 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
+from axisbus.cell import proposal
+from axisbus.cell.model import AxisConfig
+from axisbus.cell.scales import units_of
+from axisbus.cell.writes import Write, initial, own_index
 from axisbus.cia402 import objects as o
 from axisbus.eds.dictionary import Dictionary
-from axisbus.machine import proposal
-from axisbus.machine.cell import AxisConfig
-from axisbus.machine.scales import units_of
-from axisbus.machine.writes import Write, initial, own_index
 from axisbus.motion.parameters import Units
 from axisbus.units import toward_zero, whole_above, whole_below
 

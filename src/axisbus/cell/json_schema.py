@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from axisbus.machine import cellwords as words
-from axisbus.machine import schema, values
-from axisbus.machine.schema import Keys
+from axisbus.cell import schema, values, words
+from axisbus.cell.schema import Keys
 from axisbus.units import INCREMENTS
 
 Json = dict[str, Any]

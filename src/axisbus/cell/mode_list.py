@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Set
 from dataclasses import dataclass
 
+from axisbus.cell.described import Drive
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
-from axisbus.machine.drive import Drive
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from axisbus.cell import torque
+from axisbus.cell.described import Drive
+from axisbus.cell.model import AxisConfig, CellConfig
+from axisbus.cell.ramps import braking_of
+from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects, options
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds.model import Eds
-from axisbus.machine import torque
-from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.drive import Drive
-from axisbus.machine.ramps import braking_of
-from axisbus.machine.scales import units_of
 from axisbus.motion.parameters import (
     AxisParameters,
     Defaults,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.bus.mapping import axis_objects
-from axisbus.bus.plan import Change, Policy, make_plan, spare_cob_ids
+from axisbus.bus.pdo.mapping import axis_objects
+from axisbus.bus.pdo.plan import Change, Policy, make_plan, spare_cob_ids
+from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import Pdo
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.machine.cell import CellConfig, NodeConfig
-from axisbus.machine.checks import pdomodel
 
 
 def travelling(

@@ -6,15 +6,15 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from axisbus.bus.mapping import DevicePdos
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.cell.model import NodeConfig, PdoConfig
+from axisbus.cell.writes import initial
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Number
 from axisbus.errors import ArgumentError
-from axisbus.machine.cell import NodeConfig, PdoConfig
-from axisbus.machine.writes import initial
 
 PDO_NUMBERS = range(1, 513)
 _MULTIPLEXED = 0xFE  # sub-index 0 of an MPDO (CiA 301 7.5.2.36)

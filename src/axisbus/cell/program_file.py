@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from axisbus.cia301.program import Mark, Program, Version
+from axisbus.cell.model import CellConfig, NodeConfig, ProgramConfig
+from axisbus.cia302.program import Mark, Program, Version
 from axisbus.errors import ConfigError
-from axisbus.machine.cell import CellConfig, NodeConfig, ProgramConfig
 
 LEAST_DEADLINE = 60.0  # seconds; clearing a large flash memory takes some tens of them
 _SLOWEST = 10_000  # bytes/s that a node is expected to write to its memory at least

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import NamedTuple
 
+from axisbus.cell.model import INCREMENTS, AxisConfig, CellConfig
+from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects as o
-from axisbus.eds.wording import first_axis
+from axisbus.eds.report.wording import first_axis
 from axisbus.errors import ArgumentError
-from axisbus.machine.cell import INCREMENTS, AxisConfig, CellConfig
-from axisbus.machine.scales import units_of
 from axisbus.motion.parameters import Units
 
 

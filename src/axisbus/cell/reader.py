@@ -12,10 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from axisbus.eds.model import Severity
-from axisbus.errors import ConfigError
-from axisbus.machine import schema, toml, values
-from axisbus.machine.cell import (
+from axisbus.cell import schema, toml, values
+from axisbus.cell.model import (
     INCREMENTS,
     AxisConfig,
     BusConfig,
@@ -30,10 +28,12 @@ from axisbus.machine.cell import (
     ProgramConfig,
     StopConfig,
 )
-from axisbus.machine.problem import Problem, errors
-from axisbus.machine.tables import Fields, Tables, name_of
-from axisbus.machine.toml import Document
-from axisbus.machine.tomllines import KeyPath
+from axisbus.cell.problem import Problem, errors
+from axisbus.cell.tables import Fields, Tables, name_of
+from axisbus.cell.toml import Document
+from axisbus.cell.toml_lines import KeyPath
+from axisbus.eds.model import Severity
+from axisbus.errors import ConfigError
 from axisbus.wording import counted
 
 __all__ = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from axisbus.machine.cell import INCREMENTS, AxisConfig
+from axisbus.cell.model import INCREMENTS, AxisConfig
 from axisbus.motion.parameters import Units
 from axisbus.units import Scale
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from axisbus.cell import values as v
 from axisbus.cia301.cob import ID_MASK_11
 from axisbus.cia402 import options
 from axisbus.cia402.modes import FACTS
-from axisbus.machine import values as v
 
 
 @dataclass(frozen=True, slots=True)

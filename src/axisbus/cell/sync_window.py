@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.machine.cell import BusConfig
+from axisbus.cell.model import BusConfig
 
 
 def misses(window: int | None, bus: BusConfig) -> bool:

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
+from axisbus.cell import schema, values
+from axisbus.cell.model import Place
+from axisbus.cell.problem import Problem
+from axisbus.cell.schema import Keys
+from axisbus.cell.toml import Document
+from axisbus.cell.toml_lines import KeyPath
 from axisbus.eds.model import Severity
-from axisbus.machine import schema, values
-from axisbus.machine.cell import Place
-from axisbus.machine.problem import Problem
-from axisbus.machine.schema import Keys
-from axisbus.machine.toml import Document
-from axisbus.machine.tomllines import KeyPath
 
 Fields = dict[str, Any]
 

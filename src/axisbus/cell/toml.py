@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from axisbus.cell.toml_lines import KeyPath, locate
 from axisbus.errors import ConfigError
-from axisbus.machine.tomllines import KeyPath, locate
 from axisbus.wording import counted
 
 MAX_BYTES = 1 << 20  # a cell of 127 nodes takes some 100 kB

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from axisbus.cell.proposal import ScaleReport
 from axisbus.cia402 import objects as o
-from axisbus.machine.proposal import ScaleReport
 from axisbus.motion.parameters import Limits
 
 _MILLI = 1000  # 6076h is in mN·m, 6072h in 0.1 % of rated torque (CiA 402-2 16.4)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from axisbus.cell.model import AxisConfig, NodeConfig, ObjectSetting
+from axisbus.cell.scales import DRIVE, units_of
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.errors import ArgumentError
-from axisbus.machine.cell import AxisConfig, NodeConfig, ObjectSetting
-from axisbus.machine.scales import DRIVE, units_of
 
 FIRST_AXIS = range(0x6000, 0x6800)  # the profile objects of a device's first axis (CiA 402-2 5)
 

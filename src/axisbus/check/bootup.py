@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import objects as cia301
-from axisbus.machine.checks.case import Case, Check, Found
 
 
 def version(case: Case) -> Found:

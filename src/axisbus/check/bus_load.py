@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell.model import BusConfig
+from axisbus.cell.pdo_plan import travelling
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia301.pdo import Pdo
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import LimitError
-from axisbus.machine.cell import BusConfig
-from axisbus.machine.checks import pdomodel
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.pdoplan import travelling
-from axisbus.motion.interpolation import interpolation_period
+from axisbus.motion.moves.interpolation import interpolation_period
 
 ERROR_LOAD = 0.9
 WARNING_LOAD = 0.6

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-from axisbus.bus import errorframe
+from axisbus.bus.link import errorframe
 from axisbus.cia301.frame import Frame
 
 WINDOW = 0.1  # seconds

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from axisbus.cell.described import Drive
+from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
+from axisbus.cell.problem import Problem
+from axisbus.cell.writes import initial, known_writes
 from axisbus.cia402 import objects
 from axisbus.cia402.objects import names
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Severity
-from axisbus.machine.cell import AxisConfig, CellConfig, NodeConfig
-from axisbus.machine.drive import Drive
-from axisbus.machine.problem import Problem
-from axisbus.machine.writes import initial, known_writes
 
 NEEDED = (objects.CONTROLWORD, objects.STATUSWORD)  # without these there is no axis
 

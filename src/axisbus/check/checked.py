@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from axisbus.machine import config
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.check import check_cell
-from axisbus.machine.problem import errors
+from axisbus.cell import reader as config
+from axisbus.cell.model import CellConfig
+from axisbus.cell.problem import errors
+from axisbus.check.run import check_cell
 
 
 def checked(path: str | Path, beside: bool = False) -> CellConfig:

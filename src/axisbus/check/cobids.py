@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell.model import NodeConfig
+from axisbus.cell.pdo_tables import NodePdo
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
-from axisbus.machine.cell import NodeConfig
-from axisbus.machine.checks import pdomodel
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.checks.pdomodel import NodePdo
 
 # Restricted CAN-IDs (CiA 301 table 40), and the ones that SYNC and TIME use by default.
 RESTRICTED: tuple[tuple[range, str], ...] = (

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from axisbus import eds as eds_files
+from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.problem import Problem
+from axisbus.check.case import NEEDED, Case, Check, Found, own_title, titles
 from axisbus.cia402 import objects
+from axisbus.configuration.values import require_within_limits, select
 from axisbus.drives import registry
 from axisbus.eds import builtin
 from axisbus.eds.model import Eds, Finding, Severity
 from axisbus.errors import ArgumentError, EdsError, LimitError
-from axisbus.machine.backup.items import require_within_limits, select
-from axisbus.machine.cell import CellConfig, NodeConfig
-from axisbus.machine.checks.case import NEEDED, Case, Check, Found, own_title, titles
-from axisbus.machine.problem import Problem
 from axisbus.wording import counted
 
 _SHOWN = 3

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cell.drive_limits import KEY, left_out
+from axisbus.cell.model import AxisConfig, Place
+from axisbus.check.case import Case, Check, Found, own_title
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
-from axisbus.machine.cell import AxisConfig, Place
-from axisbus.machine.checks.case import Case, Check, Found, own_title
-from axisbus.machine.drivelimits import KEY, left_out
 
 
 def _speeds(axis: AxisConfig) -> Iterator[tuple[str, Place, float]]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from axisbus.cell.model import INCREMENTS
+from axisbus.cell.parameters import homing_required, modes
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.machine.cell import INCREMENTS
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.parameters import homing_required, modes
 
 _M = ModeOfOperation
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cell import mode_list as modelist
+from axisbus.cell.described import Drive
+from axisbus.check.case import Case, Check, Found, title, titles
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
-from axisbus.machine import modelist
-from axisbus.machine.checks.case import Case, Check, Found, title, titles
-from axisbus.machine.drive import Drive
 
 _M = ModeOfOperation
 USED = (

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cell.model import ObjectSetting
+from axisbus.cell.problem import Problem
+from axisbus.cell.writes import FIRST_AXIS, Write, known_writes, own_index, resolve, setting_write
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects
 from axisbus.eds.dictionary import PROFILE_AREA, Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
-from axisbus.machine.cell import ObjectSetting
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.problem import Problem
-from axisbus.machine.writes import FIRST_AXIS, Write, known_writes, own_index, resolve, setting_write
 
 _TEXT_TYPES = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
 _REAL_TYPES = (DataType.REAL32, DataType.REAL64)

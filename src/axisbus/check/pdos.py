@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.bus.mapping import axis_index
+from axisbus.bus.pdo.mapping import axis_index
+from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell.model import NodeConfig, PdoConfig
+from axisbus.cell.problem import Problem
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
 from axisbus.cia402.objects import CONTROLWORD
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
-from axisbus.machine.cell import NodeConfig, PdoConfig
-from axisbus.machine.checks import pdomodel
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.problem import Problem
 from axisbus.wording import counted
 
 _RECEIVES = frozenset({"wo", "rw", "rww"})  # CiA 306: rww may be mapped into RPDOs, rwr into TPDOs only

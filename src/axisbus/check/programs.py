@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from axisbus.cell.model import NodeConfig, ProgramConfig
+from axisbus.cell.program_file import deadline_of, mark_of, read_file
+from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import objects as o
-from axisbus.cia301.program import NUMBER
+from axisbus.cia302.program import NUMBER
 from axisbus.eds.model import Eds
 from axisbus.errors import ConfigError
-from axisbus.machine.cell import NodeConfig, ProgramConfig
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.programfile import deadline_of, mark_of, read_file
 from axisbus.wording import counted
 
 _DOWNLOAD = ((o.PROGRAM_DATA, NUMBER), (o.PROGRAM_CONTROL, NUMBER))

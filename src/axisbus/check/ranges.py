@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from axisbus.cell.described import Drive
+from axisbus.cell.model import AxisConfig, Place
+from axisbus.cell.scales import units_of
+from axisbus.check.case import Case, Check, Found, own_title
 from axisbus.cia402 import objects
-from axisbus.machine.cell import AxisConfig, Place
-from axisbus.machine.checks.case import Case, Check, Found, own_title
-from axisbus.machine.drive import Drive
-from axisbus.machine.scales import units_of
 from axisbus.units import Scale
 from axisbus.wording import counted
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from axisbus.machine import config
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.checks import (
+from axisbus.cell import reader as config
+from axisbus.cell.model import CellConfig
+from axisbus.cell.problem import Problem
+from axisbus.check import (
     bootup,
     cobids,
     devices,
     limits,
-    load,
     missing,
     modes,
     objects,
@@ -25,8 +25,8 @@ from axisbus.machine.checks import (
     watchdog,
     watching,
 )
-from axisbus.machine.checks.case import Case, Check
-from axisbus.machine.problem import Problem
+from axisbus.check import bus_load as load
+from axisbus.check.case import Case, Check
 
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,

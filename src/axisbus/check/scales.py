@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from axisbus.cell import proposal
+from axisbus.cell.scales import units_of
+from axisbus.check.case import Case, Check, Found, own_title
 from axisbus.cia402 import objects
-from axisbus.machine import proposal
-from axisbus.machine.checks.case import Case, Check, Found, own_title
-from axisbus.machine.scales import units_of
 
 
 def disagreement(case: Case) -> Found:

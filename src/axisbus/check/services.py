@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from axisbus.cell import sync_window as syncwindow
+from axisbus.cell.model import BusConfig
+from axisbus.check.case import Case, Check, Found
+from axisbus.check.cobids import RESTRICTED
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.eds.model import Eds
-from axisbus.machine import syncwindow
-from axisbus.machine.cell import BusConfig
-from axisbus.machine.checks.case import Case, Check, Found
-from axisbus.machine.checks.cobids import RESTRICTED
 
 
 def listeners(case: Case) -> Found:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from axisbus.cell.described import Drive
+from axisbus.check.case import Case, Check, Found, own_title
 from axisbus.cia402 import objects, options
 from axisbus.cia402.options import OptionCode
-from axisbus.machine.checks.case import Case, Check, Found, own_title
-from axisbus.machine.drive import Drive
 from axisbus.motion.parameters import StopTimes
 
 # Ways of stopping that matter while the axis moves, the values that leave it to itself, and the word to write instead.

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from axisbus.cell.model import GroupConfig
+from axisbus.check.case import Case, Check, Found
 from axisbus.errors import AdapterError
-from axisbus.machine.cell import GroupConfig
-from axisbus.machine.checks.case import Case, Check, Found
 
 
 def master_id(case: Case) -> Found:
@@ -35,7 +35,7 @@ def interface(case: Case) -> Found:
     if not bus.at.sound("interface", "channel"):
         return
     if bus.interface not in _KNOWN:
-        from axisbus.bus.adapter import check_interface  # only now: see above
+        from axisbus.bus.link.adapter import check_interface  # only now: see above
 
         try:
             check_interface(bus.interface)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from axisbus.cell.model import CellConfig
+from axisbus.cell.pdo_plan import travelling
+from axisbus.check.bus_load import per_cycle
+from axisbus.check.busload import plain_bits, worst_bits
+from axisbus.check.case import Case
 from axisbus.eds.model import Eds
-from axisbus.machine.busload import plain_bits, worst_bits
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.checks.case import Case
-from axisbus.machine.checks.load import per_cycle
-from axisbus.machine.pdoplan import travelling
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from axisbus.cell.model import AxisConfig
+from axisbus.cell.parameters import axis_parameters
+from axisbus.check.case import Case, Check, Found, titles
 from axisbus.cia402 import objects
-from axisbus.machine.cell import AxisConfig
-from axisbus.machine.checks.case import Case, Check, Found, titles
-from axisbus.machine.parameters import axis_parameters
 from axisbus.motion.parameters import Handshake
 
 

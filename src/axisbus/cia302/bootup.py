@@ -21,8 +21,11 @@ from collections.abc import Generator
 from dataclasses import replace
 
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootask import Ended, Step
-from axisbus.cia301.bootplan import (
+from axisbus.cia301.datatypes import Value
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia302.program_download import ProgramSteps
+from axisbus.cia302.requests import Ended, Step
+from axisbus.cia302.vocabulary import (
     IDENTITY,
     LOAD,
     Address,
@@ -45,9 +48,6 @@ from axisbus.cia301.bootplan import (
     Silence,
     Write,
 )
-from axisbus.cia301.bootprogram import ProgramSteps
-from axisbus.cia301.datatypes import Value
-from axisbus.cia301.nmt import NmtCommand, NmtState
 
 LONGEST_LISTEN = 3.0  # seconds; a node whose heartbeat is rarer is not waited for
 _LEAST_LISTEN = 0.3

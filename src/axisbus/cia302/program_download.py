@@ -23,8 +23,11 @@ from collections.abc import Callable, Generator
 from dataclasses import replace
 
 from axisbus.cia301 import objects as o
-from axisbus.cia301.bootask import Asking, Dialogue, Step
-from axisbus.cia301.bootplan import (
+from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia301.sdo import Way
+from axisbus.cia302.program import NUMBER, REACHED, Control, FlashStatus, Mark, Program, ProgramState, Stage
+from axisbus.cia302.requests import Asking, Dialogue, Step
+from axisbus.cia302.vocabulary import (
     DEADLINE,
     TRIES,
     Address,
@@ -41,18 +44,6 @@ from axisbus.cia301.bootplan import (
     Transfer,
     Write,
 )
-from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia301.program import (
-    NUMBER,
-    REACHED,
-    Control,
-    FlashStatus,
-    Mark,
-    Program,
-    ProgramState,
-    Stage,
-)
-from axisbus.cia301.sdo import Way
 
 ATTEMPTS = 3  # at transferring the program
 SETTLE = (

@@ -6,7 +6,7 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
-from axisbus.cia301.bootplan import (
+from axisbus.cia302.vocabulary import (
     Answer,
     Failed,
     Got,

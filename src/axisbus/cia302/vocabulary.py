@@ -9,8 +9,8 @@ from enum import Enum
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.program import Program, ProgramState
 from axisbus.cia301.sdo import Way
+from axisbus.cia302.program import Program, ProgramState
 
 TRIES = 8  # with 4 % of the dialogues lost, one in 10^11 fails eight times
 DEADLINE = 0.5  # seconds for the answer to one SDO request

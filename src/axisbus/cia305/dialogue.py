@@ -17,7 +17,7 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
-from axisbus.cia301.lss import (
+from axisbus.cia305.services import (
     ANSWERS,
     INQUIRIES,
     LssAddress,

@@ -20,11 +20,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from axisbus.cia301.lss import LssAddress, State, switch_global
-from axisbus.cia301.lss_dialogue import Dialogue, Pace, all_waiting, say, select
-from axisbus.cia301.lss_found import Check, Known, Scanned, Unconfigured
-from axisbus.cia301.lss_master import numbers_of
-from axisbus.cia301.lss_tree import DEPTH, PART_BITS, ROOT, Branch, Questions, of
+from axisbus.cia305.dialogue import Dialogue, Pace, all_waiting, say, select
+from axisbus.cia305.found import Check, Known, Scanned, Unconfigured
+from axisbus.cia305.master import numbers_of
+from axisbus.cia305.services import LssAddress, State, switch_global
+from axisbus.cia305.tree import DEPTH, PART_BITS, ROOT, Branch, Questions, of
 from axisbus.errors import LssError
 
 WALKS = 2  # through the whole tree, with nobody found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.cia301.lss import UNCONFIGURED, LssAddress
+from axisbus.cia305.services import UNCONFIGURED, LssAddress
 
 
 class Check(Enum):

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from axisbus.cia301 import cob, lss
-from axisbus.cia301.lss import LssAddress, Service
-from axisbus.cia301.lss_dialogue import (
+from axisbus.cia301 import cob
+from axisbus.cia305 import services as lss
+from axisbus.cia305.dialogue import (
     CONFIRM_WAIT,
     STORE_WAIT,
     Dialogue,
@@ -26,6 +26,7 @@ from axisbus.cia301.lss_dialogue import (
     say,
     select,
 )
+from axisbus.cia305.services import LssAddress, Service
 from axisbus.errors import ArgumentError, LssError, LssTimeout
 
 _ROUNDS = 5

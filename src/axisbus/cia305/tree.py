@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from axisbus.cia301.lss import ALL_BITS, LssAddress, fastscan
-from axisbus.cia301.lss_dialogue import Dialogue, Pace, ask
+from axisbus.cia305.dialogue import Dialogue, Pace, ask
+from axisbus.cia305.services import ALL_BITS, LssAddress, fastscan
 
 PART_BITS = 32
 DEPTH = 4 * PART_BITS

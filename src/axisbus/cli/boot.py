@@ -7,8 +7,17 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import FAILURE, OK, ProgressLine, progress_line, say, say_json, say_next, say_note
-from axisbus.cli.options import beside_option
+from axisbus.cli.shared.common import (
+    FAILURE,
+    OK,
+    ProgressLine,
+    progress_line,
+    say,
+    say_json,
+    say_next,
+    say_note,
+)
+from axisbus.cli.shared.options import beside_option
 from axisbus.machine.machine import boot
 from axisbus.wording import counted
 

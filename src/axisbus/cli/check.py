@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.terminal import STYLES, say_styled
-from axisbus.machine.check import check
-from axisbus.machine.problem import Problem, errors
+from axisbus.cell.problem import Problem, errors
+from axisbus.check.run import check
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.terminal import STYLES, say_styled
 from axisbus.wording import counted
 
 _ORDER = ("note", "warning", "error")  # the worst is read last, and stands where the eye is
@@ -29,7 +29,7 @@ def command(cell: Path | None, as_json: bool, errors_only: bool, schema: bool) -
     knowing.
     """
     if schema:
-        from axisbus.machine.celljson import schema_of_cells
+        from axisbus.cell.json_schema import schema_of_cells
 
         say_json(schema_of_cells())
         return OK

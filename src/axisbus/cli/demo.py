@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 
 from axisbus import Recorder, wait
-from axisbus.cli.common import FAILURE, OK, say, say_next
-from axisbus.cli.output import output_option, require_writable
-from axisbus.cli.speech import in_commands
+from axisbus.cell.model import SIMULATED, CellConfig
+from axisbus.check.checked import checked
+from axisbus.cli.shared.common import FAILURE, OK, say, say_next
+from axisbus.cli.shared.output import output_option, require_writable
+from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AxisbusError
-from axisbus.machine.cell import SIMULATED, CellConfig
-from axisbus.machine.checked import checked
 from axisbus.machine.machine import Machine
 from axisbus.wording import counted
 

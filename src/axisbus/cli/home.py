@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli import axes as named
+from axisbus.check.checked import checked
 from axisbus.cli import move
-from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.completion import complete_axes
-from axisbus.cli.options import beside_option
-from axisbus.machine.checked import checked
+from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.completion import complete_axes
+from axisbus.cli.shared.options import beside_option
 from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
 

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.buses import open_bus
-from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.options import bus_options, parse_options
-from axisbus.cli.output import output_option, require_free, write_whole
+from axisbus.cell.model import SIMULATED
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
+from axisbus.cli.shared.options import bus_options, parse_options
+from axisbus.cli.shared.output import output_option, require_free, write_whole
 from axisbus.errors import UserError
-from axisbus.machine.cell import SIMULATED
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.channel import Channel
-    from axisbus.bus.discover import Found
+    from axisbus.bus.link.channel import Channel
+    from axisbus.bus.node.discover import Found
     from axisbus.drives.gim6010.factory import Listening
-    from axisbus.machine.first.draft import Draft, NodeFound
-    from axisbus.machine.first.match import Known, Match
+    from axisbus.scaffold.draft import Draft, NodeFound
+    from axisbus.scaffold.match import Known, Match
 
 
 @click.command("init")
@@ -54,7 +54,7 @@ def command(
     energises nothing. Exit code 1 when something is missing in the file.
     """
     from axisbus.drives.gim6010.factory import Listening, told
-    from axisbus.machine.first import match
+    from axisbus.scaffold import match
 
     if interface is None:
         raise click.UsageError("say which bus, with -i and -c (such as: -i socketcan -c can0)")
@@ -80,7 +80,7 @@ def command(
 def _found(
     bus: Channel, known: list[Known], output: Path, others: Listening, *, quiet: bool
 ) -> list[NodeFound]:
-    from axisbus.bus.discover import scan
+    from axisbus.bus.node.discover import scan
 
     found = scan(bus, listening=others)
     nodes = []
@@ -93,10 +93,10 @@ def _found(
 
 
 def _node(bus: Channel, node: Found, known: list[Known], output: Path) -> NodeFound:
-    from axisbus.bus.sdo import SdoClient
+    from axisbus.bus.sdo.client import SdoClient
     from axisbus.cia402.objects import PROFILE_NUMBER
     from axisbus.drives import registry
-    from axisbus.machine.first import draft, look, match
+    from axisbus.scaffold import draft, look, match
 
     who = node.identity
     files = match.match(known, node.node_id, who.vendor_id, who.product_code, who.revision)
@@ -127,8 +127,8 @@ def _specs(files: Match, output: Path) -> tuple[str, ...]:
 def _draft(
     nodes: list[NodeFound], interface: str, channel: str | None, bitrate: int | None, option: tuple[str, ...]
 ) -> Draft:
-    from axisbus.bus.listen import link_bitrate
-    from axisbus.machine.first import draft
+    from axisbus.bus.link.listen import link_bitrate
+    from axisbus.scaffold import draft
 
     rate = bitrate or link_bitrate(interface, channel)
     name = None if interface == SIMULATED else channel  # there it is the cell that was simulated
@@ -136,7 +136,7 @@ def _draft(
 
 
 def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[str], as_json: bool) -> int:
-    from axisbus.machine.check import check
+    from axisbus.check.run import check
 
     problems = check(output)
     counts = Counter(problem.severity.value for problem in problems)

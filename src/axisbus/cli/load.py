@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.bus.errorframe import WHAT_TO_CHECK
-from axisbus.cli.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.frames import Asked, Opened, open_frames, source_options
-from axisbus.cli.numbers import Seconds
-from axisbus.cli.options import bus_options
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import bus_options
 from axisbus.errors import ArgumentError, UserError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.machine.busload import Measured, Share
-    from axisbus.machine.cell import CellConfig
-    from axisbus.machine.plannedload import Stream
+    from axisbus.cell.model import CellConfig
+    from axisbus.check.busload import Measured, Share
+    from axisbus.check.traffic import Stream
 
 FULL = 0.9  # as ``axisbus check`` has it
 _LISTEN = 5.0
@@ -71,9 +71,9 @@ def command(
 
 
 def _planned(path: Path, bitrate: int | None) -> dict[str, Any]:
-    from axisbus.machine import config
-    from axisbus.machine.plannedload import streams
-    from axisbus.machine.runtime import load_dictionaries
+    from axisbus.cell import reader as config
+    from axisbus.check.traffic import streams
+    from axisbus.core.runtime import load_dictionaries
 
     cell = config.load(path)
     rate = bitrate or _rate(cell, None, None)
@@ -107,8 +107,8 @@ def _sums(found: list[Stream], rate: int, key: str) -> list[dict[str, Any]]:
 
 
 def _measured(asked: Asked, seconds: float | None) -> dict[str, Any]:
-    from axisbus.machine.busload import Meter
-    from axisbus.machine.trace.decoder import Decoder
+    from axisbus.check.busload import Meter
+    from axisbus.trace.decoder import Decoder
 
     with ExitStack() as stack:
         opened = open_frames(stack, asked, seconds)
@@ -145,7 +145,7 @@ def _rate(cell: CellConfig | None, interface: str | None, channel: str | None) -
     Raises:
         ArgumentError: nobody knows it.
     """
-    from axisbus.bus.listen import link_bitrate
+    from axisbus.bus.link.listen import link_bitrate
 
     if cell is not None:
         interface, channel = interface or cell.bus.interface, channel or str(cell.bus.channel)

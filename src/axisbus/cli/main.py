@@ -8,19 +8,25 @@ import sys
 import click
 
 from axisbus import __version__
-from axisbus.cli.lazy import LazyGroup
+from axisbus.cli.shared.lazy import LazyGroup
 
 # In the order of a commissioning.
 COMMANDS = {
     "demo": ("axisbus.cli.demo", "Run the main job on the simulated cell and draw it."),
-    "eds": ("axisbus.cli.eds", "Check, mend, show, compare and document EDS and DCF files."),
+    "eds": ("axisbus.cli.eds.group", "Check, mend, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find everything wrong with a cell file before the first frame."),
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
     "init": ("axisbus.cli.init", "Write a first cell file of what a scan finds; reads only."),
-    "lss": ("axisbus.cli.lss", "Find nodes without a node-ID; set node-IDs and bit rates over the bus."),
+    "lss": (
+        "axisbus.cli.lss.group",
+        "Find nodes without a node-ID; set node-IDs and bit rates over the bus.",
+    ),
     "nmt": ("axisbus.cli.nmt", "Start, stop or reset nodes (NMT), and say what they did."),
-    "od": ("axisbus.cli.od", "Read, write, list and watch the objects of a node."),
-    "config": ("axisbus.cli.config", "Back up, compare and restore the configuration of a node as a DCF."),
+    "od": ("axisbus.cli.od.group", "Read, write, list and watch the objects of a node."),
+    "config": (
+        "axisbus.cli.config.group",
+        "Back up, compare and restore the configuration of a node as a DCF.",
+    ),
     "save": ("axisbus.cli.save", "Have a node store its parameters (1010h), so that they are kept."),
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
@@ -46,7 +52,7 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command line and exit."""
-    from axisbus.cli.common import FAILURE, run
+    from axisbus.cli.shared.common import FAILURE, run
 
     code = run(cli)
     try:

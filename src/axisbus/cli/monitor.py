@@ -7,19 +7,19 @@ from pathlib import Path
 
 import click
 
-from axisbus.bus.errorframe import WHAT_TO_CHECK, Condition
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, Condition
 from axisbus.cia301.drops import Drop, DropNews, words
 from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
-from axisbus.cli.common import OK, say, say_json, say_next
-from axisbus.cli.numbers import Seconds
-from axisbus.cli.options import beside_option
-from axisbus.cli.speech import in_commands
-from axisbus.cli.terminal import coloured
+from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.speech import in_commands
+from axisbus.cli.shared.terminal import coloured
+from axisbus.core.node_access import NodeAccess
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
-from axisbus.machine.node import NodeAccess
-from axisbus.motion.axis import Axis
 
 _SHOWN = 3  # of each node and sort, in one look
 

@@ -7,16 +7,16 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
-from axisbus.bus.listen import Listener
-from axisbus.bus.listenonly import manner
+from axisbus.bus.link.listen import Listener
+from axisbus.bus.link.listenonly import manner
+from axisbus.cell import reader as config
 from axisbus.cia301.mastersigns import words
-from axisbus.cli.common import OK, say, say_json, say_next
+from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.core.listening import listen_to
+from axisbus.core.runtime import load_dictionaries
 from axisbus.drives.gim6010.factory import told
-from axisbus.machine import config
-from axisbus.machine.listening import listen_to
 from axisbus.machine.overview import Beat, NodeHeard, Overview
-from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.trace import plain, text
+from axisbus.trace import plain, text
 from axisbus.wording import counted
 
 _NOTHING = "nothing was heard: nobody sends, or not on this channel or at this bit rate"

@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from axisbus.cli.terminal import STYLES
+from axisbus.cli.shared.terminal import STYLES
 
 _COLUMNS = ("axis", "state", "position", "velocity", "power", "mode", "bits")
 _NUMBERS = frozenset({"position", "velocity"})

@@ -9,17 +9,17 @@ from pathlib import Path
 import click
 
 from axisbus import wait
+from axisbus.check.checked import checked
 from axisbus.cia402.state import State
-from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.completion import complete_targets
-from axisbus.cli.numbers import Seconds
-from axisbus.cli.options import beside_option, parse_targets
-from axisbus.cli.underway import Way, follow
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.completion import complete_targets
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import beside_option, parse_targets
+from axisbus.cli.shared.underway import Way, follow
 from axisbus.errors import StateError
-from axisbus.machine.checked import checked
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
-from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
 from axisbus.motion.states import AxisState
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
-from axisbus.cli.completion import complete_nodes_or_all
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
+from axisbus.cli.shared.completion import complete_nodes_or_all
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import NodeTimeout, StateError
 
 if TYPE_CHECKING:
-    from axisbus.bus.nmt_confirm import Outcome
-    from axisbus.bus.node import Node
+    from axisbus.bus.node.nmt_by_hand import Outcome
+    from axisbus.bus.node.node import Node
 
 COMMANDS = {
     "start": NmtCommand.START,
@@ -44,7 +44,7 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     refused without --force. A node confirms by its heartbeat, by node guarding (never where that would arm its life guarding), by
     its boot-up message, or by its SDO server. Exit code 3 when one does not.
     """
-    from axisbus.bus import nmt_confirm
+    from axisbus.bus.node import nmt_by_hand as nmt_confirm
 
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
@@ -75,7 +75,7 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
 
 
 def _everybody(session: Session) -> list[int]:
-    from axisbus.bus.discover import scan
+    from axisbus.bus.node.discover import scan
 
     found = [each.node_id for each in scan(session.bus)]
     if not found:
@@ -89,7 +89,7 @@ def _everybody(session: Session) -> list[int]:
 
 def _require_at_rest(nodes: list[Node]) -> None:
     """A node that does not answer SDO cannot be asked: it may be what the command is to mend."""
-    from axisbus.machine.careful import energised
+    from axisbus.configuration.guarded_write import energised
 
     for node in nodes:
         found = energised(node) if node.answers_sdo() else []
@@ -103,7 +103,7 @@ def _require_at_rest(nodes: list[Node]) -> None:
 
 def _errors(node: Node) -> str:
     """Return what a node says that is there, and does not do what it was told."""
-    from axisbus.machine import errorstate
+    from axisbus.boot import error_state as errorstate
 
     last = node.emcy.history[-1] if node.emcy.history else None
     return errorstate.read(node.sdo, last, 0.0 if last is None else time.monotonic() - last.stamp).words()

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from axisbus import wait
-from axisbus.cli import axes as named
-from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.completion import complete_axes
-from axisbus.cli.options import beside_option
-from axisbus.cli.speech import in_commands
-from axisbus.machine.checked import checked
+from axisbus.check.checked import checked
+from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.completion import complete_axes
+from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.speech import in_commands
 from axisbus.machine.machine import Machine
 
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli import config_files
-from axisbus.cli.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
-from axisbus.cli.completion import complete_node
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.config import files as config_files
+from axisbus.cli.shared.common import OK, WRONG, progress_phases, say, say_error, say_json, say_next
+from axisbus.cli.shared.completion import complete_node
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.machine.backup.keep import Kept
+    from axisbus.configuration.keep import Kept
 
 
 @click.command("save")
@@ -33,7 +33,7 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
     axisbus save x --cell cell.toml
     axisbus save 5 -i socketcan -c can0 --eds drive.eds
     """
-    from axisbus.machine.backup.keep import keep
+    from axisbus.configuration.keep import keep
 
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
@@ -49,7 +49,7 @@ def command(node: str, asked: Asked, as_json: bool) -> int:
 
 
 def _show(node_id: int, kept: Kept, with_eds: bool) -> None:
-    from axisbus.machine.backup.keep import OBJECT
+    from axisbus.configuration.keep import OBJECT
 
     restart = ", restarted" if kept.restarted else ""
     say(f"node {node_id}: stored by {OBJECT} in {kept.seconds:.1f} s{restart}, and answers")

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli import silence
-from axisbus.cli.buses import open_bus, opening_of
-from axisbus.cli.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.options import bus_options
-from axisbus.cli.terminal import coloured, say_table
+from axisbus.cli.shared import silence
+from axisbus.cli.shared.buses import open_bus, opening_of
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.terminal import coloured, say_table
 
 if TYPE_CHECKING:
-    from axisbus.bus.discover import Found
-    from axisbus.bus.otherrates import Heard
+    from axisbus.bus.link.other_rates import Heard
+    from axisbus.bus.node.discover import Found
     from axisbus.drives.gim6010.factory import Listening
     from axisbus.errors import BusError
 
@@ -69,7 +69,7 @@ def command(
 
 def _scan(given: Given, others: Listening) -> tuple[list[Found], BusError | None]:
     """Return who was found, what the bus failed with (at a wrong rate nobody acknowledges)."""
-    from axisbus.bus.discover import scan
+    from axisbus.bus.node.discover import scan
     from axisbus.errors import BusError
 
     with ExitStack() as stack:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
-from axisbus.machine import config
+from axisbus.cell import reader as config
+from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.machine.beside import stop_beside
 
 

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from axisbus.cli import silence
-from axisbus.cli.buses import opening_of
-from axisbus.cli.common import OK, WRONG
-from axisbus.cli.frames import Asked, Opened, open_frames, source_options
-from axisbus.cli.numbers import Seconds
-from axisbus.cli.options import bus_options
+from axisbus.cli.shared import silence
+from axisbus.cli.shared.buses import opening_of
+from axisbus.cli.shared.common import OK, WRONG
+from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import bus_options
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.changeover import Opening
-    from axisbus.machine.trace.decoded import Decoded
-    from axisbus.machine.trace.filters import Wanted
+    from axisbus.bus.link.changeover import Opening
+    from axisbus.trace.decoded import Decoded
+    from axisbus.trace.filters import Wanted
 
 
 class Look(NamedTuple):
@@ -88,7 +88,7 @@ def command(
 
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
     """
-    from axisbus.machine.trace import filters as wanted
+    from axisbus.trace import filters as wanted
 
     unwanted = wanted.parse(without) if without else None
     look = Look(wanted.parse(filters), unwanted, errors_only, as_json, absolute)
@@ -103,8 +103,8 @@ def command(
 
 def _show(opened: Opened, look: Look, most: int | None) -> Count:
     from axisbus.drives.gim6010.factory import told
-    from axisbus.machine.trace.decoder import Decoder
-    from axisbus.machine.trace.tally import Tally
+    from axisbus.trace.decoder import Decoder
+    from axisbus.trace.tally import Tally
 
     decoder, seen, tally, start = Decoder(opened.known), Count(), Tally(), None
     with suppress(KeyboardInterrupt):  # the usual end of listening
@@ -122,7 +122,7 @@ def _show(opened: Opened, look: Look, most: int | None) -> Count:
 
 
 def _print(one: Decoded, look: Look, start: float) -> None:
-    from axisbus.machine.trace import plain, text
+    from axisbus.trace import plain, text
 
     if look.as_json:
         click.echo(json.dumps(plain.plain(one), ensure_ascii=False, allow_nan=False))

@@ -19,8 +19,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 
-from axisbus.bus.node import Node
-from axisbus.bus.sdo_value import checked_bytes
+from axisbus.bus.node.node import Node
+from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from axisbus.bus.node import Node
+from axisbus.bus.node.node import Node
+from axisbus.configuration import compare, live, store
+from axisbus.configuration import guarded_write as careful
 from axisbus.drives import registry
 from axisbus.errors import NodeError, StateError
-from axisbus.machine import careful
-from axisbus.machine.backup import compare, live, store
 
 OBJECT = "1010h:01 (Save all parameters)"  # CiA 301 7.5.2.13
 Tell = Callable[[str, int, int], None]

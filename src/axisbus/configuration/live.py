@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from axisbus.bus.node import Node
+from axisbus.bus.node.node import Node
+from axisbus.configuration.compare import Side, typed
 from axisbus.eds.model import Variable
 from axisbus.errors import SdoAbort
-from axisbus.machine.backup.compare import Side, typed
 
 
 def of_device(

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from axisbus.cell.quantities import Quantity, parse_quantity
+from axisbus.cell.writes import own_index, resolve
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Object
 from axisbus.errors import ArgumentError, UserError
-from axisbus.machine.engineering import Quantity, parse_quantity
-from axisbus.machine.writes import own_index, resolve
 
 _INDEX = re.compile(r"(?:0x)?([0-9a-f]{4})h?", re.IGNORECASE)
 _SHORT = re.compile(r"([iuf])(\d{1,2})", re.IGNORECASE)

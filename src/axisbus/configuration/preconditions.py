@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from axisbus.bus.node import Node, NodeIdentity
+from axisbus.bus.node.node import Node, NodeIdentity
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.configuration import guarded_write as careful
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, StateError, UserError
-from axisbus.machine import careful
 
 LISTEN = 1.2  # seconds: the usual heartbeat of 1 s fits in
 _SLICE = 0.02

@@ -19,9 +19,9 @@ from typing import Protocol
 
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, size_in_bytes
+from axisbus.configuration.values import Item, Key, Selection, Skipped
+from axisbus.configuration.write_order import Write, ordered, pdo_back, pdo_of
 from axisbus.errors import SdoAbort
-from axisbus.machine.backup.items import Item, Key, Selection, Skipped
-from axisbus.machine.backup.order import Write, ordered, pdo_back, pdo_of
 from axisbus.wording import counted
 
 PASSES = 4

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
+from axisbus.configuration.restore import Device
 from axisbus.eds import dcf
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Variable
-from axisbus.eds.reader import Reading
 from axisbus.eds.snapshot import LeftOut, left, readable, text_of
 from axisbus.errors import SdoAbort
-from axisbus.machine.backup.restore import Device
 
 Key = tuple[int, int]
 Tell = Callable[[int, int], None]

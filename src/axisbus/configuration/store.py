@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from axisbus.bus.node import Node
+from axisbus.bus.node.node import Node
 from axisbus.cia301 import objects as o
 from axisbus.drives.make import Make
 from axisbus.errors import NodeTimeout, SdoAbort, SdoTimeout, StateError

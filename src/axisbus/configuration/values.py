@@ -9,11 +9,11 @@ from enum import Enum
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, encode
 from axisbus.cia402.orders import order
+from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds import assign
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
-from axisbus.machine.backup.order import pdo_of
 
 Key = tuple[int, int]
 

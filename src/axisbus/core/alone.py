@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.mastersigns import Cast
 from axisbus.eds.model import Eds
-from axisbus.machine.cell import BusConfig, CellConfig
-from axisbus.machine.checks import pdomodel
 
 LONGEST = 0.5  # seconds
 SHORTEST = 0.1  # seconds; a busy computer may hold frames back for some hundredths

@@ -6,22 +6,22 @@ from collections.abc import Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 
-from axisbus.bus.eventtimer import EventTimer
-from axisbus.bus.nmt import not_obeyed
+from axisbus.boot.node import Booted, NodeBoot
+from axisbus.boot.objects import DeviceObjects
+from axisbus.bus.node.nmt import not_obeyed
+from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
+from axisbus.core.directnode import DirectNode
+from axisbus.core.node_access import NodeAccess
+from axisbus.core.parting import Parting, Stopped
+from axisbus.core.pickup import Late
+from axisbus.core.runtime import Runtime
+from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError
-from axisbus.machine.access import DeviceObjects
-from axisbus.machine.boot import Booted, NodeBoot
-from axisbus.machine.cell import AxisConfig, CellConfig
-from axisbus.machine.directnode import DirectNode
-from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Parting, Stopped
-from axisbus.machine.pickup import Late
-from axisbus.machine.runtime import Runtime
-from axisbus.machine.standin import StandIn
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from axisbus.bus.nmt import not_obeyed
-from axisbus.bus.nodeevents import NodeEvents
+from axisbus.boot.configure import HEARTBEATS
+from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.node.nmt import not_obeyed
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.errors import NodeTimeout
-from axisbus.machine.configure import HEARTBEATS
 from axisbus.sim.device import Device
 
 _INITIALISING = NmtState.INITIALISING  # looked at in every cycle

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from axisbus.core.inbox import AT_ONCE, MOST
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
-from axisbus.motion.diagnosis import join_remedies
-from axisbus.motion.inbox import AT_ONCE, MOST
+from axisbus.motion.stop.diagnosis import join_remedies
 
 _OPEN_AGAIN = "mend the cause, and open the machine again"
 _MISTAKE = "a mistake in axisbus, or in what observes its scan: report it with its traceback, and open the machine again"

@@ -22,7 +22,7 @@ from weakref import WeakSet, WeakValueDictionary
 
 from axisbus.errors import Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.group_commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
 from axisbus.motion.handle import Handle, Status
 
 AT_ONCE = 32  # commands in one cycle: about half a millisecond

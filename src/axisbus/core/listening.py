@@ -6,12 +6,12 @@ import itertools
 import os
 from contextlib import ExitStack
 
-from axisbus.bus import listenonly
-from axisbus.bus.listen import Listener, listen
-from axisbus.machine.cell import SIMULATED, CellConfig
-from axisbus.machine.runtime import load_dictionaries
+from axisbus.bus.link import listenonly
+from axisbus.bus.link.listen import Listener, listen
+from axisbus.cell.model import SIMULATED, CellConfig
+from axisbus.core.runtime import load_dictionaries
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 _CHANNELS = itertools.count(1)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from axisbus.boot.objects import Objects
+from axisbus.cell.writes import own_index
 from axisbus.drives.make import STANDARD_MEASURED, Make, Measured
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
-from axisbus.machine.access import Objects
-from axisbus.machine.writes import own_index
 
 
 def measure(what: str, objects: Objects, eds: Eds, make: Make, drive_axis: int = 1) -> float:

@@ -7,8 +7,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from axisbus.bus.deadline import PdoEvent
-from axisbus.bus.nodeevents import NodeEvent, NodeEvents
+from axisbus.boot import error_state as errorstate
+from axisbus.boot.objects import Objects, read_int
+from axisbus.bus.node.events import NodeEvent, NodeEvents
+from axisbus.bus.pdo.reception import PdoEvent
 from axisbus.cia301 import errorfield
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
@@ -16,15 +18,13 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.core.directnode import DirectNode
+from axisbus.core.measuring import measure
 from axisbus.drives.emergency import history_words, incident_words
 from axisbus.drives.registry import find
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, StateError
-from axisbus.machine import errorstate
-from axisbus.machine.access import Objects, read_int
-from axisbus.machine.directnode import DirectNode
-from axisbus.machine.measuring import measure
 
 Key = int | str | tuple[int | str, int]
 
@@ -198,13 +198,13 @@ class NodeAccess:
 
         The library loads the EDS for it, which may take a second, once per file. Raises StateError without a bus.
         """
-        from axisbus.bus.remote import remote_node
+        from axisbus.bus.node.remote import remote_node
 
         return remote_node(self._require_bus())
 
     def pdos(self) -> list[str]:
         """Return the PDOs in use, each as a line of text."""
-        from axisbus.bus.plantext import describe
+        from axisbus.bus.pdo.plantext import describe
 
         return [line for plan in self.plans for line in describe(plan).splitlines()]
 

@@ -12,21 +12,21 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from axisbus.bus import nmt
-from axisbus.bus.node import Node
+from axisbus.boot.objects import read_int
+from axisbus.bus.node import nmt
+from axisbus.bus.node.node import Node
+from axisbus.cell.model import AxisConfig
+from axisbus.cell.parameters import standstill_speed
+from axisbus.cell.scales import units_of
+from axisbus.cell.writes import own_index
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402 import objects as o
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.state import ENERGISED, State, decode
+from axisbus.core.parting import Stopped
 from axisbus.errors import BusError, SdoTimeout
-from axisbus.machine.access import read_int
-from axisbus.machine.cell import AxisConfig
-from axisbus.machine.parameters import standstill_speed
-from axisbus.machine.parting import Stopped
-from axisbus.machine.scales import units_of
-from axisbus.machine.writes import own_index
 from axisbus.motion.parameters import pull_window
-from axisbus.motion.still import Still
+from axisbus.motion.stop.still import Still
 from axisbus.units import wrap
 
 _STANDS_FOR = 0.1

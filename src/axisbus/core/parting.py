@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
 
-from axisbus.bus.nodeevents import NodeEvent
+from axisbus.boot.node import Booted
+from axisbus.bus.node.events import NodeEvent
 from axisbus.cia402.starvation import REMEDY
+from axisbus.core.ending import remedy_of
 from axisbus.errors import NodeError, ScanError, in_a_line
-from axisbus.machine.boot import Booted
-from axisbus.motion.core import AxisCore
-from axisbus.motion.diagnosis import join_remedies
-from axisbus.motion.ending import remedy_of
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.stop.diagnosis import join_remedies
 
 _T = TypeVar("_T")
 

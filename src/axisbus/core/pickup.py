@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from axisbus.boot.node import Booted
 from axisbus.cia402.port import Port
 from axisbus.errors import AxisbusError, BusOff, StateError
-from axisbus.machine.boot import Booted
 
 ASK_EVERY = 1.0  # seconds
 _LEAVE_TIME = 6.0  # seconds that a boot-up under way may take at the end

@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
 
-from axisbus.bus.controller import ControllerEvent
+from axisbus.boot.node import Booted
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.cell.model import CellConfig
 from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Cycle, Port
+from axisbus.core.node_access import NodeAccess
+from axisbus.core.parting import Parting, Stopped, partings
+from axisbus.core.pickup import Late
+from axisbus.core.stand_in import StandIn
 from axisbus.eds import load
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
-from axisbus.machine.boot import Booted
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Parting, Stopped, partings
-from axisbus.machine.pickup import Late
-from axisbus.machine.standin import StandIn
-from axisbus.motion.core import AxisCore
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 

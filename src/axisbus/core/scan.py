@@ -24,20 +24,20 @@ from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
 from axisbus.cia402.starvation import Starvation
+from axisbus.core.ending import ended, refused_while_leaving, too_many
+from axisbus.core.inbox import Inbox, Target, Waiting
 from axisbus.errors import AxisbusError, in_a_line
-from axisbus.motion.accept import accept
+from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
-from axisbus.motion.core import AxisCore
-from axisbus.motion.ending import ended, refused_while_leaving, too_many
-from axisbus.motion.group import GroupCore
-from axisbus.motion.group_commands import GroupCommand
+from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.group.core import GroupCore
 from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
-from axisbus.motion.inbox import Inbox, Target, Waiting
 from axisbus.motion.inherited import inherited
-from axisbus.motion.leaving import Leaving
-from axisbus.motion.policy import FaultPolicy, LostNode
 from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.stop.leaving import Leaving
+from axisbus.motion.stop.policy import FaultPolicy, LostNode
 
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 
-from axisbus.machine.supervisor import Supervisor
-from axisbus.machine.tuning import TUNING
+from axisbus.core.scan import Scan
+from axisbus.core.supervisor import Supervisor
+from axisbus.core.tuning import TUNING
 from axisbus.motion.handle import ThreadWaiter
-from axisbus.motion.scan import Scan
 
 _HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
 _JOIN = 2.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from axisbus.cell.model import CellConfig
 from axisbus.drives import registry
 from axisbus.eds.model import Eds
 from axisbus.errors import ConfigError
-from axisbus.machine.cell import CellConfig
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.lss import NO_NODE_ID
+from axisbus.sim.node.lss import NO_NODE_ID
 
 _KEY = "unconfigured"
 

@@ -6,9 +6,9 @@ import threading
 import time
 
 from axisbus.cia402.starvation import REMEDY
+from axisbus.core.scan import Scan
+from axisbus.core.whereabouts import Place, Whereabouts, whereabouts
 from axisbus.errors import ScanError
-from axisbus.machine.whereabouts import Place, Whereabouts, whereabouts
-from axisbus.motion.scan import Scan
 
 _ROUND = 0.02
 _ON_TIME = 0.04  # seconds; a round that takes longer shows that this program did not run

@@ -6,7 +6,7 @@ import gc
 import sys
 import threading
 
-from axisbus.bus.inherited import disown_in_children
+from axisbus.bus.link.inherited import disown_in_children
 
 _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 
 _GIVES_TO_DRIVER = Channel._attempt.__code__
 _OURS = str(Path(__file__).parents[1])

@@ -8,29 +8,29 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 
-from axisbus.bus.alone import require_alone
-from axisbus.bus.channel import Channel
+from axisbus.boot.comms import CanComms
+from axisbus.boot.node import Booted, NodeBoot
 from axisbus.bus.cycle import CanCycle
-from axisbus.bus.node import Node
-from axisbus.bus.nodeevents import NodeEvents
+from axisbus.bus.link.alone import require_alone
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.node.node import Node
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
+from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
+from axisbus.core.alone import cast_of, listening_time
+from axisbus.core.node_access import NodeAccess
+from axisbus.core.node_stop import NodeStop
+from axisbus.core.parting import Parting, Stopped, in_parallel
+from axisbus.core.pickup import Late
+from axisbus.core.runtime import Runtime
+from axisbus.core.simulated import devices
+from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
-from axisbus.machine.alone import cast_of, listening_time
-from axisbus.machine.boot import Booted, NodeBoot
-from axisbus.machine.cell import SIMULATED, BusConfig, CellConfig
-from axisbus.machine.comms import CanComms
-from axisbus.machine.node import NodeAccess
-from axisbus.machine.node_stop import NodeStop
-from axisbus.machine.parting import Parting, Stopped, in_parallel
-from axisbus.machine.pickup import Late
-from axisbus.machine.runtime import Runtime
-from axisbus.machine.simulated import devices
-from axisbus.machine.standin import StandIn
-from axisbus.sim.network import StandIns
+from axisbus.sim.node.network import StandIns
 
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
 _CHANNELS = itertools.count(1)

@@ -9,16 +9,16 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from axisbus.eds import writer
-from axisbus.eds.canopen_text import canopen_text
 from axisbus.eds.checking import check
+from axisbus.eds.io.canopen_text import canopen_text
+from axisbus.eds.io.reader import load, loads
 from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
-from axisbus.eds.reader import load, loads
 
 if TYPE_CHECKING:
-    from axisbus.eds.compare import diff
-    from axisbus.eds.difference import Difference
+    from axisbus.eds.report.compare import diff
+    from axisbus.eds.report.difference import Difference
 
-_HOME = {"Difference": "axisbus.eds.difference", "diff": "axisbus.eds.compare"}
+_HOME = {"Difference": "axisbus.eds.report.difference", "diff": "axisbus.eds.report.compare"}
 
 __all__ = [
     "Difference",

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
-from axisbus.eds.compose import written
 from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.io import values
+from axisbus.eds.io.compose import written
+from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Eds, Number, Variable
-from axisbus.eds.values import Default, Limit
 from axisbus.errors import ArgumentError, LimitError
 
 # What is odd about a text and yet clear in its meaning: the value is written as it should be.

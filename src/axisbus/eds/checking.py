@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from axisbus.eds import reader
-from axisbus.eds.fileobjects import FileObjects
+from axisbus.eds.io import reader
+from axisbus.eds.io.fileobjects import FileObjects
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Finding
-from axisbus.eds.reader import Reading
 from axisbus.errors import ArgumentError
 
 

@@ -14,12 +14,12 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import decode, encode, size_in_bytes
 from axisbus.cia402.orders import order
 from axisbus.eds import assign, dcf
-from axisbus.eds.compose import written
 from axisbus.eds.concise import Write
+from axisbus.eds.io.compose import written
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Section
+from axisbus.eds.io.values import Default
 from axisbus.eds.model import Eds, Number, Variable
-from axisbus.eds.reader import Reading
-from axisbus.eds.text import Section
-from axisbus.eds.values import Default
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
-from axisbus.eds import assign, compact, edit, reader, values
-from axisbus.eds.edit import Change
+from axisbus.eds import assign
+from axisbus.eds.io import compact, edit, reader, values
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Document, Section
 from axisbus.eds.model import Eds, Number, Variable
-from axisbus.eds.reader import Reading
-from axisbus.eds.text import Document, Section
 from axisbus.errors import ArgumentError, EdsError
 
 BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)

@@ -6,9 +6,9 @@ import csv
 import io
 import json
 
-from axisbus.eds import facts
-from axisbus.eds.facts import Entry
 from axisbus.eds.model import Eds
+from axisbus.eds.report import facts
+from axisbus.eds.report.facts import Entry
 
 COLUMNS = tuple(Entry.__annotations__)
 

@@ -16,12 +16,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 
-from axisbus.eds import edit, reader
-from axisbus.eds.edit import Change
+from axisbus.eds.io import edit, reader
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Document
 from axisbus.eds.mends import counts, dummies, encoding, letters, spelling, text, values
 from axisbus.eds.mends.mend import Bench, Mend, Mended
-from axisbus.eds.reader import Reading
-from axisbus.eds.text import Document
 
 STAGES: tuple[Mapping[str, Mend], ...] = (
     {**text.MENDS, **spelling.MENDS, **values.MENDS, **dummies.NAMES, **letters.MENDS},

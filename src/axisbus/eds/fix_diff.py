@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from axisbus.eds.fix import Fixed
-from axisbus.eds.text import Document
+from axisbus.eds.io.text import Document
 
 CONTEXT = 3  # unchanged lines shown around a change
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, decode, encode, size_in_bytes
-from axisbus.eds import dcf, values
-from axisbus.eds.compose import written
+from axisbus.eds import dcf
+from axisbus.eds.io import values
+from axisbus.eds.io.compose import written
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.reader import Reading
 from axisbus.errors import AxisbusError
 from axisbus.wording import counted
 

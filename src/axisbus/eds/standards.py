@@ -7,8 +7,8 @@ from functools import cache
 
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
-from axisbus.eds import wording
 from axisbus.eds.model import Variable
+from axisbus.eds.report import wording
 
 _Rows = dict[tuple[int, int], tuple[str, dict[str, str]]]
 _Ranges = list[tuple[range, range, dict[str, str]]]

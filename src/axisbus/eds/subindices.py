@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from axisbus.eds import values
-from axisbus.eds.compact import MAX_ENTRIES
+from axisbus.eds.io import values
+from axisbus.eds.io.compact import MAX_ENTRIES
+from axisbus.eds.io.text import Section
 from axisbus.eds.model import Number, Object
-from axisbus.eds.text import Section
 
 STRUCTURE = 0xFF  # sub-index FFh holds the object's own type and size (CiA 301 7.4.4), and is not counted
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from axisbus.eds.compose import compose
-from axisbus.eds.fileobjects import FileObjects
+from axisbus.eds.io.compose import compose
+from axisbus.eds.io.fileobjects import FileObjects
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Document
 from axisbus.eds.model import Eds
-from axisbus.eds.reader import Reading
-from axisbus.eds.text import Document
 
 
 def dumps(source: Document | Reading | Eds) -> bytes:

@@ -9,15 +9,15 @@ from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source, Waiter
 from axisbus.cia402.state import State
+from axisbus.core.ending import takes_nothing
+from axisbus.core.scan import Scan
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
+from axisbus.machine.request import Request, shown
 from axisbus.motion import commands as c
-from axisbus.motion.activity import age_text
-from axisbus.motion.ending import takes_nothing
 from axisbus.motion.handle import Handle
-from axisbus.motion.homing import HomingJob
+from axisbus.motion.moves.activity import age_text
+from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.parameters import AxisParameters, Limits
-from axisbus.motion.request import Request, shown
-from axisbus.motion.scan import Scan
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trajectory

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
-from axisbus.bus import nmt
-from axisbus.bus.node import Node
+from axisbus.bus.node import nmt
+from axisbus.bus.node.node import Node
+from axisbus.cell.model import CellConfig
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.core.node_stop import NodeStop
+from axisbus.core.parting import Stopped, in_parallel
+from axisbus.core.runtime import load_dictionaries
+from axisbus.core.wire import open_channel
 from axisbus.errors import BusError
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.node_stop import NodeStop
-from axisbus.machine.parting import Stopped, in_parallel
-from axisbus.machine.runtime import load_dictionaries
-from axisbus.machine.wire import open_channel
 
 
 def stop_beside(cell: CellConfig) -> list[Stopped]:

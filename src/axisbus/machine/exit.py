@@ -30,9 +30,9 @@ from dataclasses import dataclass
 from types import CodeType, FrameType
 from typing import Any
 
-from axisbus.bus.inherited import disown_in_children
+from axisbus.bus.link.inherited import disown_in_children
+from axisbus.core.scan import Scan
 from axisbus.machine.wakeup import Wakeup
-from axisbus.motion.scan import Scan
 
 _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 

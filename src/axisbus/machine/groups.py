@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from axisbus.cia402.port import Waiter
+from axisbus.core.inbox import Target
+from axisbus.core.scan import Scan
 from axisbus.errors import ArgumentError, LimitError
+from axisbus.machine.axis import Axis
+from axisbus.machine.request import shown
 from axisbus.motion import commands as c
-from axisbus.motion.axis import Axis
-from axisbus.motion.group_commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
 from axisbus.motion.handle import Handle
-from axisbus.motion.inbox import Target
 from axisbus.motion.numbers import number, told
-from axisbus.motion.request import shown
-from axisbus.motion.scan import Scan
 from axisbus.wording import counted
 
 

@@ -14,33 +14,33 @@ from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
-from axisbus.bus.controller import ControllerEvent
-from axisbus.bus.inherited import disown_in_children
-from axisbus.bus.nodeevents import BAD, NodeEvent
+from axisbus.boot.node import Booted
+from axisbus.boot.report import NodeReport
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.link.inherited import disown_in_children
+from axisbus.bus.node.events import BAD, NodeEvent
+from axisbus.cell.model import CellConfig
+from axisbus.check.checked import checked
 from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Port, Waiter
+from axisbus.core.direct import build_direct
+from axisbus.core.node_access import NodeAccess
+from axisbus.core.parting import Stopped, lost_without_axes, scan_failure
+from axisbus.core.pickup import Pickup
+from axisbus.core.runtime import Runtime, load_dictionaries, require_all
+from axisbus.core.scan import PumpWaiter, Scan
+from axisbus.core.scanthread import ScanThread
+from axisbus.core.stand_in import StandIn
 from axisbus.errors import AxisbusError, StateError
-from axisbus.machine.boot import Booted
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.checked import checked
+from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
-from axisbus.machine.direct import build_direct
 from axisbus.machine.exit import EXIT, Leaving
-from axisbus.machine.node import NodeAccess
-from axisbus.machine.parting import Stopped, lost_without_axes, scan_failure
-from axisbus.machine.pickup import Pickup
-from axisbus.machine.report import NodeReport
+from axisbus.machine.groups import Group
 from axisbus.machine.roster import Roster, members
-from axisbus.machine.runtime import Runtime, load_dictionaries, require_all
-from axisbus.machine.scanthread import ScanThread
-from axisbus.machine.standin import StandIn
-from axisbus.motion.axes import Group
-from axisbus.motion.axis import Axis
-from axisbus.motion.core import AxisCore
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.handle import ThreadWaiter
-from axisbus.motion.leaving import ladder_time
-from axisbus.motion.policy import LostNode
-from axisbus.motion.scan import PumpWaiter, Scan
+from axisbus.motion.stop.leaving import ladder_time
+from axisbus.motion.stop.policy import LostNode
 from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
@@ -100,7 +100,7 @@ class Machine:
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
-        from axisbus.machine.wire import build_on_bus
+        from axisbus.core.wire import build_on_bus
 
         cell = checked(path, beside)
         dictionaries = load_dictionaries(cell)
@@ -421,7 +421,7 @@ def boot(
     Raises:
         ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
     """
-    from axisbus.machine.wire import build_on_bus
+    from axisbus.core.wire import build_on_bus
 
     cell = checked(path, beside)
     lock, through = threading.Lock(), itertools.count(1)

@@ -9,17 +9,17 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import fmean
 
+from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Signs
 from axisbus.cia301.nmt import NmtState
+from axisbus.core.alone import cast_of
 from axisbus.drives.gim6010.factory import Listening
 from axisbus.eds.model import Eds
-from axisbus.machine.alone import cast_of
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.trace import known
-from axisbus.machine.trace.decoded import Decoded, Kind
-from axisbus.machine.trace.decoder import Decoder
-from axisbus.machine.trace.tally import Tally
+from axisbus.trace import known
+from axisbus.trace.decoded import Decoded, Kind
+from axisbus.trace.decoder import Decoder
+from axisbus.trace.tally import Tally
 
 _INTERVALS = 64  # from how many of the last frames a period is worked out
 _NEWS = 50  # kept between two looks; more are counted

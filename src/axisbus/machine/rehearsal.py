@@ -11,19 +11,19 @@ from __future__ import annotations
 
 from typing import cast
 
+from axisbus.cell.model import CellConfig
+from axisbus.cell.parameters import axis_parameters
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
+from axisbus.core.runtime import load_dictionaries
+from axisbus.core.scan import Scan
 from axisbus.errors import LimitError, StateError
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.parameters import axis_parameters
-from axisbus.machine.runtime import load_dictionaries
-from axisbus.motion import accept_motion as motion
+from axisbus.machine.axis import Axis
 from axisbus.motion import commands as c
-from axisbus.motion.axis import Axis
+from axisbus.motion.axis import accept_motion as motion
 from axisbus.motion.handle import NOBODY, Handle, Status
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.scan import Scan
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 

@@ -6,11 +6,11 @@ from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
-from axisbus.motion.lookahead import Known, widened
+from axisbus.motion.moves.lookahead import Known, widened
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.numbers import number, told
 from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import Profile
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale, toward_zero, whole_above, whole_below
 

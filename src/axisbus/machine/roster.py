@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from axisbus.boot.node import Booted
+from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port, Waiter
+from axisbus.core.node_access import NodeAccess
+from axisbus.core.pickup import absent_axis
+from axisbus.core.scan import Scan
 from axisbus.errors import ArgumentError, StateError
-from axisbus.machine.boot import Booted
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.node import NodeAccess
-from axisbus.machine.pickup import absent_axis
-from axisbus.motion.axes import Group
-from axisbus.motion.axis import Axis
-from axisbus.motion.core import AxisCore
+from axisbus.machine.axis import Axis
+from axisbus.machine.groups import Group
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.scan import Scan
 
 _JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
 

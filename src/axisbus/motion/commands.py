@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.motion.homing import HomingJob
-from axisbus.motion.profile import Profile
+from axisbus.motion.moves.homing import HomingJob
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.trajectory import Trajectory
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from axisbus.motion.lookahead import Path
+from axisbus.motion.moves.lookahead import Path
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.trajectory import Trajectory
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Protocol
 
 from axisbus.errors import ArgumentError
+from axisbus.motion.moves.profile import duration
 from axisbus.motion.numbers import number, told
-from axisbus.motion.profile import duration
 
 
 class Trajectory(Protocol):

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
+from axisbus.core.scan import Scan
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.scan import Scan
 from axisbus.motion.snapshot import Snapshot
 
 COLUMNS = ("position", "velocity", "torque", "target", "state")

@@ -14,14 +14,14 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.bus.discover import Found
+from axisbus.bus.node.discover import Found
+from axisbus.cell import proposal
+from axisbus.cell.model import SIMULATED, BusConfig
 from axisbus.cia402 import homing, options
 from axisbus.cia402 import objects as o
 from axisbus.drives.make import Make
-from axisbus.machine import proposal
-from axisbus.machine.cell import SIMULATED, BusConfig
-from axisbus.machine.first.look import Axis
-from axisbus.machine.first.match import Match
+from axisbus.scaffold.look import Axis
+from axisbus.scaffold.match import Match
 from axisbus.wording import counted
 
 _DEGREES = "deg"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.cell import proposal
+from axisbus.cell.writes import own_index
 from axisbus.cia301.datatypes import decode
 from axisbus.cia402 import modes, options, state
 from axisbus.cia402 import objects as o
 from axisbus.eds.dictionary import standard
 from axisbus.errors import SdoAbort
-from axisbus.machine import proposal
-from axisbus.machine.writes import own_index
 
 MOST_AXES = 8
 

@@ -10,12 +10,12 @@ from axisbus.eds.model import Eds
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import CANNOT_STORE, DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
 from axisbus.sim.drive import Drive
-from axisbus.sim.guard import HeartbeatConsumer, LifeGuard
-from axisbus.sim.history import ErrorHistory
-from axisbus.sim.lss import NO_NODE_ID, LssSlave
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
-from axisbus.sim.pdo import PdoTable
+from axisbus.sim.node.guard import HeartbeatConsumer, LifeGuard
+from axisbus.sim.node.history import ErrorHistory
+from axisbus.sim.node.lss import NO_NODE_ID, LssSlave
+from axisbus.sim.node.pdo import PdoTable
 from axisbus.sim.power import Effort
 from axisbus.sim.program import ProgramLoader, has_loader
 from axisbus.sim.settings import AXIS_SPAN

@@ -10,7 +10,7 @@ from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Inp
 from axisbus.errors import SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.dials import CycleDials
-from axisbus.sim.direct_sdo import SdoQueue, shifted
+from axisbus.sim.node.direct_sdo import SdoQueue, shifted
 from axisbus.sim.settings import AXIS_SPAN
 from axisbus.sim.words import CW_ENABLE_VOLTAGE, CW_FAULT_RESET, CW_QUICK_STOP_LOW
 

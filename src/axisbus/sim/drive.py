@@ -18,10 +18,10 @@ from axisbus.sim.axis import Axis
 from axisbus.sim.dials import DriveDials
 from axisbus.sim.dictionary import INVALID_VALUE, Dictionary, Refused
 from axisbus.sim.feedback import Feedback
-from axisbus.sim.history import ErrorHistory
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.modes.catalogue import IMPLEMENTED, make_modes
 from axisbus.sim.motor import MotorParams
+from axisbus.sim.node.history import ErrorHistory
 from axisbus.sim.objects import connect
 from axisbus.sim.power import Effort, PowerStage, Stage
 from axisbus.sim.settings import AXIS_SPAN, Settings, place

@@ -13,20 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from axisbus.bus import errorframe
+from axisbus.bus.link import errorframe
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010 import factory
-from axisbus.machine.trace import lss, services, words
-from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
-from axisbus.machine.trace.known import NOTHING, Known, KnownNode
-from axisbus.machine.trace.pdos import Parameters, PdoTable
-from axisbus.machine.trace.sdo import Dialogue
-from axisbus.machine.trace.services import Words
-from axisbus.machine.trace.transfer import Said
-from axisbus.machine.trace.values import Values
+from axisbus.trace import lss, services
+from axisbus.trace import meanings as words
+from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
+from axisbus.trace.known import NOTHING, Known, KnownNode
+from axisbus.trace.pdos import Parameters, PdoTable
+from axisbus.trace.sdo import Dialogue
+from axisbus.trace.services import Words
+from axisbus.trace.transfer import Said
+from axisbus.trace.values import Values
 from axisbus.wording import counted
 
 _FUNCTION = 0x780

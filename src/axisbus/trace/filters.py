@@ -6,8 +6,8 @@ import difflib
 from collections.abc import Callable, Iterable
 
 from axisbus.errors import ArgumentError
-from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue
-from axisbus.machine.trace.text import address
+from axisbus.trace.decoded import Decoded, Kind, ObjectValue
+from axisbus.trace.text import address
 
 Wanted = Callable[[Decoded], bool]
 

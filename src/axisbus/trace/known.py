@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.pdo_plan import travelling
+from axisbus.cell.quantities import Quantities
+from axisbus.check.case import Case
 from axisbus.cia301.pdo import Pdo
 from axisbus.drives import registry
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.machine.cell import CellConfig, NodeConfig
-from axisbus.machine.checks import pdomodel
-from axisbus.machine.checks.case import Case
-from axisbus.machine.engineering import Quantities
-from axisbus.machine.pdoplan import travelling
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from axisbus.cia301 import lss
-from axisbus.cia301.lss import PARTS, Service, State
+from axisbus.cia305 import services as lss
+from axisbus.cia305.services import PARTS, Service, State
 from axisbus.wording import counted
 
 _NUMBERS = dict(zip(lss.SELECTIVE, PARTS, strict=True))

@@ -13,7 +13,7 @@ from axisbus.cia402 import objects as c402
 from axisbus.cia402.modes import ModeOfOperation, short, supported
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import is_pdo_parameter
-from axisbus.eds.wording import first_axis
+from axisbus.eds.report.wording import first_axis
 from axisbus.wording import counted
 
 Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its mode as last seen

@@ -12,7 +12,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject
 from axisbus.eds.layout import is_pdo_parameter
-from axisbus.machine.trace.known import KnownNode
+from axisbus.trace.known import KnownNode
 
 _NUMBER = 0x1FF
 _IS_MAPPING, _IS_TPDO = 0x200, 0x800

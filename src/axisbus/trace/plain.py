@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from axisbus.machine.trace.decoded import Decoded, ObjectValue, Sdo
+from axisbus.trace.decoded import Decoded, ObjectValue, Sdo
 
 
 def plain(one: Decoded) -> dict[str, Any]:

@@ -13,18 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from axisbus.machine.trace.decoded import Sdo
-from axisbus.machine.trace.transfer import (
-    Phase,
-    Said,
-    Transfer,
-    address,
-    expedited,
-    length,
-    size,
-    toggled,
-    trim,
-)
+from axisbus.trace.decoded import Sdo
+from axisbus.trace.transfer import Phase, Said, Transfer, address, expedited, length, size, toggled, trim
 from axisbus.wording import counted
 
 _ABORT = 0x80

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from axisbus.machine.trace.decoded import Decoded, Kind
+from axisbus.trace.decoded import Decoded, Kind
 
 
 class Tally:

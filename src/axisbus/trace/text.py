@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import Value
-from axisbus.machine.trace.decoded import Decoded, Kind, ObjectValue, Sdo
-from axisbus.machine.trace.words import in_hex
+from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
+from axisbus.trace.meanings import in_hex
 from axisbus.wording import counted
 
 _LONGEST = 48  # bytes of a long value that a line shows

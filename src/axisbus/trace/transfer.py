@@ -6,7 +6,7 @@ import binascii
 from dataclasses import dataclass, field
 from enum import Enum
 
-from axisbus.machine.trace.decoded import Sdo
+from axisbus.trace.decoded import Sdo
 from axisbus.wording import counted
 
 

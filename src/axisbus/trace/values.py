@@ -9,10 +9,10 @@ from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402 import objects as c402
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds.dictionary import Dictionary, Entry
-from axisbus.eds.wording import first_axis
-from axisbus.machine.trace import words
-from axisbus.machine.trace.decoded import ObjectValue
-from axisbus.machine.trace.known import Known
+from axisbus.eds.report.wording import first_axis
+from axisbus.trace import meanings as words
+from axisbus.trace.decoded import ObjectValue
+from axisbus.trace.known import Known
 from axisbus.wording import counted
 
 _MODES = (c402.MODES_OF_OPERATION_DISPLAY, c402.MODES_OF_OPERATION)

@@ -6,9 +6,9 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from axisbus.cell.problem import Problem
+from axisbus.check.run import check
 from axisbus.eds.model import Severity
-from axisbus.machine.check import check
-from axisbus.machine.problem import Problem
 
 HERE = Path(__file__).parent
 CLEAN = (HERE / "clean.toml").read_text(encoding="utf-8")

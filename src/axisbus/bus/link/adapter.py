@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import can
 from can.interfaces import VALID_INTERFACES
 
-from axisbus.bus import socketcan
+from axisbus.bus.link import socketcan
 from axisbus.errors import AdapterError, ArgumentError
 
 NO_RATE = frozenset({"virtual", "udp_multicast"})  # interfaces without a wire

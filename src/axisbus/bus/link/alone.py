@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 
-from axisbus.bus.channel import Channel, require_other_thread
+from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.cia301.mastersigns import Cast, Heard, Sign, Signs, words
 from axisbus.errors import SecondMasterError
 

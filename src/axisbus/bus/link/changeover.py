@@ -18,10 +18,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import Enum
 
-from axisbus.bus import adapter, discover, socketcan
-from axisbus.bus.channel import Channel
+from axisbus.bus.link import adapter, socketcan
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
-from axisbus.cia301.lss import LssAddress
+from axisbus.bus.node import discover
+from axisbus.cia305.services import LssAddress
 from axisbus.errors import AdapterError, LssError, in_a_line
 
 ANSWER_TIME = 5.0  # seconds that a slave may take to answer at the new rate; some restart for it

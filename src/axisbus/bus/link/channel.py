@@ -33,12 +33,12 @@ from dataclasses import dataclass, field
 
 import can
 
-from axisbus.bus import adapter, errorframe, failures
-from axisbus.bus.controller import Controller, ControllerEvent
-from axisbus.bus.errorframe import Condition
-from axisbus.bus.inherited import disown_in_children
-from axisbus.bus.network import Network
-from axisbus.bus.recording import of_message
+from axisbus.bus.link import adapter, errorframe, failures
+from axisbus.bus.link.controller import Controller, ControllerEvent
+from axisbus.bus.link.errorframe import Condition
+from axisbus.bus.link.inherited import disown_in_children
+from axisbus.bus.link.network import Network
+from axisbus.bus.link.recording import of_message
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Drops, Fault
 from axisbus.cia301.frame import Frame

@@ -15,8 +15,8 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from axisbus.bus import errorframe
-from axisbus.bus.errorframe import Condition, ErrorCounters
+from axisbus.bus.link import errorframe
+from axisbus.bus.link.errorframe import Condition, ErrorCounters
 
 HISTORY = 64
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import can
 
-from axisbus.bus import socketcan
-from axisbus.bus.errorframe import WHAT_TO_CHECK, ErrorCounters
+from axisbus.bus.link import socketcan
+from axisbus.bus.link.errorframe import WHAT_TO_CHECK, ErrorCounters
 from axisbus.cia402.starvation import REMEDY
 from axisbus.errors import AdapterError, BusError, BusOff
 

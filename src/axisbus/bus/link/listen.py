@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import can
 
-from axisbus.bus import adapter, errorframe, failures, socketcan
-from axisbus.bus.recording import of_message
+from axisbus.bus.link import adapter, errorframe, failures, socketcan
+from axisbus.bus.link.recording import of_message
 from axisbus.cia301.frame import Frame
 
 _SLICE = 0.1  # seconds; the longest that a stop is noticed late

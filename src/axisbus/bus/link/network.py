@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import canopen
 
 if TYPE_CHECKING:
-    from axisbus.bus.channel import Channel
+    from axisbus.bus.link.channel import Channel
 
 
 class Network(canopen.Network):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from axisbus.bus.channel import Channel, Receiver, require_other_thread
+from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.cia301 import cob
 from axisbus.cia301.nmt import NmtState
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from axisbus.bus import adapter, listenonly
-from axisbus.bus.listen import listen
+from axisbus.bus.link import adapter, listenonly
+from axisbus.bus.link.listen import listen
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010.factory import Listening, Speaker

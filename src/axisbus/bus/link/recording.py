@@ -10,7 +10,7 @@ from pathlib import Path
 
 import can
 
-from axisbus.bus import candump
+from axisbus.bus.link import candump
 from axisbus.cia301.frame import Frame
 from axisbus.errors import UserError
 from axisbus.wording import counted

@@ -18,9 +18,9 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from axisbus.bus.channel import Channel, Receiver, require_other_thread
-from axisbus.bus.node import NodeIdentity, read_identity
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
+from axisbus.bus.node.node import NodeIdentity, read_identity
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtState

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from axisbus.bus.channel import Channel
+from axisbus.bus.link.channel import Channel
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.emcy import Emcy, parse

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 
-from axisbus.bus.sdo import SdoClient
-from axisbus.bus.sdo_transfer import Progress
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode

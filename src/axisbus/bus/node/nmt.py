@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from enum import Enum
 
-from axisbus.bus.channel import Channel, require_other_thread
+from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import RESULT, TOGGLE_BIT, NmtCommand, NmtState, is_boot_up

@@ -16,10 +16,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from axisbus.bus import nmt
-from axisbus.bus.channel import Channel
-from axisbus.bus.nmt import Confirmation
-from axisbus.bus.node import Node
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node import nmt
+from axisbus.bus.node.nmt import Confirmation
+from axisbus.bus.node.node import Node
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState

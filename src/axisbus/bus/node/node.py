@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from axisbus.bus import nmt
-from axisbus.bus.channel import Channel
-from axisbus.bus.deadline import HISTORY, PdoEvent
-from axisbus.bus.emcy import EmcyMonitor
-from axisbus.bus.nmt import Confirmation, NodeMonitor
-from axisbus.bus.sdo import TIMEOUT, TRIES, SdoClient
-from axisbus.bus.worker import SdoWorker
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node import nmt
+from axisbus.bus.node.emcy import EmcyMonitor
+from axisbus.bus.node.nmt import Confirmation, NodeMonitor
+from axisbus.bus.pdo.reception import HISTORY, PdoEvent
+from axisbus.bus.sdo.client import TIMEOUT, TRIES, SdoClient
+from axisbus.bus.sdo.worker import SdoWorker
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType

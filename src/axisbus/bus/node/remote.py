@@ -15,8 +15,8 @@ from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.client import SdoClient as CanopenClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from axisbus.bus.node import Node
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.node.node import Node
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.eds import Eds, canopen_text
 from axisbus.errors import SdoAbort, SdoError, StateError

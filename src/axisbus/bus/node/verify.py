@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes

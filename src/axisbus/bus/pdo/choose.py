@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from axisbus.bus.mapping import MapEntry
+from axisbus.bus.pdo.mapping import MapEntry
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo
 
 PDOS_PER_AXIS = 4  # in a device with one row of PDOs

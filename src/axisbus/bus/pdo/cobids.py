@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from itertools import chain
 
-from axisbus.bus.mapping import DevicePdos
+from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import Pdo
 

@@ -14,10 +14,10 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import replace
 
-from axisbus.bus.mapping import axis_objects
-from axisbus.bus.pdo_read import Indices, read_number, read_pdo, read_pdos
-from axisbus.bus.plan import Change, Plan, PlannedPdo, Policy, Wanted, make_plan
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.pdo.mapping import axis_objects
+from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo, Policy, Wanted, make_plan
+from axisbus.bus.pdo.read import Indices, read_number, read_pdo, read_pdos
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject, Pdo

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from axisbus.bus.plan import Plan, PlannedPdo
+from axisbus.bus.pdo.plan import Plan, PlannedPdo
 from axisbus.cia402.port import Source
 
 SYNC_PERIODS = 5

@@ -19,10 +19,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from axisbus.bus import choose, edge, eventtimer
-from axisbus.bus.cobids import CobIds
-from axisbus.bus.eventtimer import EventTimer
-from axisbus.bus.mapping import DevicePdos, MapEntry, axis_index
+from axisbus.bus.pdo import choose, edge, eventtimer
+from axisbus.bus.pdo.cobids import CobIds
+from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, axis_index
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.objects import names as standard_names

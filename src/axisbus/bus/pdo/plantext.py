@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.bus.plan import Change, Plan, PlannedPdo
+from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo
 from axisbus.cia402.port import Source
 
 

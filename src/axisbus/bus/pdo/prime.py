@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from axisbus.bus.plan import Plan
-from axisbus.bus.rpdo import RpdoImage
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.pdo.plan import Plan
+from axisbus.bus.pdo.rpdo import RpdoImage
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import INPUT_OBJECTS, Sample, Source
 from axisbus.errors import BootError, SdoAbort

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from axisbus.bus.mapping import DevicePdos
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, MappedObject, Pdo

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from axisbus.bus.edge import CONTROLWORD
-from axisbus.bus.plan import PlannedPdo
+from axisbus.bus.pdo.edge import CONTROLWORD
+from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.errors import StateError
 

@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from axisbus.bus.plan import PlannedPdo
-from axisbus.bus.rpdo import Frame, RpdoImage, arrange
+from axisbus.bus.pdo.plan import PlannedPdo
+from axisbus.bus.pdo.rpdo import Frame, RpdoImage, arrange
 
 REPEAT = 0.1  # seconds
 _SHARE = 3  # frames within the time that the drive allows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from axisbus.bus.worker import Job, SdoWorker
+from axisbus.bus.sdo.worker import Job, SdoWorker
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.port import OUTPUT_OBJECTS, Source
 

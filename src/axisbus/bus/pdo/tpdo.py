@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from axisbus.bus.channel import Receiver
-from axisbus.bus.plan import PlannedPdo
+from axisbus.bus.link.channel import Receiver
+from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.port import Sample
 

@@ -14,10 +14,10 @@ import threading
 import time
 from collections.abc import Iterator
 
-from axisbus.bus import sdo_errors
-from axisbus.bus.channel import Channel, require_other_thread
-from axisbus.bus.sdo_transfer import Call, Cancelled, Line, Progress, carry_out
-from axisbus.bus.sdo_value import checked_bytes
+from axisbus.bus.link.channel import Channel, require_other_thread
+from axisbus.bus.sdo import errors as sdo_errors
+from axisbus.bus.sdo.transfer import Call, Cancelled, Line, Progress, carry_out
+from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
 from axisbus.cia301.sdo import LONGEST, Way
 from axisbus.cia301.sdo_session import Request, Session

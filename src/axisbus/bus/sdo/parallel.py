@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from axisbus.bus.sdo import SdoClient
+from axisbus.bus.sdo.client import SdoClient
 from axisbus.errors import BusError
 
 T = TypeVar("T")

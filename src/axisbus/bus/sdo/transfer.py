@@ -14,8 +14,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.inbox import Inbox
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.inbox import Inbox
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.sdo import Frames

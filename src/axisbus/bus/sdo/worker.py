@@ -14,10 +14,10 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import NamedTuple
 
-from axisbus.bus.channel import Channel
-from axisbus.bus.sdo import SdoClient
-from axisbus.bus.sdo_transfer import Call
-from axisbus.bus.sdo_value import checked_bytes
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.transfer import Call
+from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import abort
 from axisbus.errors import ArgumentError, BusError, Interrupted, LimitError, SdoAbort
 

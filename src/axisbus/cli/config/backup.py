@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli import config_files
-from axisbus.cli.common import OK, progress_bar, say, say_json, say_next
-from axisbus.cli.completion import complete_node
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.cli.output import output_option, require_free, require_writable, write_whole
+from axisbus.cli.config import files as config_files
+from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
+from axisbus.cli.shared.completion import complete_node
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.output import output_option, require_free, require_writable, write_whole
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node import Node, NodeIdentity
-    from axisbus.machine.backup.save import Backup
+    from axisbus.bus.node.node import Node, NodeIdentity
+    from axisbus.configuration.save import Backup
 
 _PATH = click.Path(path_type=Path)
 
@@ -68,8 +68,8 @@ def _default_name(node_id: int, serial: int | None) -> str:
 
 
 def _taken(stack: ExitStack, asked: Asked, files: Files, device: Node, name: str) -> tuple[Backup, str]:
+    from axisbus.configuration.save import backup
     from axisbus.eds.dcf import Settings
-    from axisbus.machine.backup.save import backup
 
     reading, origin = config_files.node_reading(files, device)
     settings = Settings(

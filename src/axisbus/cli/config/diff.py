@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli import config_files
-from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.config import files as config_files
+from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
+    from axisbus.configuration.compare import Comparison, Side
     from axisbus.eds.model import Eds, Variable
-    from axisbus.machine.backup.compare import Comparison, Side
 
 
 @click.command("diff")
@@ -59,7 +59,7 @@ def _is_node(files: Files, text: str) -> bool:
 
 
 def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.machine.backup import compare
+    from axisbus.configuration import compare
 
     first, second = (config_files.read_file(each).eds for each in (one, other))
     entries = _entries(first, everything)
@@ -76,7 +76,7 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 def _with_node(
     asked: Asked, files: Files, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
-    from axisbus.machine.backup import compare, live
+    from axisbus.configuration import compare, live
 
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
@@ -92,13 +92,13 @@ def _with_node(
 
 
 def _entries(eds: Eds, everything: bool) -> list[Variable]:
-    from axisbus.machine.backup import compare
+    from axisbus.configuration import compare
 
     return list(compare.entries(eds, everything=everything))
 
 
 def _side(eds: Eds, node_id: int | None) -> Side:
-    from axisbus.machine.backup import compare
+    from axisbus.configuration import compare
 
     return compare.of_file(eds, node_id)
 

@@ -7,15 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from axisbus.cia301.datatypes import Value, decode
-from axisbus.cli.common import progress_bar
-from axisbus.cli.nodes import Asked, Files
-from axisbus.eds import builtin, dcf, reader, wording, writer
+from axisbus.cli.shared.common import progress_bar
+from axisbus.cli.shared.nodes import Asked, Files
+from axisbus.eds import builtin, dcf, writer
+from axisbus.eds.io import reader
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.reader import Reading
+from axisbus.eds.report import wording
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from axisbus.bus.node import Node
+    from axisbus.bus.node.node import Node
 
 Key = tuple[int, int]
 Tell = Callable[[int, int], None]
@@ -49,7 +51,7 @@ def node_reading(files: Files, node: Node) -> tuple[Reading, str]:
     given = eds_file(files, node.node_id)
     if given:
         return read_file(given), given
-    from axisbus.bus.from_device import skeleton, stored_eds
+    from axisbus.bus.node.from_device import skeleton, stored_eds
 
     with progress_bar(f"asking node {node.node_id} for its objects") as tell:
         data = stored_eds(node.sdo)
@@ -62,7 +64,7 @@ def node_reading(files: Files, node: Node) -> tuple[Reading, str]:
 
 def baudrate(asked: Asked, files: Files, reading: Reading) -> int | None:
     """Return the bus's bit rate in kbit/s for a DCF; None where nobody knows it, or the EDS does not have it."""
-    from axisbus.bus.listen import link_bitrate
+    from axisbus.bus.link.listen import link_bitrate
 
     cell = files.cell.bus.bitrate if files.cell is not None else None
     rate = (asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel) or 0) // 1000

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.lazy import LazyGroup
+from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "backup": ("axisbus.cli.config_backup", "Read all objects of a node into a DCF; writes nothing to it."),
-    "diff": ("axisbus.cli.config_diff", "Compare two files, a file and a node, or a node and its EDS."),
+    "backup": ("axisbus.cli.config.backup", "Read all objects of a node into a DCF; writes nothing to it."),
+    "diff": ("axisbus.cli.config.diff", "Compare two files, a file and a node, or a node and its EDS."),
     "restore": (
-        "axisbus.cli.config_restore",
+        "axisbus.cli.config.restore",
         "Bring a node to what a DCF says, and read every object again.",
     ),
 }

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from axisbus.cia301.datatypes import decode
-from axisbus.cli import config_files
-from axisbus.cli.common import say, say_json, say_next
+from axisbus.cli.config import files as config_files
+from axisbus.cli.shared.common import say, say_json, say_next
 
 if TYPE_CHECKING:
+    from axisbus.configuration.restore import Report, Result
     from axisbus.eds.model import Variable
-    from axisbus.machine.backup.restore import Report, Result
 
 
 def tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
@@ -22,7 +22,7 @@ def tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
 
 
 def _show(report: Report, found: dict[str, Any]) -> None:
-    from axisbus.machine.backup.restore import Outcome
+    from axisbus.configuration.restore import Outcome
 
     for each in report.of(Outcome.RESTORED):
         say(f"restored  {_change(each)}")
@@ -42,7 +42,7 @@ def _show(report: Report, found: dict[str, Any]) -> None:
 
 
 def _show_skipped(report: Report) -> None:
-    from axisbus.machine.backup.items import Why
+    from axisbus.configuration.values import Why
 
     orders = [
         f"{each.variable.index:04X}h:{each.variable.subindex:02X}"

@@ -9,27 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli import config_files, config_report
-from axisbus.cli.common import (
-    FAILURE,
-    OK,
-    WRONG,
-    progress_phases,
-    say,
-    say_error,
-    say_json,
-)
-from axisbus.cli.completion import complete_node
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.config import files as config_files
+from axisbus.cli.config import report as config_report
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, progress_phases, say, say_error, say_json
+from axisbus.cli.shared.completion import complete_node
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import BusError, EdsError, SdoAbort, StateError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node import Node
+    from axisbus.bus.node.node import Node
+    from axisbus.configuration.restore import Report, Restore
+    from axisbus.configuration.values import Item, Selection
     from axisbus.drives.make import Make
     from axisbus.eds.model import Eds
-    from axisbus.machine.backup.items import Item, Selection
-    from axisbus.machine.backup.restore import Report, Restore
 
 STOPPED = 130  # by Ctrl-C, as shells have it
 
@@ -123,8 +116,9 @@ def _values(file: str) -> Eds:
 
 def _concise_values(file: str, files: Files, node_id: int) -> Eds:
     """Return the EDS of the node with the values of a concise DCF."""
-    from axisbus.eds import concise, dcf, reader
+    from axisbus.eds import concise, dcf
     from axisbus.eds.configuration import parameters
+    from axisbus.eds.io import reader
 
     given = config_files.eds_file(files, node_id)
     if not given:
@@ -146,18 +140,18 @@ def _select(eds: Eds, node_id: int, wish: _Wish) -> None:
     Raises:
         ArgumentError: an object is not in it, or has no value that can be written.
     """
+    from axisbus.configuration.values import select
     from axisbus.drives import registry
-    from axisbus.machine.backup.items import select
 
     make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
     select(eds, node_id, make, wish.include, wish.exclude)
 
 
 def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
+    from axisbus.configuration import preconditions as guard
+    from axisbus.configuration.restore import Restore
+    from axisbus.configuration.values import require_within_limits, select
     from axisbus.drives import registry
-    from axisbus.machine.backup import guard
-    from axisbus.machine.backup.items import require_within_limits, select
-    from axisbus.machine.backup.restore import Restore
 
     who = device.identity()
     guard.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
@@ -190,7 +184,8 @@ def _ready(device: Node, wish: _Wish) -> str:
     Raises:
         StateError: it may not, or cannot store though it should.
     """
-    from axisbus.machine.backup import guard, store
+    from axisbus.configuration import preconditions as guard
+    from axisbus.configuration import store
 
     guard.require_at_rest(device)
     why_not = store.can_store(device)
@@ -203,7 +198,7 @@ def _ready(device: Node, wish: _Wish) -> str:
 
 def _carry_out(device: Node, restore: Restore, make: Make, wish: _Wish, found: dict[str, Any]) -> Report:
     """Write, store where that is asked for, and read again; ``found`` gets what came of the storing."""
-    from axisbus.machine.backup import store
+    from axisbus.configuration import store
 
     report = restore.run()
     if not (wish.store and report.ok):

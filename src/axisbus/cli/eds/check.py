@@ -9,9 +9,9 @@ from pathlib import Path
 import click
 
 from axisbus import __version__
-from axisbus.cli import eds_check_text as text
-from axisbus.cli.common import MISUSE, OK, WRONG, progress_bar, say_error, say_json, say_next
-from axisbus.cli.eds_files import say_lines
+from axisbus.cli.eds import check_text as text
+from axisbus.cli.eds.files import say_lines
+from axisbus.cli.shared.common import MISUSE, OK, WRONG, progress_bar, say_error, say_json, say_next
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules import choice, engine, sarif

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from axisbus.cli.eds_files import terminal_width
+from axisbus.cli.eds.files import terminal_width
 from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.wording import counted

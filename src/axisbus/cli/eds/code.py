@@ -6,16 +6,10 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.eds_files import (
-    file_argument,
-    node_of,
-    node_option,
-    open_eds,
-    say_text,
-)
-from axisbus.cli.output import output_option, require_writable, write_whole
-from axisbus.eds import codegen
+from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds, say_text
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.eds.report import codegen
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import OK, say, say_json, say_next
-from axisbus.cli.eds_files import file_argument, say_lines
-from axisbus.cli.output import output_option, require_writable, write_whole
-from axisbus.eds import assign, builtin, concise, configuration, dcf, reader, writer
-from axisbus.eds.compose import written
+from axisbus.cli.eds.files import file_argument, say_lines
+from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.eds import assign, builtin, concise, configuration, dcf, writer
+from axisbus.eds.io import reader
+from axisbus.eds.io.compose import written
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Variable
-from axisbus.eds.reader import Reading
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 

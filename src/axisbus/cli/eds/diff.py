@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.common import MISUSE, OK, WRONG, say_error, say_json
-from axisbus.cli.eds_files import hint, node_option, open_eds, say_lines
-from axisbus.eds import compare, compare_text
-from axisbus.eds.difference import Difference
+from axisbus.cli.eds.files import hint, node_option, open_eds, say_lines
+from axisbus.cli.shared.common import MISUSE, OK, WRONG, say_error, say_json
 from axisbus.eds.model import Eds
+from axisbus.eds.report import compare, compare_text
+from axisbus.eds.report.difference import Difference
 from axisbus.errors import EdsError
 
 

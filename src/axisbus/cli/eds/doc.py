@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.eds_files import file_argument, node_of, node_option, open_eds
-from axisbus.cli.output import output_option, require_writable, write_whole
+from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
 from axisbus.eds.checking import check
 from axisbus.eds.reference import html, markdown, reference
 from axisbus.errors import ArgumentError

@@ -6,16 +6,9 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.common import OK, say, say_next
-from axisbus.cli.eds_files import (
-    file_argument,
-    node_of,
-    node_option,
-    open_eds,
-    say_text,
-    tell,
-)
-from axisbus.cli.output import output_option, require_writable, write_whole
+from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds, say_text, tell
+from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
@@ -75,7 +68,7 @@ def _text(
     eds: Eds, form: str, node_id: int | None, switched_off: bool, words: bool
 ) -> tuple[str, tuple[str, ...]]:
     if form == "dbc":
-        from axisbus.eds import dbc
+        from axisbus.eds.report import dbc
 
         made = dbc.dumps(eds, node_id, switched_off=switched_off, words=words)
         return made.text, made.left_out

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
-from axisbus.cli.common import say, say_next
+from axisbus.cli.shared.common import say, say_next
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import EdsError
 from axisbus.wording import counted

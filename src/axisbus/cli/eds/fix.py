@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import click
 
-from axisbus.cli.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.cli.eds_files import expanded, say_lines
-from axisbus.cli.output import output_option, write_whole
-from axisbus.eds import builtin, fix, fix_diff, reader, writer
-from axisbus.eds.text import Document
+from axisbus.cli.eds.files import expanded, say_lines
+from axisbus.cli.shared.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next
+from axisbus.cli.shared.output import output_option, write_whole
+from axisbus.eds import builtin, fix, fix_diff, writer
+from axisbus.eds.io import reader
+from axisbus.eds.io.text import Document
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 

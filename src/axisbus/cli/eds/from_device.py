@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.buses import open_bus
-from axisbus.cli.common import OK, progress_bar, say, say_next
-from axisbus.cli.options import bus_options
-from axisbus.cli.output import output_option, require_writable, write_whole
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.common import OK, progress_bar, say, say_next
+from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
 from axisbus.wording import counted
 
 
@@ -37,8 +37,8 @@ def command(
 
     Writes nothing to the drive. A skeleton has the standard's names, types and access; the maker's objects are not in it.
     """
-    from axisbus.bus.from_device import as_file, skeleton, stored_eds
-    from axisbus.bus.node import Node
+    from axisbus.bus.node.from_device import as_file, skeleton, stored_eds
+    from axisbus.bus.node.node import Node
     from axisbus.eds import writer
 
     target = output or Path(f"node-{node}.eds")

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.lazy import LazyGroup
+from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "check": ("axisbus.cli.eds_check", "Say exactly what is wrong with a file, and where."),
-    "fix": ("axisbus.cli.eds_fix", "Mend what can be mended safely; shows a diff, writes only with --write."),
-    "show": ("axisbus.cli.eds_show", "Show the dictionary as a tree, or one object."),
-    "diff": ("axisbus.cli.eds_diff", "Compare two files by what they mean."),
-    "doc": ("axisbus.cli.eds_doc", "Write a complete reference of the drive as HTML or Markdown."),
-    "dcf": ("axisbus.cli.eds_dcf", "Make a DCF from an EDS and values, or a concise DCF, and back."),
-    "export": ("axisbus.cli.eds_export", "Write the dictionary as CSV or JSON, or the PDOs as DBC."),
-    "code": ("axisbus.cli.eds_code", "Write a typed Python module of object names and enumerations."),
-    "verify": ("axisbus.cli.eds_verify", "Hold a file against the live drive; reads only."),
-    "from-device": ("axisbus.cli.eds_from_device", "Take an EDS from the drive, or a skeleton by asking it."),
+    "check": ("axisbus.cli.eds.check", "Say exactly what is wrong with a file, and where."),
+    "fix": ("axisbus.cli.eds.fix", "Mend what can be mended safely; shows a diff, writes only with --write."),
+    "show": ("axisbus.cli.eds.show", "Show the dictionary as a tree, or one object."),
+    "diff": ("axisbus.cli.eds.diff", "Compare two files by what they mean."),
+    "doc": ("axisbus.cli.eds.doc", "Write a complete reference of the drive as HTML or Markdown."),
+    "dcf": ("axisbus.cli.eds.dcf", "Make a DCF from an EDS and values, or a concise DCF, and back."),
+    "export": ("axisbus.cli.eds.export", "Write the dictionary as CSV or JSON, or the PDOs as DBC."),
+    "code": ("axisbus.cli.eds.code", "Write a typed Python module of object names and enumerations."),
+    "verify": ("axisbus.cli.eds.verify", "Hold a file against the live drive; reads only."),
+    "from-device": ("axisbus.cli.eds.from_device", "Take an EDS from the drive, or a skeleton by asking it."),
 }
 
 

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import click
 
-from axisbus.cli.common import OK, say_json
-from axisbus.cli.eds_files import (
+from axisbus.cli.eds.files import (
     can_print,
     file_argument,
     hint,
@@ -17,11 +16,13 @@ from axisbus.cli.eds_files import (
     say_lines,
     terminal_width,
 )
-from axisbus.eds import facts, layout, search, show, show_object
+from axisbus.cli.shared.common import OK, say_json
+from axisbus.eds import layout
 from axisbus.eds.model import Eds
-from axisbus.eds.pdo_text import ASCII, BOXES
-from axisbus.eds.search import Found
-from axisbus.eds.show import Screen
+from axisbus.eds.report import facts, search, show, show_object
+from axisbus.eds.report.pdo_text import ASCII, BOXES
+from axisbus.eds.report.search import Found
+from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
 
 

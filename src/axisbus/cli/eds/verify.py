@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus import eds
-from axisbus.cli.buses import open_bus
-from axisbus.cli.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.options import bus_options
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
+from axisbus.cli.shared.options import bus_options
 from axisbus.eds.builtin import resolve
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.verify import Verification
+    from axisbus.bus.node.verify import Verification
 
 
 @click.command("verify")
@@ -43,8 +43,8 @@ def command(
 
     Reads every object once, writes nothing. Exit code 1 when the drive does not bear the file out.
     """
-    from axisbus.bus.node import Node
-    from axisbus.bus.verify import verify
+    from axisbus.bus.node.node import Node
+    from axisbus.bus.node.verify import verify
 
     dictionary = eds.load(resolve(file, Path()))
     with ExitStack() as stack:

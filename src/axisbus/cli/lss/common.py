@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.buses import open_bus
-from axisbus.cli.numbers import Seconds
-from axisbus.cli.options import bus_options
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import bus_options
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.lss import LssMaster
-    from axisbus.cia301.lss import LssAddress
-    from axisbus.cia301.lss_found import Unconfigured
+    from axisbus.cia305.found import Unconfigured
+    from axisbus.cia305.services import LssAddress
 
 _REDRAW = 0.1  # s
 _FLOOR = 0.015  # s, as cia301.lss_dialogue.Timing
@@ -155,7 +155,7 @@ def open_master(where: Where) -> Iterator[LssMaster]:
         ConfigError, EdsError, AdapterError: as ``open_bus``.
     """
     from axisbus.bus.lss import LssMaster
-    from axisbus.cia301.lss_dialogue import Timing
+    from axisbus.cia305.dialogue import Timing
 
     timing = Timing(floor=where.timeout)
     with ExitStack() as stack:
@@ -175,7 +175,7 @@ def choose(master: LssMaster, slave: tuple[int, ...] | None, only: bool) -> LssA
         UserError: a scan was to find it, and there is none or there are several.
         LssError: as ``LssMaster.find``.
     """
-    from axisbus.cia301.lss import LssAddress
+    from axisbus.cia305.services import LssAddress
 
     if slave:
         return LssAddress(*slave)
@@ -188,7 +188,7 @@ def require_one(slave: tuple[int, ...] | None, found: bool, only: bool) -> None:
     Raises:
         UsageError: it is not. ArgumentError: a number does not fit.
     """
-    from axisbus.cia301.lss import LssAddress
+    from axisbus.cia305.services import LssAddress
 
     if bool(slave) + found + only != 1:
         raise click.UsageError(
@@ -224,7 +224,7 @@ def _found(master: LssMaster) -> LssAddress:
 
 
 def _require_selectable(slave: Unconfigured) -> None:
-    from axisbus.cia301.lss_found import Check
+    from axisbus.cia305.found import Check
 
     if slave.check is Check.UNSELECTABLE:
         raise UserError(

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.lss_common import NumberType, Where, as_numbers, lss_options, open_master, say_slave
+from axisbus.cli.lss.common import NumberType, Where, as_numbers, lss_options, open_master, say_slave
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 
 if TYPE_CHECKING:
-    from axisbus.cia301.lss_found import Scanned, Unconfigured
+    from axisbus.cia305.found import Scanned, Unconfigured
 
 
 @click.command("find")
@@ -34,7 +34,7 @@ def command(
     running. Slaves with a node-ID do not take part: see axisbus scan. Exit code 1 when there is none, when two have the same
     identity, or when the search could not be ended.
     """
-    from axisbus.cia301.lss_found import Known
+    from axisbus.cia305.found import Known
 
     known = Known(vendor, product, revision, serial)
     with open_master(where) as master:
@@ -88,7 +88,7 @@ def _show_slave(slave: Unconfigured) -> None:
 
 
 def _show_next(bare: list[Unconfigured], where: Where) -> None:
-    from axisbus.cia301.lss_found import Check
+    from axisbus.cia305.found import Check
 
     able = [each for each in bare if each.check is not Check.UNSELECTABLE]
     if able:

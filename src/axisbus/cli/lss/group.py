@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.lazy import LazyGroup
+from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "find": ("axisbus.cli.lss_find", "Find every slave without a node-ID; changes nothing."),
-    "inquire": ("axisbus.cli.lss_inquire", "Show a slave's identity and node-ID."),
-    "set-node-id": ("axisbus.cli.lss_set_node_id", "Give a slave a node-ID."),
-    "set-bitrate": ("axisbus.cli.lss_set_bitrate", "Tell slaves another bit rate, and change over to it."),
-    "store": ("axisbus.cli.lss_store", "Have a slave keep node-ID and bit rate without power."),
+    "find": ("axisbus.cli.lss.find", "Find every slave without a node-ID; changes nothing."),
+    "inquire": ("axisbus.cli.lss.inquire", "Show a slave's identity and node-ID."),
+    "set-node-id": ("axisbus.cli.lss.set_node_id", "Give a slave a node-ID."),
+    "set-bitrate": ("axisbus.cli.lss.set_bitrate", "Tell slaves another bit rate, and change over to it."),
+    "store": ("axisbus.cli.lss.store", "Have a slave keep node-ID and bit rate without power."),
 }
 
 

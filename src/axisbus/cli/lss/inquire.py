@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.common import OK, say, say_json, say_next
-from axisbus.cli.lss_common import (
+from axisbus.cli.lss.common import (
     Where,
     as_numbers,
     choose,
@@ -15,6 +14,7 @@ from axisbus.cli.lss_common import (
     say_slave,
     slave_options,
 )
+from axisbus.cli.shared.common import OK, say, say_json, say_next
 
 
 @click.command("inquire")

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from axisbus.cli.buses import opening_of
-from axisbus.cli.common import FAILURE, OK, say, say_error, say_json, say_next
-from axisbus.cli.lss_common import NumberType, Where, lss_options, open_master, slave_option
-from axisbus.cli.numbers import Seconds
+from axisbus.cli.lss.common import NumberType, Where, lss_options, open_master, slave_option
+from axisbus.cli.shared.buses import opening_of
+from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
+from axisbus.cli.shared.numbers import Seconds
 
 if TYPE_CHECKING:
-    from axisbus.bus.changeover import ChangedOver
+    from axisbus.bus.link.changeover import ChangedOver
     from axisbus.bus.lss import LssMaster
-    from axisbus.cia301.lss import LssAddress
+    from axisbus.cia305.services import LssAddress
 
 _WARNING = """\
 A bus has one bit rate. A slave that changes over loses every node that does not: name every node of the bus.
@@ -60,8 +60,8 @@ def command(
     the slaves are asked at it; where the rate is the system's (SocketCAN), the lines to type are printed. Needs --yes. Exit code 3
     when a slave does not answer at the new rate.
     """
-    from axisbus.cia301.lss import LssAddress, bit_timing_index
-    from axisbus.cia301.lss_master import require_delay
+    from axisbus.cia305.master import require_delay
+    from axisbus.cia305.services import LssAddress, bit_timing_index
 
     bit_timing_index(rate)
     require_delay(delay)
@@ -90,7 +90,7 @@ def command(
 def _change_over(
     master: LssMaster, addresses: list[LssAddress] | None, rate: int, delay: float, where: Where
 ) -> ChangedOver:
-    from axisbus.bus.changeover import change_over
+    from axisbus.bus.link.changeover import change_over
 
     opening = opening_of(*where.bus)
     try:
@@ -165,6 +165,6 @@ def _adapter(where: Where, rate: int) -> str:
     """Return the line that sets our own side, where the adapter cannot be told by -b."""
     if where.interface != "socketcan" or where.channel is None:
         return ""
-    from axisbus.bus.socketcan import change_command
+    from axisbus.bus.link.socketcan import change_command
 
     return f"{change_command(where.channel, rate)}; "

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.common import FAILURE, OK, say, say_json, say_next
-from axisbus.cli.lss_common import (
+from axisbus.cli.lss.common import (
     NumberType,
     Where,
     as_numbers,
@@ -18,6 +17,7 @@ from axisbus.cli.lss_common import (
     say_slave,
     slave_options,
 )
+from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 
 if TYPE_CHECKING:
     from axisbus.bus.lss import NodeIdGiven
@@ -48,7 +48,7 @@ def command(
     A slave that had none uses it at once and boots. One that had a node-ID takes the new one with a reset of its communication,
     which --reset sends: that stops what the node is doing. Exit code 3 when it refuses, or does not boot under its new node-ID.
     """
-    from axisbus.cia301.lss import require_node_id
+    from axisbus.cia305.services import require_node_id
 
     require_one(slave, found, only)
     require_node_id(node_id)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.common import OK, say, say_json, say_next
-from axisbus.cli.lss_common import (
+from axisbus.cli.lss.common import (
     Where,
     as_numbers,
     choose,
@@ -14,6 +13,7 @@ from axisbus.cli.lss_common import (
     require_one,
     slave_options,
 )
+from axisbus.cli.shared.common import OK, say, say_json, say_next
 
 
 @click.command("store")

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli import od_objects as od
-from axisbus.cli.common import OK, progress_bar, say, say_json, say_next
-from axisbus.cli.completion import complete_node
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.cli.output import output_option, require_writable, write_whole
+from axisbus.cli.od import objects as od
+from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
+from axisbus.cli.shared.completion import complete_node
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.output import output_option, require_writable, write_whole
 from axisbus.errors import SdoAbort
-from axisbus.machine.trace import text
-from axisbus.machine.trace.decoded import ObjectValue
+from axisbus.trace import text
+from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node import Node
+    from axisbus.bus.node.node import Node
     from axisbus.eds.model import Eds
 
 
@@ -65,7 +65,7 @@ def _all(stack: ExitStack, files: Files, device: Node) -> list[tuple[ObjectValue
 
 
 def _skeleton(device: Node) -> Eds:
-    from axisbus.bus.from_device import skeleton
+    from axisbus.bus.node.from_device import skeleton
 
     return skeleton(device.sdo)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import click
 
-from axisbus.cli.lazy import LazyGroup
+from axisbus.cli.shared.lazy import LazyGroup
 
 COMMANDS = {
-    "read": ("axisbus.cli.od_read", "Read objects and say what they mean."),
-    "write": ("axisbus.cli.od_write", "Write one object, checked before and read back after."),
-    "dump": ("axisbus.cli.od_dump", "Read every object of a node; writes nothing."),
-    "watch": ("axisbus.cli.od_watch", "Read objects again and again, and show what changes."),
+    "read": ("axisbus.cli.od.read", "Read objects and say what they mean."),
+    "write": ("axisbus.cli.od.write", "Write one object, checked before and read back after."),
+    "dump": ("axisbus.cli.od.dump", "Read every object of a node; writes nothing."),
+    "watch": ("axisbus.cli.od.watch", "Read objects again and again, and show what changes."),
 }
 
 

@@ -11,16 +11,17 @@ import click
 from click.shell_completion import CompletionItem
 
 from axisbus.cia301.datatypes import DataType, Value
-from axisbus.cli.nodes import Address, Files
+from axisbus.cli.shared.nodes import Address, Files
+from axisbus.configuration import notation as objecttext
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, AxisbusError
-from axisbus.machine import objecttext
-from axisbus.machine.trace import text, words
-from axisbus.machine.trace.decoded import ObjectValue
+from axisbus.trace import meanings as words
+from axisbus.trace import text
+from axisbus.trace.decoded import ObjectValue
 
 if TYPE_CHECKING:
-    from axisbus.bus.node import Node
+    from axisbus.bus.node.node import Node
 
 _STRUCTURE = frozenset({DataType.DOMAIN})
 
@@ -99,7 +100,7 @@ def line(value: ObjectValue) -> str:
 
 def plain(node_id: int, value: ObjectValue) -> dict[str, Any]:
     """Return an object and its value for JSON; bytes as hexadecimal digits."""
-    from axisbus.machine.trace import plain as plainly
+    from axisbus.trace import plain as plainly
 
     return {"node": node_id, **plainly.value(value)}
 

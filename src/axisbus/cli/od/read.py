@@ -6,9 +6,9 @@ from contextlib import ExitStack
 
 import click
 
-from axisbus.cli import od_objects as od
-from axisbus.cli.common import OK, say, say_json
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.od import objects as od
+from axisbus.cli.shared.common import OK, say, say_json
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 
 
 @click.command("read")

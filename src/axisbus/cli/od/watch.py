@@ -8,10 +8,10 @@ from contextlib import ExitStack, suppress
 
 import click
 
-from axisbus.cli import od_objects as od
-from axisbus.cli.common import FAILURE, OK, say
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.cli.numbers import Seconds
+from axisbus.cli.od import objects as od
+from axisbus.cli.shared.common import FAILURE, OK, say
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.numbers import Seconds
 from axisbus.errors import SdoError
 
 

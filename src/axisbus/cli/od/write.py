@@ -6,16 +6,17 @@ from contextlib import ExitStack
 
 import click
 
-from axisbus.bus.sdo_value import checked_bytes
+from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
-from axisbus.cli import od_objects as od
-from axisbus.cli.common import FAILURE, OK, say, say_error, say_json, say_next
-from axisbus.cli.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.od import objects as od
+from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
+from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.configuration import guarded_write as careful
+from axisbus.configuration import notation as objecttext
+from axisbus.configuration.guarded_write import Written, is_command
 from axisbus.eds.dictionary import Dictionary
-from axisbus.machine import careful, objecttext
-from axisbus.machine.careful import Written, is_command
-from axisbus.machine.trace import text
+from axisbus.trace import text
 from axisbus.wording import counted
 
 

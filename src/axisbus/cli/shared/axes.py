@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import click
 
+from axisbus.cell.model import CellConfig
 from axisbus.errors import StateError
-from axisbus.machine.cell import CellConfig
 
 
 def chosen(cell: CellConfig, names: Iterable[str]) -> list[str]:

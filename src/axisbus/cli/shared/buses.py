@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.options import parse_options
-from axisbus.machine.cell import SIMULATED, CellConfig
+from axisbus.cell.model import SIMULATED, CellConfig
+from axisbus.cli.shared.options import parse_options
 
 if TYPE_CHECKING:
-    from axisbus.bus.changeover import Opening
-    from axisbus.bus.channel import Channel
+    from axisbus.bus.link.changeover import Opening
+    from axisbus.bus.link.channel import Channel
 
 _NO_BUS = "give a cell file, or the bus with -i and -c (such as: -i socketcan -c can0)"
 
@@ -34,7 +34,7 @@ def open_bus(
         UsageError: neither a cell file nor an interface is given, no cell with ``-i sim``, or an option that this bus cannot have.
         ConfigError, EdsError, AdapterError: the cell file is wrong, or the bus cannot be opened.
     """
-    from axisbus.bus.channel import Channel
+    from axisbus.bus.link.channel import Channel
 
     options = parse_options(option)
     if interface == SIMULATED:
@@ -44,7 +44,7 @@ def open_bus(
         return stack.enter_context(Channel.open(interface, channel, bitrate, **options))
     if cell is None:
         raise click.UsageError(_NO_BUS)
-    from axisbus.machine import config
+    from axisbus.cell import reader as config
 
     return _stand_ins(stack, with_options(config.load(cell), channel, bitrate, option))
 
@@ -56,7 +56,7 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
         UsageError: no cell is given, or an option, which a bus of stand-ins cannot have.
         ConfigError: the cell file is wrong.
     """
-    from axisbus.machine import config
+    from axisbus.cell import reader as config
 
     if channel is None:
         raise click.UsageError(
@@ -71,8 +71,8 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
 
 
 def _stand_ins(stack: ExitStack, cell: CellConfig) -> Channel:
-    from axisbus.machine.runtime import load_dictionaries
-    from axisbus.machine.wire import open_channel
+    from axisbus.core.runtime import load_dictionaries
+    from axisbus.core.wire import open_channel
 
     dictionaries = load_dictionaries(cell) if cell.bus.interface == SIMULATED else {}
     return open_channel(cell, dictionaries, stack)[0]
@@ -106,7 +106,7 @@ def require_rate(interface: str, bitrate: int | None, options: Mapping[str, obje
     Raises:
         UsageError: it is not. AdapterError: the interface is not known.
     """
-    from axisbus.bus import adapter
+    from axisbus.bus.link import adapter
 
     adapter.check_interface(interface)
     if bitrate is None and adapter.sets_rate(interface, options):
@@ -127,13 +127,13 @@ def opening_of(
     Raises:
         UsageError, ConfigError: as ``open_bus``.
     """
-    from axisbus.bus.changeover import Opening
+    from axisbus.bus.link.changeover import Opening
 
     if interface == SIMULATED:
         return Opening("virtual", None)
     if interface is not None or cell is None:
         return Opening(interface or "", channel, bitrate, parse_options(option))
-    from axisbus.machine import config
+    from axisbus.cell import reader as config
 
     bus = with_options(config.load(cell), channel, bitrate, option).bus
     virtual = bus.interface == SIMULATED

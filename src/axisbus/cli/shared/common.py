@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from axisbus.cli.speech import in_commands
+from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import ArgumentError, AxisbusError, UserError
 
 OK, WRONG, MISUSE, FAILURE = 0, 1, 2, 3

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from axisbus.machine.cell import CellConfig
+from axisbus.cell.model import CellConfig
 
 Items = list[CompletionItem]
 
@@ -43,7 +43,7 @@ def complete_nodes_or_all(ctx: click.Context, _: click.Parameter, incomplete: st
 
 def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -> Items:
     """Return python-can's interfaces, and the one without hardware."""
-    from axisbus.bus.adapter import interfaces
+    from axisbus.bus.link.adapter import interfaces
 
     simulated = ("sim", "stand-ins for the nodes of a cell file, which -c names")
     return _fitting(incomplete, [*((name, "") for name in interfaces()), simulated])
@@ -51,7 +51,7 @@ def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -
 
 def complete_channel(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
     """Return the CAN interfaces of this computer, where SocketCAN is meant."""
-    from axisbus.bus.socketcan import links
+    from axisbus.bus.link.socketcan import links
 
     known = ctx.params.get("interface") in (None, "socketcan")
     return _fitting(incomplete, [(name, "") for name in links()] if known else [])
@@ -62,7 +62,7 @@ def _cell(ctx: click.Context) -> CellConfig | None:
     given = ctx.params.get("cell")
     if given is None:
         return None
-    from axisbus.machine import config
+    from axisbus.cell import reader as config
 
     return config.read(Path(str(given)))[0]
 

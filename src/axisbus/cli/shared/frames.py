@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.buses import require_rate, simulated, with_options
-from axisbus.cli.options import Decorated, parse_options
+from axisbus.cell.model import SIMULATED
+from axisbus.cli.shared.buses import require_rate, simulated, with_options
+from axisbus.cli.shared.options import Decorated, parse_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
-from axisbus.machine.cell import SIMULATED
 
 if TYPE_CHECKING:
-    from axisbus.bus.recording import Skipped
+    from axisbus.bus.link.recording import Skipped
+    from axisbus.cell.model import CellConfig
     from axisbus.cia301.frame import Frame
-    from axisbus.machine.cell import CellConfig
-    from axisbus.machine.trace.known import Known
+    from axisbus.trace.known import Known
 
 STDIN = "-"
 
@@ -105,7 +105,7 @@ def open_frames(stack: ExitStack, asked: Asked, seconds: float | None) -> Opened
         UsageError, ArgumentError: as ``Asked.check``, or --eds is not N=FILE.
         ConfigError, EdsError, UserError, AdapterError: a file or the bus cannot be opened.
     """
-    from axisbus.bus import recording
+    from axisbus.bus.link import recording
 
     asked.check()
     loaded, known = _known(asked)
@@ -123,18 +123,18 @@ def _live(
     stack: ExitStack, asked: Asked, loaded: CellConfig | None, seconds: float | None
 ) -> Iterator[Frame]:
     if asked.interface == SIMULATED:
-        from axisbus.machine.listening import listen_to
+        from axisbus.core.listening import listen_to
 
         return listen_to(simulated(asked.channel, asked.option), stack).frames(seconds)
     if asked.interface is not None:
-        from axisbus.bus.listen import listen
+        from axisbus.bus.link.listen import listen
 
         options = parse_options(asked.option)
         require_rate(asked.interface, asked.bitrate, options)
         return stack.enter_context(listen(asked.interface, asked.channel, asked.bitrate, options)).frames(
             seconds
         )
-    from axisbus.machine.listening import listen_to
+    from axisbus.core.listening import listen_to
 
     assert loaded is not None  # ``Asked.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
@@ -144,9 +144,9 @@ def _live(
 def _known(asked: Asked) -> tuple[CellConfig | None, Known]:
     from dataclasses import replace
 
-    from axisbus.machine import config
-    from axisbus.machine.runtime import load_dictionaries
-    from axisbus.machine.trace import known
+    from axisbus.cell import reader as config
+    from axisbus.core.runtime import load_dictionaries
+    from axisbus.trace import known
 
     files = dict(eds_of(text) for text in asked.eds)
     if asked.cell_file is None:

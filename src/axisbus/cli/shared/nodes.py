@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from axisbus.cli.buses import open_bus
-from axisbus.cli.frames import eds_of
-from axisbus.cli.options import Decorated, bus_options
+from axisbus.cell import reader as config
+from axisbus.cell.model import CellConfig
+from axisbus.cell.quantities import Quantities
+from axisbus.cli.shared.buses import open_bus
+from axisbus.cli.shared.frames import eds_of
+from axisbus.cli.shared.options import Decorated, bus_options
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
-from axisbus.machine import config
-from axisbus.machine.cell import CellConfig
-from axisbus.machine.engineering import Quantities
 
 if TYPE_CHECKING:
-    from axisbus.bus.channel import Channel
-    from axisbus.bus.node import Node
+    from axisbus.bus.link.channel import Channel
+    from axisbus.bus.node.node import Node
 
 
 class Address(NamedTuple):
@@ -143,7 +143,7 @@ class Session:
 
     def node(self, node_id: int) -> Node:
         """Return a node, opened at the first call."""
-        from axisbus.bus.node import Node
+        from axisbus.bus.node.node import Node
 
         if node_id not in self._nodes:
             eds = self._eds[node_id] if node_id in self._eds else self.files.eds_for(node_id)

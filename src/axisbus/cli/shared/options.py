@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from axisbus.cli.axes import once
-from axisbus.cli.completion import complete_channel, complete_interface
-from axisbus.cli.numbers import BitRate
+from axisbus.cli.shared.axes import once
+from axisbus.cli.shared.completion import complete_channel, complete_interface
+from axisbus.cli.shared.numbers import BitRate
 
 Decorated = Callable[..., Any]
 _OWN_OPTIONS = {"interface": "-i", "channel": "-c", "bitrate": "-b"}

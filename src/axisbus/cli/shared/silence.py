@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from axisbus.cli.common import say, say_next, say_note
+from axisbus.cli.shared.common import say, say_next, say_note
 from axisbus.drives.gim6010.factory import BIT_RATE, told
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.changeover import Opening
-    from axisbus.bus.otherrates import Heard
+    from axisbus.bus.link.changeover import Opening
+    from axisbus.bus.link.other_rates import Heard
 
 _SYSTEM = (
     "the link's rate is the system's; another one is tried in listen-only mode, which disturbs nobody: sudo ip link set {0} down; "
@@ -32,7 +32,7 @@ def listen(opening: Opening, *, quiet: bool = False) -> Heard | None:
     Raises:
         AdapterError: the adapter cannot be opened again.
     """
-    from axisbus.bus import otherrates
+    from axisbus.bus.link import other_rates as otherrates
 
     if not otherrates.possible(opening.interface, opening.options):
         return None
@@ -52,7 +52,8 @@ def lines(heard: Heard) -> list[str]:
 
 def advice(opening: Opening) -> list[str]:
     """Return what to do where nothing was heard at any rate that could be tried."""
-    from axisbus.bus import adapter, otherrates
+    from axisbus.bus.link import adapter
+    from axisbus.bus.link import other_rates as otherrates
 
     if otherrates.possible(opening.interface, opening.options):
         return ["nothing was heard at any other bit rate either", _ALONE]

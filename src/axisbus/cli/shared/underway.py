@@ -12,8 +12,8 @@ import click
 
 from axisbus import wait
 from axisbus.errors import StaleError
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
-from axisbus.motion.axis import Axis
 from axisbus.motion.handle import Handle
 
 _REDRAW = 0.1  # seconds

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from functools import cached_property, lru_cache
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import compact, values
-from axisbus.eds.findings import Findings
+from axisbus.eds.io import compact, values
+from axisbus.eds.io.findings import Findings
+from axisbus.eds.io.sections import Sorted
+from axisbus.eds.io.text import Document, Section
+from axisbus.eds.io.values import Default, Problem
 from axisbus.eds.model import Number, Object, ObjectType, Variable, variable
-from axisbus.eds.sections import Sorted
-from axisbus.eds.text import Document, Section
-from axisbus.eds.values import Default, Problem
 
 ACCESS_TYPES = frozenset(("ro", "wo", "rw", "rwr", "rww", "const"))
 

@@ -14,9 +14,9 @@ import re
 from collections.abc import Iterator, Mapping
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.values import Default
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
-from axisbus.eds.values import Default
 
 _KNOWN_DATA_TYPES = frozenset(kind for kind in DataType if kind <= DataType.UNSIGNED64)
 _TIMES = (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE)

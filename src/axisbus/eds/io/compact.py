@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from axisbus.cia301 import objects
 from axisbus.cia301.datatypes import DataType
+from axisbus.eds.io.values import Default
 from axisbus.eds.model import Number, Object, ObjectType, Variable, variable
-from axisbus.eds.values import Default
 
 MAX_ENTRIES = 254  # sub-index 0 holds their number, FFh is reserved (CiA 301 7.4.4)
 MAX_PDOS = 512  # of one direction (CiA 301 table 40)

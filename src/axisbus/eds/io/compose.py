@@ -7,10 +7,10 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
-from axisbus.eds.edit import check_key, check_name
+from axisbus.eds.io import values
+from axisbus.eds.io.edit import check_key, check_name
+from axisbus.eds.io.values import Default
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
-from axisbus.eds.values import Default
 from axisbus.errors import ArgumentError
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))

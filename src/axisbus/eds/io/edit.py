@@ -10,8 +10,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from axisbus.eds import text
-from axisbus.eds.text import Document, Section
+from axisbus.eds.io import text
+from axisbus.eds.io.text import Document, Section
 from axisbus.errors import ArgumentError
 
 _BREAK = re.compile(r"[\x00-\x08\x0a-\x1f\x7f\x85\u2028\u2029]")

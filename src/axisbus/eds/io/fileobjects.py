@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import compact, modules, sections, text, values
-from axisbus.eds.build import Builder
-from axisbus.eds.findings import Findings
+from axisbus.eds.io import compact, modules, sections, text, values
+from axisbus.eds.io.build import Builder
+from axisbus.eds.io.findings import Findings
+from axisbus.eds.io.sections import Sorted
+from axisbus.eds.io.text import Document
 from axisbus.eds.model import Finding, Object
-from axisbus.eds.sections import Sorted
-from axisbus.eds.text import Document
 
 
 class FileObjects(Mapping[int, Object]):

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import sections, values
-from axisbus.eds.build import Builder
-from axisbus.eds.findings import Findings
+from axisbus.eds.io import sections, values
+from axisbus.eds.io.build import Builder
+from axisbus.eds.io.findings import Findings
+from axisbus.eds.io.sections import Sorted
+from axisbus.eds.io.text import Document, Section
 from axisbus.eds.model import DynamicChannel, Module, Object, ObjectType, SubExtension
-from axisbus.eds.sections import Sorted
-from axisbus.eds.text import Document, Section
 
 MAX_SEGMENTS = 0xFF  # NrOfSeg is UNSIGNED8
 MAX_CONNECTED = 127  # entries of 1027h

@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from axisbus.eds import modules, sections, text
-from axisbus.eds.fileobjects import FileObjects, node_id
+from axisbus.eds.io import modules, sections, text
+from axisbus.eds.io.fileobjects import FileObjects, node_id
+from axisbus.eds.io.text import Document
 from axisbus.eds.model import Eds
-from axisbus.eds.text import Document
 from axisbus.errors import EdsError
 from axisbus.wording import counted
 

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from axisbus.eds.findings import Findings
-from axisbus.eds.text import Section
+from axisbus.eds.io.findings import Findings
+from axisbus.eds.io.text import Section
 
 MAX_SUBINDEX = 0xFF
 

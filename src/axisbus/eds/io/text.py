@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from axisbus.eds.findings import Findings
+from axisbus.eds.io.findings import Findings
 from axisbus.wording import counted
 
 _BOMS = (

@@ -6,12 +6,13 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import edit, subindices, values
-from axisbus.eds.compact import MAX_ENTRIES
-from axisbus.eds.edit import Change
+from axisbus.eds import subindices
+from axisbus.eds.io import edit, values
+from axisbus.eds.io.compact import MAX_ENTRIES
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.text import Section
 from axisbus.eds.mends.mend import Bench, Mend, Mended, short
 from axisbus.eds.mends.spelling import LISTS
-from axisbus.eds.text import Section
 
 _COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
 _MODULE_LIST = re.compile(r"m[0-9]+(?:fixedobjects|subextends)|connectedmodules")

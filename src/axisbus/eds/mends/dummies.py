@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import edit, values
+from axisbus.eds.io import edit, values
 from axisbus.eds.mends.mend import Bench, Mend, Mended
 from axisbus.eds.model import DUMMIES
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from axisbus.eds import text
-from axisbus.eds.text import Document
+from axisbus.eds.io import text
+from axisbus.eds.io.text import Document
 
 
 def plain_encoding(document: Document) -> Document | None:

@@ -6,9 +6,9 @@ import re
 import unicodedata
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds.edit import Change
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.text import entry_of
 from axisbus.eds.mends.mend import Bench, Mend, Mended, short
-from axisbus.eds.text import entry_of
 from axisbus.wording import counted
 
 MAX_LINE = 255  # DS 306 4.2

@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
-from axisbus.eds.edit import Change
-from axisbus.eds.fileobjects import FileObjects
-from axisbus.eds.findings import Findings
+from axisbus.eds.io import values
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.fileobjects import FileObjects
+from axisbus.eds.io.findings import Findings
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Document, Section
 from axisbus.eds.model import Finding, Severity
-from axisbus.eds.reader import Reading
-from axisbus.eds.text import Document, Section
 
 _FIRST_OWN_TYPE = 0x40
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import edit
-from axisbus.eds.build import ACCESS_TYPES
+from axisbus.eds.io import edit
+from axisbus.eds.io.build import ACCESS_TYPES
+from axisbus.eds.io.text import Section
 from axisbus.eds.mends.mend import Bench, Mend, Mended, each
 from axisbus.eds.model import Finding
-from axisbus.eds.text import Section
 
 LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 _ZEROS = re.compile(r"(?i)sub0+(?=[0-9a-f])")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from axisbus.eds import edit, text
-from axisbus.eds.edit import Change
+from axisbus.eds.io import edit, text
+from axisbus.eds.io.edit import Change
+from axisbus.eds.io.text import Section
 from axisbus.eds.mends.mend import Bench, Mend, Mended, each, short
 from axisbus.eds.model import Finding
-from axisbus.eds.text import Section
 
 _TRAILING = re.compile(r"\s*[;#]")
 _FOREIGN_COMMENT = ("#", "//")

@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Mapping
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import edit, text, values
-from axisbus.eds.compose import written
+from axisbus.eds.io import edit, text, values
+from axisbus.eds.io.compose import written
 from axisbus.eds.mends.mend import Bench, Mend, Mended, each, short
 from axisbus.eds.model import Finding, Number
 

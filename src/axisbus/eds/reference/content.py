@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from axisbus.eds import layout, meanings, overview, show, show_object, wording
+from axisbus.eds import layout
 from axisbus.eds.layout import Layout
-from axisbus.eds.meanings import Meaning
 from axisbus.eds.model import Eds, Finding, Object, Severity, Variable
-from axisbus.eds.overview import Area, Overview
+from axisbus.eds.report import meanings, overview, show, show_object, wording
+from axisbus.eds.report.meanings import Meaning
+from axisbus.eds.report.overview import Area, Overview
 from axisbus.wording import counted
 
 Fact = tuple[str, str]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from html import escape
 
 from axisbus.eds.layout import Layout, Slot
-from axisbus.eds.pdo_text import letter
+from axisbus.eds.report.pdo_text import letter
 
 _BYTE = 84  # width of one byte; all lengths are in pixels at normal size
 _BIT = _BYTE / 8

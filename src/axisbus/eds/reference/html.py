@@ -7,11 +7,11 @@ from functools import cache
 from html import escape
 from pathlib import Path
 
-from axisbus.eds import pdo_text, wording
 from axisbus.eds.layout import Layout
-from axisbus.eds.meanings import Meaning
 from axisbus.eds.reference import drawing
 from axisbus.eds.reference.content import AreaPage, Explained, ObjectPage, Reference, Row
+from axisbus.eds.report import pdo_text, wording
+from axisbus.eds.report.meanings import Meaning
 from axisbus.wording import counted
 
 _COLUMNS = ("", "Name", "Type", "Access", "PDO", "Value", "Limits")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from axisbus.eds import pdo_text, wording
 from axisbus.eds.layout import Layout
 from axisbus.eds.reference.content import AreaPage, Explained, ObjectPage, Reference, Row
+from axisbus.eds.report import pdo_text, wording
 from axisbus.wording import counted
 
 _WIDTH = 100  # characters of a drawing

@@ -14,8 +14,8 @@ from axisbus.cia402 import controlword, modes, options, statusword
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds import naming, overview, wording
 from axisbus.eds.model import Eds, Number, Object, Variable
+from axisbus.eds.report import naming, overview, wording
 
 _HEAD = """
 # ruff: noqa: E501, RUF100

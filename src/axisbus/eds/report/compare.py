@@ -10,10 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import compare_object, layout, matters, overview, pdo_text, values, wording
-from axisbus.eds.difference import Difference, Group
+from axisbus.eds import layout
+from axisbus.eds.io import values
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Object, Variable
+from axisbus.eds.report import compare_object, overview, pdo_text, wording
+from axisbus.eds.report import consequences as matters
+from axisbus.eds.report.difference import Difference, Group
 from axisbus.wording import counted
 
 _DEVICE = (

@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
-from axisbus.eds import layout, matters, wording
-from axisbus.eds.difference import Difference, Group
+from axisbus.eds import layout
 from axisbus.eds.model import Number, Object, Variable
+from axisbus.eds.report import consequences as matters
+from axisbus.eds.report import wording
+from axisbus.eds.report.difference import Difference, Group
 
 Default = Number | float | str | bytes | None
 

@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from axisbus.eds import overview, wording
-from axisbus.eds.difference import Difference, Group
 from axisbus.eds.model import Eds
+from axisbus.eds.report import overview, wording
+from axisbus.eds.report.difference import Difference, Group
 
 _DIGITS = re.compile(r"\d+")
 

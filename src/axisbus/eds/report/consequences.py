@@ -10,9 +10,10 @@ from axisbus.cia301.pdo import is_synchronous
 from axisbus.cia402 import modes as modes402
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402 import options
-from axisbus.eds import layout, wording
+from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Number, Variable
+from axisbus.eds.report import wording
 
 _REFUSED = "a master that checks the identity refuses the other one"
 

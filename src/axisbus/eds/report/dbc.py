@@ -6,9 +6,9 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from axisbus.eds import overview
-from axisbus.eds.frames import MASTER, Field, Frame, frames, node_name
 from axisbus.eds.model import Eds
+from axisbus.eds.report import overview
+from axisbus.eds.report.frames import MASTER, Field, Frame, frames, node_name
 from axisbus.errors import ArgumentError, UserError
 
 if TYPE_CHECKING:

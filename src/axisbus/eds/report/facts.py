@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypedDict
 
-from axisbus.eds import layout, overview, wording
+from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Number, Object, Variable
+from axisbus.eds.report import overview, wording
 
 Plain = int | float | str | None
 

@@ -12,10 +12,11 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MAX_BITS
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
-from axisbus.eds import layout, naming, pdo_text, wording
+from axisbus.eds import layout
 from axisbus.eds.layout import Layout, Slot
-from axisbus.eds.meanings import meanings
 from axisbus.eds.model import Eds, Number
+from axisbus.eds.report import naming, pdo_text, wording
+from axisbus.eds.report.meanings import meanings
 from axisbus.wording import counted
 
 MASTER = "Master"

@@ -12,8 +12,8 @@ from axisbus.cia402 import objects as cia402
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import STATUSWORD_PATTERNS
-from axisbus.eds import wording
 from axisbus.eds.layout import is_pdo_parameter
+from axisbus.eds.report import wording
 
 
 class Meaning(NamedTuple):

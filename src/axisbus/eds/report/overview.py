@@ -10,8 +10,8 @@ from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds import values
 from axisbus.eds.dictionary import PROFILE_AREA
+from axisbus.eds.io import values
 from axisbus.eds.model import Eds, Identity, Object
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInfo] (DS 306 4.5)

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from axisbus.cia301.pdo import is_synchronous
-from axisbus.eds import wording
 from axisbus.eds.layout import Layout, Slot
+from axisbus.eds.report import wording
 from axisbus.wording import counted
 
 _BYTES = 8

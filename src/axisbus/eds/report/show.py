@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from axisbus.eds import layout, overview, pdo_text, wording
+from axisbus.eds import layout
 from axisbus.eds.model import Eds, Number, Object, Severity, Variable
-from axisbus.eds.pdo_text import BOXES, Style
-from axisbus.eds.search import Match
+from axisbus.eds.report import overview, pdo_text, wording
+from axisbus.eds.report.pdo_text import BOXES, Style
+from axisbus.eds.report.search import Match
 from axisbus.wording import counted
 
 PAGE = 100  # characters of a drawing where the width is not limited

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.eds import layout, meanings, pdo_text, show, wording
+from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Object, Variable
-from axisbus.eds.search import Match
-from axisbus.eds.show import Screen
+from axisbus.eds.report import meanings, pdo_text, show, wording
+from axisbus.eds.report.search import Match
+from axisbus.eds.report.show import Screen
 from axisbus.eds.standards import agrees, standard_words
 from axisbus.wording import counted
 

@@ -12,11 +12,11 @@ from dataclasses import replace
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.text import entry_of
 from axisbus.eds.model import Finding, Number, Severity
 from axisbus.eds.rules import ending, mapping, pdo_parameters, records, services, standard
 from axisbus.eds.rules.sheet import Sheet
-from axisbus.eds.text import entry_of
 
 _WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
 _OF_A_VALUE = frozenset(  # what the data type decides

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.text import Section
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
-from axisbus.eds.text import Section
 
 _COUNTED = ("name", "value", "denotation")
 _LINKS = "objectlinks"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from axisbus.eds import values
+from axisbus.eds.io import values
 from axisbus.eds.model import DUMMIES, Object
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
 from axisbus.eds.rules.text import BAUD_RATES

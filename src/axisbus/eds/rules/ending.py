@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.text import Section, entry_of
 from axisbus.eds.model import Finding
 from axisbus.eds.rules.sheet import LISTS, Hit, Looks, Sheet, short
 from axisbus.eds.subindices import STRUCTURE, is_compact
-from axisbus.eds.text import Section, entry_of
 from axisbus.wording import counted
 
 RULE = "S020"

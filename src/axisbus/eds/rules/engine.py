@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
+from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Finding
-from axisbus.eds.reader import Reading
 from axisbus.eds.rules import (
     causes,
     cia301,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import PurePath, PureWindowsPath
 
-from axisbus.eds import values
+from axisbus.eds.io import values
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
 from axisbus.wording import counted
 

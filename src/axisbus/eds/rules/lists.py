@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.text import Section
 from axisbus.eds.rules.sheet import LISTS, Hit, Looks, Sheet, short
-from axisbus.eds.text import Section
 from axisbus.wording import counted
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))

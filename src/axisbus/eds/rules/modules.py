@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.text import Section
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number, short
-from axisbus.eds.text import Section
 
 _OF_MODULE = re.compile(r"m([0-9]+)(moduleinfo|comments|fixedobjects|subextends|fixed.*|subext.*)")
 _INFO = ("productname", "productversion", "productrevision", "ordercode")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import values
+from axisbus.eds.io import values
+from axisbus.eds.io.text import Section
 from axisbus.eds.model import ObjectType
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, short
-from axisbus.eds.text import Section
 from axisbus.wording import counted
 
 MAX_NAME = 241

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
+from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity, Variable
 from axisbus.eds.rules import drive, standard
 from axisbus.eds.rules.mapping import (
@@ -25,7 +26,6 @@ from axisbus.eds.rules.mapping import (
     used,
 )
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
-from axisbus.eds.text import Section
 from axisbus.wording import counted
 
 _TO_RPDO = frozenset(("rw", "wo", "rww"))

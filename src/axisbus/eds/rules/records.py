@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds import compact, subindices, values
+from axisbus.eds import subindices
+from axisbus.eds.io import compact, values
+from axisbus.eds.io.text import Section
 from axisbus.eds.model import Object, ObjectType, Severity, Variable
 from axisbus.eds.rules.objects import is_communication, is_mapping
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, an, short
-from axisbus.eds.text import Section
 from axisbus.wording import counted
 
 _ERROR_FIELD = 0x1003

@@ -7,11 +7,11 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import NamedTuple
 
-from axisbus.eds import values
-from axisbus.eds.build import ACCESS_TYPES
+from axisbus.eds.io import values
+from axisbus.eds.io.build import ACCESS_TYPES
+from axisbus.eds.io.reader import Reading
+from axisbus.eds.io.text import Document, Section
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
-from axisbus.eds.reader import Reading
-from axisbus.eds.text import Document, Section
 
 DEVICE_INFO, FILE_INFO = "deviceinfo", "fileinfo"
 LISTS = {

@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
+from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity
 from axisbus.eds.rules.sheet import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, Sheet
-from axisbus.eds.text import Section
 from axisbus.wording import counted
 
 MAX_LINE = 255

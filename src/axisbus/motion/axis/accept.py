@@ -8,21 +8,21 @@ from typing import Any
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
-from axisbus.motion import accept_motion as motion
 from axisbus.motion import commands as c
-from axisbus.motion.activity import Activity
-from axisbus.motion.core import AxisCore
-from axisbus.motion.diagnosis import first_observation, nmt_text
-from axisbus.motion.enable import KEPT_MODES, RESTING_MODES, Enable
-from axisbus.motion.gate import OPEN, Gate
+from axisbus.motion.axis import accept_motion as motion
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.handle import Handle
-from axisbus.motion.ladder import Rung, Then
-from axisbus.motion.lost import ANEW, not_to_be_reset
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.enable import KEPT_MODES, RESTING_MODES, Enable
+from axisbus.motion.moves.power import Coast, Reset
+from axisbus.motion.moves.takeover import FOLLOWS_TARGETS, Takeover
 from axisbus.motion.parameters import HoldsLoad
-from axisbus.motion.power import Coast, Reset
 from axisbus.motion.states import MOVING, AxisState
-from axisbus.motion.stopping import StopKind
-from axisbus.motion.takeover import FOLLOWS_TARGETS, Takeover
+from axisbus.motion.stop.diagnosis import first_observation, nmt_text
+from axisbus.motion.stop.ladder import Rung, Then
+from axisbus.motion.stop.lost import ANEW, not_to_be_reset
+from axisbus.motion.stop.stopping import StopKind
 
 
 def accept(core: AxisCore, command: c.Command, handle: Handle, gate: Gate = OPEN) -> None:

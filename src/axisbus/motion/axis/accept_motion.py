@@ -9,23 +9,23 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
-from axisbus.motion.activity import Lead, ModeSwitch, Transfers, object_text, require_position
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
-from axisbus.motion.core import AxisCore
-from axisbus.motion.follow import Follow
-from axisbus.motion.gate import Gate
-from axisbus.motion.goingon import GoingOn
+from axisbus.motion.group.gate import Gate
 from axisbus.motion.handle import Handle
-from axisbus.motion.homing import HomingRun
-from axisbus.motion.image import Image
-from axisbus.motion.jog import Jog
-from axisbus.motion.moves import PositionMove
-from axisbus.motion.order import Order
+from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.goingon import GoingOn
+from axisbus.motion.moves.homing import HomingRun
+from axisbus.motion.moves.jog import Jog
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
-from axisbus.motion.profile import Profile
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
-from axisbus.motion.turning import TorqueMove, VelocityMove
 from axisbus.units import INT32_HALF
 
 _M = ModeOfOperation

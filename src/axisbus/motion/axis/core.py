@@ -25,27 +25,27 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
-from axisbus.motion.activity import Activity
-from axisbus.motion.aftermath import Aftermath
-from axisbus.motion.arrival import Arrival
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.led import WITHOUT_POSITION_DEMAND
+from axisbus.motion.axis.order import Order
+from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
-from axisbus.motion.diagnosis import THEN, FaultStory, History, enrich, join_remedies
-from axisbus.motion.enable import Enable
-from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle
-from axisbus.motion.image import Image
-from axisbus.motion.ladder import Rung, StopLadder, Then
-from axisbus.motion.led import WITHOUT_POSITION_DEMAND
-from axisbus.motion.moves import PositionMove
-from axisbus.motion.order import Order
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.arrival import Arrival
+from axisbus.motion.moves.enable import Enable
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.restwait import RestWaits
-from axisbus.motion.rundown import RunDown
-from axisbus.motion.running import Running
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
-from axisbus.motion.stopping import REMEDIES, StopKind, Stopping, stop_error
-from axisbus.motion.supervision import Supervision
+from axisbus.motion.stop.aftermath import Aftermath
+from axisbus.motion.stop.diagnosis import THEN, FaultStory, History, enrich, join_remedies
+from axisbus.motion.stop.ladder import Rung, StopLadder, Then
+from axisbus.motion.stop.restwait import RestWaits
+from axisbus.motion.stop.rundown import RunDown
+from axisbus.motion.stop.stopping import REMEDIES, StopKind, Stopping, stop_error
+from axisbus.motion.stop.supervision import Supervision
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION

@@ -9,8 +9,8 @@ from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.cia402.starvation import Starvation
 from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
-from axisbus.motion.led import Led
-from axisbus.motion.still import Still
+from axisbus.motion.axis.led import Led
+from axisbus.motion.stop.still import Still
 from axisbus.units import INT32_HALF, unwrap
 
 _HALF = float(INT32_HALF)  # what is compared in every cycle is of one type

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, DriveError
-from axisbus.motion.activity import Activity
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.handle import Handle, Status, end_as
-from axisbus.motion.image import Image
-from axisbus.motion.moves import PositionMove
-from axisbus.motion.order import Order
-from axisbus.motion.setpoint import SetPoint
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.moves.setpoint import SetPoint
 
 
 class Running:

@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from axisbus.errors import AxisbusError, StateError
-from axisbus.motion.accept import accept
-from axisbus.motion.accept_motion import begin_follow
+from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.accept_motion import begin_follow
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
-from axisbus.motion.core import AxisCore
-from axisbus.motion.gate import OPEN, Gate
-from axisbus.motion.group_commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.group.line import Line
+from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.handle import Handle, Status
-from axisbus.motion.line import Line
 from axisbus.motion.states import AxisState
-from axisbus.motion.undertaking import Undertaking
 
 
 class GroupCore:

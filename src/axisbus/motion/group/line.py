@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from axisbus.motion.core import AxisCore
-from axisbus.motion.follow import Follow
-from axisbus.motion.gate import Gate
-from axisbus.motion.group_commands import MoveLinear
-from axisbus.motion.path import plan_line
-from axisbus.motion.pathclock import PathClock
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.group.commands import MoveLinear
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.path import plan_line
+from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.moves.follow import Follow
 from axisbus.motion.trajectory import Trapezoid
 
 

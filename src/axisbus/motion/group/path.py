@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.errors import LimitError
+from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import duration
 from axisbus.motion.trajectory import Trapezoid
 
 _LONGEST = 366 * 86400.0  # seconds of one line: what would take more than a year was not meant

@@ -17,12 +17,12 @@ from copy import copy
 
 from axisbus.errors import AxisbusError, Interrupted
 from axisbus.motion import commands as c
-from axisbus.motion.accept import accept
+from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
-from axisbus.motion.core import AxisCore
-from axisbus.motion.gate import OPEN, Gate
+from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.group.line import Line
 from axisbus.motion.handle import NOBODY, Handle, Status, end_as
-from axisbus.motion.line import Line
 from axisbus.motion.states import AxisState
 
 _TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"

@@ -11,14 +11,14 @@ from axisbus.cia301 import abort
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.led import WITHOUT_POSITION_DEMAND
+from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
-from axisbus.motion.image import Image
-from axisbus.motion.led import WITHOUT_POSITION_DEMAND
-from axisbus.motion.order import Order
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 if TYPE_CHECKING:
-    from axisbus.motion.follow import Follow
+    from axisbus.motion.moves.follow import Follow
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})

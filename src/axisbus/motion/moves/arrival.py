@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.activity import Activity
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.standing import Standing
+from axisbus.motion.stop.standing import Standing
 
 
 class Arrival:

@@ -9,15 +9,15 @@ from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, TARGETS, State
 from axisbus.errors import DriveError, ModeError, StateError
-from axisbus.motion.activity import Activity, preload, require_position
-from axisbus.motion.enablerest import EnableRest
-from axisbus.motion.gate import OPEN, Gate
-from axisbus.motion.image import Image
-from axisbus.motion.interpolation import no_offsets
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.moves.activity import Activity, preload, require_position
+from axisbus.motion.moves.enablerest import EnableRest
+from axisbus.motion.moves.interpolation import no_offsets
+from axisbus.motion.moves.takeover import Takeover
+from axisbus.motion.moves.walk import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.takeover import Takeover
-from axisbus.motion.walk import StateWalk, word_text
 
 # The mode that a drive is enabled in: the first that it has, from the one that stands still most surely.
 RESTING_MODES = (

@@ -7,10 +7,10 @@ import math
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED
 from axisbus.errors import MotionTimeout, StateError
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.resting import Resting
-from axisbus.motion.standing import Standing
+from axisbus.motion.stop.resting import Resting
+from axisbus.motion.stop.standing import Standing
 
 
 class EnableRest:

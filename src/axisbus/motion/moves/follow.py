@@ -8,17 +8,17 @@ from functools import partial
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import LimitError, MotionTimeout
-from axisbus.motion.activity import Activity, ModeSwitch, require_position, where_text
-from axisbus.motion.gate import Gate
-from axisbus.motion.guarded import Guarded
-from axisbus.motion.image import Image
-from axisbus.motion.interpolation import CyclicSetup
-from axisbus.motion.interpolation import interpolation_period as interpolation_period
-from axisbus.motion.lookahead import Excess, Known, Path, excess, widened
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
+from axisbus.motion.moves.guarded import Guarded
+from axisbus.motion.moves.interpolation import CyclicSetup
+from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
+from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.pathclock import PathClock
 from axisbus.motion.trajectory import Trajectory
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins

@@ -14,16 +14,16 @@ While a group's axes wait for each other, the trajectory before goes on.
 from __future__ import annotations
 
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
-from axisbus.motion.activity import where_text
-from axisbus.motion.follow import Follow
-from axisbus.motion.gate import Gate
-from axisbus.motion.image import Image
-from axisbus.motion.lookahead import widened
-from axisbus.motion.onward import Onward, Start
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.activity import where_text
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.lookahead import widened
+from axisbus.motion.moves.onward import Onward, Start
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.pace import Step
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import Profile
 
 
 class GoingOn(Follow):

@@ -11,9 +11,9 @@ from axisbus.cia402 import homing, objects
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import HomingError
-from axisbus.motion.activity import Activity, ModeSwitch, Transfers
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.parameters import AxisParameters
 
 

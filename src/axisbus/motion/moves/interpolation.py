@@ -6,9 +6,9 @@ import math
 
 from axisbus.cia402 import objects
 from axisbus.errors import DriveError, LimitError
-from axisbus.motion.activity import Transfers
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.activity import Transfers
 from axisbus.motion.parameters import AxisParameters
 
 OFFSETS = frozenset({objects.POSITION_OFFSET, objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET})

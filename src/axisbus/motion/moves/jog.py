@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
-from axisbus.motion.activity import Activity, ModeSwitch
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
-from axisbus.motion.turning import VelocityMove
+from axisbus.motion.moves.activity import Activity, ModeSwitch
+from axisbus.motion.moves.turning import VelocityMove
 
 if TYPE_CHECKING:
-    from axisbus.motion.follow import Follow
+    from axisbus.motion.moves.follow import Follow
 
 
 class Jog(Activity):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from axisbus.motion.profile import braking_distance
+from axisbus.motion.moves.profile import braking_distance
 
 Path = Callable[[float], float]
 

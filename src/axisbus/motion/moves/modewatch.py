@@ -7,8 +7,8 @@ import math
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import ModeError
-from axisbus.motion.activity import Activity
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import Activity
 
 _TWICE = 2  # samples in a row
 

@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402 import controlword as cw
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import AxisParameters, Handshake
-from axisbus.motion.setpoint import Phase, SetPoint
 
 _CYCLES = 4  # one for the target, one on the wire, two for the drive
 _SAMPLES = 2  # statuswords: the first may have been on its way before

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from axisbus.motion.profile import braking_distance
+from axisbus.motion.moves.profile import braking_distance
 
 
 @dataclass(frozen=True, slots=True)

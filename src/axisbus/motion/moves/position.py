@@ -5,16 +5,16 @@ from __future__ import annotations
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.activity import present_speed, require_position
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
-from axisbus.motion.image import Image
-from axisbus.motion.onchange import set_point
-from axisbus.motion.order import Order
+from axisbus.motion.moves.activity import present_speed, require_position
+from axisbus.motion.moves.onchange import set_point
+from axisbus.motion.moves.prepare import Prepare, Prepared
+from axisbus.motion.moves.profile import Profile, braking_distance, duration
+from axisbus.motion.moves.proof import proof_of
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.prepare import Prepare, Prepared
-from axisbus.motion.profile import Profile, braking_distance, duration
-from axisbus.motion.proof import proof_of
-from axisbus.motion.setpoint import SetPoint
 
 _WINDOW_FLOOR = 20  # increments
 _ACKNOWLEDGED = 0.05  # seconds: a demand received about when the set-point was taken

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import DriveError, StaleError, TransitionError
-from axisbus.motion.activity import Activity
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.walk import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.walk import StateWalk, word_text
 
 if TYPE_CHECKING:
-    from axisbus.motion.follow import Follow
+    from axisbus.motion.moves.follow import Follow
 
 
 class Coast(Activity):

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
-from axisbus.motion.activity import Activity, ModeSwitch, Transfers
-from axisbus.motion.gate import Gate
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import Profile
 
 if TYPE_CHECKING:
-    from axisbus.motion.follow import Follow
+    from axisbus.motion.moves.follow import Follow
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
 OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})

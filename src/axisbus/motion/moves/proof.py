@@ -18,12 +18,12 @@ import math
 
 from axisbus.cia402 import statusword as sw
 from axisbus.errors import SetPointError
-from axisbus.motion.activity import present_speed, where_text
-from axisbus.motion.image import Image
-from axisbus.motion.onchange import OnChange
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import present_speed, where_text
+from axisbus.motion.moves.onchange import OnChange
+from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import Profile
-from axisbus.motion.setpoint import SetPoint
 
 _STARTS = 0.3  # seconds after which a drive has begun to move to its old target, unless something holds it
 _TURNS = 2.0  # seconds to turn round, where the deceleration is not known

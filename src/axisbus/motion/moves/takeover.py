@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import StateError
-from axisbus.motion.activity import Transfers
-from axisbus.motion.image import Image
-from axisbus.motion.interpolation import OFFSETS
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.moves.interpolation import OFFSETS
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 _M = ModeOfOperation

@@ -7,14 +7,14 @@ import math
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import MotionTimeout
-from axisbus.motion.activity import present_speed
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.moves.activity import present_speed
+from axisbus.motion.moves.prepare import Prepare, Prepared
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.prepare import Prepare, Prepared
-from axisbus.motion.profile import Profile
-from axisbus.motion.ramped import ramped_way
+from axisbus.motion.stop.ramped import ramped_way
 
 _VELOCITY_FLOOR = 2  # velocity increments
 _VELOCITY_SHARE = 0.05  # of the velocity asked for

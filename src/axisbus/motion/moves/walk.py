@@ -6,8 +6,8 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402 import statusword
 from axisbus.cia402.state import State
 from axisbus.errors import DriveError, StaleError, TransitionError
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import AxisParameters
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from axisbus.cia402.state import State
 from axisbus.errors import DriveError
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.rundown import RunDown
+from axisbus.motion.stop.rundown import RunDown
 
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 

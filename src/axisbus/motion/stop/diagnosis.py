@@ -10,10 +10,10 @@ from axisbus.cia402 import modes, objects, starvation
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError
-from axisbus.motion.activity import Transfers
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.handle import Handle
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.moves.activity import Transfers
 from axisbus.motion.parameters import AxisParameters
 
 THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"

@@ -15,8 +15,8 @@ import math
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import FollowingError
-from axisbus.motion.activity import Activity
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
 
 _M = ModeOfOperation

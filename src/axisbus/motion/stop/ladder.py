@@ -22,15 +22,15 @@ from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError
-from axisbus.motion.activity import ModeSwitch, preload
-from axisbus.motion.follow import Follow
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.activity import ModeSwitch, preload
+from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
-from axisbus.motion.relief import Relief, is_blind, needs_relief, pushes
-from axisbus.motion.rundown import RunDown
-from axisbus.motion.sdo_path import SdoPath
-from axisbus.motion.standing import Standing
+from axisbus.motion.stop.relief import Relief, is_blind, needs_relief, pushes
+from axisbus.motion.stop.rundown import RunDown
+from axisbus.motion.stop.sdo_path import SdoPath
+from axisbus.motion.stop.standing import Standing
 
 
 class Rung(IntEnum):

@@ -14,12 +14,12 @@ from collections.abc import Mapping
 
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError, DriveFault, in_a_line
-from axisbus.motion.accept import accept
+from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.commands import Shutdown
-from axisbus.motion.core import AxisCore
-from axisbus.motion.diagnosis import join_remedies
 from axisbus.motion.handle import NOBODY, Handle
 from axisbus.motion.parameters import StopTimes
+from axisbus.motion.stop.diagnosis import join_remedies
 
 _MAY_MOVE = ENERGISED | {State.UNKNOWN}
 _ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive"

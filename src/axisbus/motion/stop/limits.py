@@ -16,13 +16,13 @@ import math
 
 from axisbus.cia402.options import Ramp
 from axisbus.errors import AxisbusError, LimitError
-from axisbus.motion.activity import require_position
+from axisbus.motion.axis.image import Image
 from axisbus.motion.braking import BRAKES, Course
-from axisbus.motion.image import Image
-from axisbus.motion.ladder import Rung
+from axisbus.motion.moves.activity import require_position
+from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import braking_distance
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.track import Track
 
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION

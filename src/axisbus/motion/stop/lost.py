@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import StateError
-from axisbus.motion.diagnosis import nmt_text
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
+from axisbus.motion.stop.diagnosis import nmt_text
 
 # What was heard last of a node that is lost without a word.
 SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})

@@ -11,9 +11,9 @@ less than half of the way it should is found out, in about 1.4 times ``window / 
 from __future__ import annotations
 
 from axisbus.cia402 import objects
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
+from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.profile import Profile
 
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory

@@ -12,10 +12,10 @@ from __future__ import annotations
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError
-from axisbus.motion.activity import Transfers
-from axisbus.motion.image import Image
-from axisbus.motion.onchange import set_point
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.moves.activity import Transfers
+from axisbus.motion.moves.onchange import set_point
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.units import wrap
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import UncommandedMotion
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters
 
 _TWICE = 2  # samples in a row

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, StateError
+from axisbus.motion.axis.image import Image
 from axisbus.motion.handle import Handle, Status
-from axisbus.motion.image import Image
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.standing import Standing
+from axisbus.motion.stop.standing import Standing
 
 
 class RestWait:

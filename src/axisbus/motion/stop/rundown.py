@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.standing import Standing
+from axisbus.motion.stop.standing import Standing
 
 
 class RunDown:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from axisbus.cia402 import objects
 from axisbus.cia402.state import ENERGISED, State, decode
-from axisbus.motion.image import Image
-from axisbus.motion.order import Order
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import AxisParameters
 from axisbus.units import unwrap
 

@@ -23,9 +23,9 @@ import math
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
-from axisbus.motion.image import Image
+from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
-from axisbus.motion.still import Still
+from axisbus.motion.stop.still import Still
 
 _TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
 _PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction

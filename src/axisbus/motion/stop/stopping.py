@@ -6,11 +6,11 @@ from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError
-from axisbus.motion.activity import ModeSwitch
-from axisbus.motion.follow import Follow
 from axisbus.motion.handle import Handle, Status
-from axisbus.motion.ladder import Rung, StopLadder, Then
+from axisbus.motion.moves.activity import ModeSwitch
+from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 
 _MAYBE_ENERGISED = ENERGISED | {State.UNKNOWN}
 

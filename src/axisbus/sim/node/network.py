@@ -21,7 +21,7 @@ import canopen
 
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from axisbus.sim.node import StandInNode
+from axisbus.sim.node.node import StandInNode
 
 _CATCH_UP = 0.1  # s
 

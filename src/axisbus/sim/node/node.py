@@ -16,7 +16,7 @@ from axisbus.cia301.datatypes import decode
 from axisbus.eds.model import Eds, Object, Variable
 from axisbus.errors import SdoAbort
 from axisbus.sim.device import Device
-from axisbus.sim.slave import Slave
+from axisbus.sim.node.slave import Slave
 
 
 class StandInNode(canopen.LocalNode):

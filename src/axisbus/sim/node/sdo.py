@@ -9,7 +9,7 @@ from __future__ import annotations
 from axisbus.errors import SdoAbort
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import LENGTH, Dictionary
-from axisbus.sim.sdo_block import BlockAbort, BlockDownload, BlockUpload
+from axisbus.sim.node.sdo_block import BlockAbort, BlockDownload, BlockUpload
 
 TOGGLE = 0x0503_0000
 UNKNOWN_COMMAND = 0x0504_0001

@@ -17,10 +17,10 @@ from collections.abc import Callable
 from axisbus.cia301.nmt import NmtState
 from axisbus.sim.device import RPDO_LATE, Device
 from axisbus.sim.drive import Drive
-from axisbus.sim.pdo import Pdo, apply
-from axisbus.sim.sdo import SdoServer
+from axisbus.sim.node.pdo import Pdo, apply
+from axisbus.sim.node.sdo import SdoServer
+from axisbus.sim.node.synchronising import SyncService
 from axisbus.sim.settings import AXIS_SPAN, place
-from axisbus.sim.synchronising import SyncService
 
 Frame = tuple[int, bytes]
 _HEARTBEAT = 0x700
