@@ -13,7 +13,7 @@ demo: $(READY)            ## the main job on the simulated cell; writes demo-out
 
 test: $(READY)            ## all tests, in five processes (many wait for drives in real time); first compiled once, for all of them
 	$(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -n 5 --dist loadfile
+	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
 	.ci/socketcan

@@ -26,8 +26,30 @@ if sys.platform == "linux":
     if _soft == resource.RLIM_INFINITY or _soft > _MEMORY:
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
+# Begun first: a long file that one process begins last is waited for by all the others.
+_LONG = (
+    "test_readme.py",
+    "test_story_random.py",
+    "test_story_suspended.py",
+    "test_story_plants.py",
+    "test_eds_corpus.py",
+    "test_story_bus_off.py",
+    "test_story_signals.py",
+    "test_story_dead_bus.py",
+    "test_eds_reports_fuzz.py",
+    "test_eds_check_planted.py",
+    "test_cli_commands.py",
+    "test_cli_fuzz.py",
+    "test_sim_sdo_sweep.py",
+    "test_bus_inbox.py",
+)
 _used: set[str] = set()
 _kept: set[str] = set()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first."""
+    items.sort(key=lambda item: _LONG.index(item.path.name) if item.path.name in _LONG else len(_LONG))
 
 
 @pytest.hookimpl(optionalhook=True)

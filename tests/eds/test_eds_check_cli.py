@@ -19,6 +19,7 @@ from rule_base import BASE, edited
 from axisbus import eds
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
+from axisbus.eds.io import reader
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
 from axisbus.errors import ArgumentError, EdsError
@@ -438,7 +439,7 @@ def test_the_library_takes_paths_readings_and_dictionaries(tmp_path: Path) -> No
     assert [each.rule for each in by_path] == ["V003"]
     assert eds.check(str(path)) == by_path
     assert eds.check(eds.load(path)) == by_path
-    assert eds.check(eds.reader.read(path.read_bytes(), "test.eds")) == by_path
+    assert eds.check(reader.read(path.read_bytes(), "test.eds")) == by_path
     assert eds.check(path, select="V", ignore=["V003"]) == ()
     with pytest.raises(EdsError, match="no such file"):
         eds.check(tmp_path / "other.eds")
@@ -453,7 +454,7 @@ def test_a_flood_of_findings_of_one_rule_ends_with_a_count() -> None:
         f"[{index:04X}]\nParameterName=Same\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\nPDOMapping=0\n"
         for index in range(0x2000, 0x2000 + engine.MAX_OF_A_RULE + 11)
     )
-    found = eds.check(eds.reader.read(names.encode(), "test.eds"), select=["O027", "S099"])
+    found = eds.check(reader.read(names.encode(), "test.eds"), select=["O027", "S099"])
     assert [each.rule for each in found].count("O027") == engine.MAX_OF_A_RULE
     (more,) = [each for each in found if each.rule == "S099"]
     assert more.message == "10 more findings of O027 are not listed"

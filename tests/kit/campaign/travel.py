@@ -146,13 +146,23 @@ class Travel:
         if any(sample.stage != ENABLED for sample in samples) or self._by_path(name):
             return
         allowed = self._allowed(name)
-        seized = self._facts.now - self._mode[name][1] < _SEIZED
-        for before, after in pairwise(_speeds(_spaced(samples), "position" if seized else "demand")):
+        kept = _spaced(samples)
+        jolts = self._jolts(name, kept, "demand", allowed)
+        if jolts and self._facts.now - self._mode[name][1] < _SEIZED:
+            jolts = self._jolts(name, kept, "position", allowed)
+        if jolts:
+            text = f"{jolts[0]:g} deg/s² where {allowed:g} are allowed: {self._facts.cell.told(name)}, mode {drive.mode_display}"
+            self._facts.must(False, "no jolt", text)
+
+    def _jolts(self, name: str, samples: list[PlantSample], of: str, allowed: float) -> list[float]:
+        """The accelerations beyond what is allowed, in deg/s²."""
+        found = []
+        for before, after in pairwise(_speeds(samples, of)):
             change = abs(after[0] - before[0]) / min(before[1], after[1])
             noise = _QUANTUM / abs(self._facts.cell.scale_of(name)) / min(before[1], after[1]) ** 2
             if change > 1.1 * allowed + 2.0 * noise:
-                text = f"{change:g} deg/s² where {allowed:g} are allowed: {self._facts.cell.told(name)}, mode {drive.mode_display}"
-                self._facts.must(False, "no jolt", text)
+                found.append(change)
+        return found
 
     def _by_path(self, name: str) -> bool:
         """Whether the path of the motion is the caller's."""
