@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import glob
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
 
 from axisbus import __version__
 from axisbus.cli.eds import check_text as text
-from axisbus.cli.eds.files import say_lines
+from axisbus.cli.eds.files import expanded, say_lines
 from axisbus.cli.shared.common import MISUSE, OK, WRONG, progress_bar, say_error, say_json, say_next
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import Finding, Severity
@@ -127,7 +126,7 @@ def _shower(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
 def _check_all(files: Iterable[str], wanted: Callable[[str], bool], show: _Show | None) -> _Found:
     """Return what is found in each file; each is printed as soon as it is checked, where ``show`` says how."""
     found: _Found = {}
-    named = list(_expanded(files))
+    named = list(expanded(files))
     with progress_bar("checking", quiet=show is not None or len(named) < _MANY) as tell:
         for number, file in enumerate(named, 1):
             found[file] = _check(file, wanted)
@@ -143,19 +142,6 @@ def _check(file: str, wanted: Callable[[str], bool]) -> tuple[Finding, ...]:
         return engine.check(checking.reading(builtin.resolve(file, Path())), wanted)
     except EdsError as error:
         return (engine.unreadable(error),)
-
-
-def _expanded(files: Iterable[str]) -> Iterator[str]:
-    """Yield each file once, with patterns (where the shell left them) replaced by what they match."""
-    seen = set()
-    for given in files:
-        pattern = glob.has_magic(given) and not Path(given).exists()
-        for file in sorted(glob.glob(given, recursive=True)) if pattern else [given]:
-            if file not in seen:
-                seen.add(file)
-                yield file
-        if pattern and not glob.glob(given, recursive=True):
-            yield given  # no such file, as the finding will say
 
 
 def _explain(rule: str) -> int:
