@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from kit import undisturbed
+
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("fresh", print_blob=True, deadline=None)
@@ -43,6 +45,7 @@ _LONG = (
     "test_sim_sdo_sweep.py",
     "test_bus_inbox.py",
 )
+undisturbed.begin()
 _used: set[str] = set()
 _kept: set[str] = set()
 
@@ -65,3 +68,10 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     if _kept - _used and exitstatus == 0:
         print(f"\nno story uses these golden messages: {', '.join(sorted(_kept - _used))}")
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> None:
+    """Fail a test in which a scan waited for a disk."""
+    found = undisturbed.taken()
+    assert not found, f"a running scan opens nothing: {found}"

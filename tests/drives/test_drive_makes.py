@@ -97,20 +97,20 @@ def test_the_joint_module_proposes_its_scale_and_knows_its_quirks() -> None:
 
 
 def test_the_fault_table_is_that_of_the_manual() -> None:
-    table = {(fault.category, fault.name): fault for fault in faults.table()}
-    assert len(table) == len(faults.table()) == 66
+    table = {(fault.category, fault.name): fault for fault in faults.FAULTS}
+    assert len(table) == len(faults.FAULTS) == 66
     for line in MANUAL.strip().splitlines():
         category, bits, name = line.split()
         assert table[category, name].bits == int(bits, 16), line
 
 
 def test_each_fault_is_one_bit_of_its_part() -> None:
-    for fault in faults.table():
+    for fault in faults.FAULTS:
         assert fault.bits.bit_count() == 1
         assert 0 <= fault.register_bit <= 7
         assert 0x1000 <= fault.code <= 0xFFFF
         assert fault.meaning
-    assert len({(fault.category, fault.bits) for fault in faults.table()}) == 66
+    assert len({(fault.category, fault.bits) for fault in faults.FAULTS}) == 66
 
 
 @pytest.mark.parametrize(

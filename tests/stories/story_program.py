@@ -55,7 +55,7 @@ class Program:
     def __init__(
         self, script: str, *arguments: str, stdin: int | None = None, pass_fds: Sequence[int] = ()
     ) -> None:
-        path = os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
+        path = os.pathsep.join([str(HERE), str(HERE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
         self.process = subprocess.Popen(
             [sys.executable, str(HERE / script), *arguments],
             stdin=stdin,

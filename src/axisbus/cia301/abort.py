@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 from axisbus.cia301.tables import rows
@@ -32,18 +31,13 @@ GENERAL = 0x0800_0000
 VALUE_REFUSED = frozenset({0x0609_0030, 0x0609_0031, 0x0609_0032})  # invalid, too high, too low
 
 
-@cache
-def _table() -> dict[int, AbortText]:
-    return {
-        int(row["code"], 16): AbortText(row["text"], row["hint"]) for row in rows(__package__, "abort.tsv")
-    }
+# Read on import: the first abort is explained while an axis is commanded, which waits for no disk.
+_TABLE = {int(row["code"], 16): AbortText(row["text"], row["hint"]) for row in rows(__package__, "abort.tsv")}
 
 
 def explain(code: int) -> AbortText:
     """Return the standard's text for ``code``; an unknown code is said to be the device's own."""
-    return _table().get(code) or AbortText(
-        "not in CiA 301, specific to this device", "see the drive's manual"
-    )
+    return _TABLE.get(code) or AbortText("not in CiA 301, specific to this device", "see the drive's manual")
 
 
 def describe(code: int) -> str:

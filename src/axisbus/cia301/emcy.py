@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 from axisbus.cia301.tables import rows
@@ -41,7 +40,6 @@ def parse(data: bytes, stamp: float) -> Emcy:
     return Emcy(int.from_bytes(full[:2], "little"), full[2], full[3:8], stamp)
 
 
-@cache
 def _codes() -> tuple[dict[int, str], dict[int, str]]:
     exact: dict[int, str] = {}
     classes: dict[int, str] = {}
@@ -51,17 +49,20 @@ def _codes() -> tuple[dict[int, str], dict[int, str]]:
     return exact, classes
 
 
+# Read on import: the first fault is explained inside the scan, which waits for no disk.
+_EXACT, _CLASSES = _codes()
+
+
 def explain(code: int) -> str:
     """Return the standard's text for an error code: the exact one, else that of its class."""
-    exact, classes = _codes()
-    if code in exact:
-        return exact[code]
+    if code in _EXACT:
+        return _EXACT[code]
     for mask in (0xFFFF, 0xFF00, 0xF000):
-        if code & mask in classes:
-            text = classes[code & mask]
+        if code & mask in _CLASSES:
+            text = _CLASSES[code & mask]
             return text if code & mask == code else f"{text} (class of this code)"
-        if code & mask in exact and mask != 0xFFFF:
-            return f"{exact[code & mask]} (class of this code)"
+        if code & mask in _EXACT and mask != 0xFFFF:
+            return f"{_EXACT[code & mask]} (class of this code)"
     return "not in CiA 301 or CiA 402"
 
 

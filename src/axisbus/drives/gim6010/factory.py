@@ -307,7 +307,7 @@ def command(can_id: int) -> str:
 
 def error_words(error: int) -> str:
     """Return an axis error in hexadecimal with the names of its bits (manual v2.2, 5.7)."""
-    names = [each.name for each in faults.table() if each.category == "axis" and each.bits & error]
+    names = [each.name for each in faults.FAULTS if each.category == "axis" and each.bits & error]
     return f"0x{error:08X}" + (f" ({', '.join(names)})" if names else "")
 
 

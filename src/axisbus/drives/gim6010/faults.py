@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 
 from axisbus.cia301.tables import rows
 
@@ -38,9 +37,7 @@ class Fault:
         return f"{self.category} {self.name}: {self.meaning}" + (f" ({self.remedy})" if self.remedy else "")
 
 
-@cache
-def table() -> tuple[Fault, ...]:
-    """Return the module's faults as they are in ``faults.tsv``."""
+def _read() -> tuple[Fault, ...]:
     return tuple(
         Fault(
             row["category"],
@@ -55,6 +52,10 @@ def table() -> tuple[Fault, ...]:
     )
 
 
+# As they are in ``faults.tsv``, read on import: the first fault is explained inside the scan, which waits for no disk.
+FAULTS = _read()
+
+
 def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
     """Return what the module reports, one sentence for each fault bit; ambiguous ones name every candidate.
 
@@ -63,13 +64,13 @@ def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
     bits = _bits(details)
     register = details.get(ERROR_REGISTER)
     if not bits:
-        named = [fault for fault in table() if fault.code == code and code != SEE_BITS]
+        named = [fault for fault in FAULTS if fault.code == code and code != SEE_BITS]
         return (
             [_sentence(_narrowed(named, code, register), f"code 0x{code:04X} without its bits")]
             if named
             else []
         )
-    by_bit = {bit: [fault for fault in table() if fault.bits == bit] for bit in _single(bits)}
+    by_bit = {bit: [fault for fault in FAULTS if fault.bits == bit] for bit in _single(bits)}
     # The code says which bit came first; those that it does not fit came with it.
     order = sorted(by_bit, key=lambda bit: all(fault.code != code for fault in by_bit[bit]))
     return [_sentence(_narrowed(by_bit[bit], code, register), f"bit 0x{bit:08X}") for bit in order]
