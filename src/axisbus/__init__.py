@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from axisbus.errors import AxisbusError
     from axisbus.machine.axis import Axis
     from axisbus.machine.groups import Group
+    from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
-    from axisbus.motion.handle import Handle, wait
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
     from axisbus.record.plot import plot
@@ -26,14 +26,14 @@ _HOME = {
     "Axis": "axisbus.machine.axis",
     "AxisState": "axisbus.motion.states",
     "Group": "axisbus.machine.groups",
-    "Handle": "axisbus.motion.handle",
+    "Handle": "axisbus.machine.handle",
     "Machine": "axisbus.machine.machine",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
-    "wait": "axisbus.motion.handle",
+    "wait": "axisbus.machine.handle",
 }
 
 __all__ = [

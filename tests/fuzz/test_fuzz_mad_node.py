@@ -101,7 +101,7 @@ def judged(cell: Line, machine: Machine) -> Iterator[None]:
     try:
         yield
     except (AssertionError, AxisbusError):
-        if cell.stand_ins._lost > 0.0 or machine.scan.starvation.text(time.monotonic()):
+        if cell.stand_ins._lost > 0.0 or machine._core.scan.starvation.text(time.monotonic()):
             pytest.skip("the computer was too busy to tell")
         raise
 
@@ -135,7 +135,7 @@ def test_in_operation_the_other_axis_goes_on_and_all_is_closed(tmp_path, frames)
                 turning(machine, cell)
                 with MadNode(cell.channel, frames) as mad:
                     until(lambda: mad.rounds > 3 * len(frames), 40)
-                    assert machine.scan.failure is None
+                    assert machine._core.scan.failure is None
                     assert machine["x"].error is None, machine["x"].error
                     cell.must_move("x")
                     assert len(machine.events) < 60
@@ -158,7 +158,7 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
             errors += group.exceptions
         assert errors or machine is not None
         if machine is not None:
-            assert machine.scan.failure is None
+            assert machine._core.scan.failure is None
             assert about_y(close(machine))
         until(lambda: not any(thread.name.startswith("axisbus") for thread in threading.enumerate()), 15)
         assert not cell.was_energised("x")
@@ -219,7 +219,7 @@ def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobo
                 machine["x"].move_velocity(90.0).wait(10)
                 before = spoiled.spoiled
                 until(lambda: spoiled.spoiled > before + 5, 20)
-                assert machine.scan.failure is None
+                assert machine._core.scan.failure is None
                 assert machine["x"].error is None, machine["x"].error
                 cell.must_move("x")
                 errors += close(machine)

@@ -12,9 +12,9 @@ from axisbus.core import direct
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.exit import EXIT
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.handle import Handle
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.drive import Drive
@@ -105,14 +105,14 @@ class Cell(PlantProbe):
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.is_virtual = isinstance(machine.scan.cycle, DirectCycle)
+        self.is_virtual = isinstance(machine._core.scan.cycle, DirectCycle)
         for axis in machine:
             self.record(axis.name)
 
     @property
     def cycle(self) -> DirectCycle:
         """The bus of a cell in virtual time, with its dials."""
-        cycle = self.machine.scan.cycle
+        cycle = self.machine._core.scan.cycle
         assert isinstance(cycle, DirectCycle)
         return cycle
 
@@ -133,7 +133,7 @@ class Cell(PlantProbe):
 
     def core(self, name: str = "x") -> AxisCore:
         """What the master thinks of an axis."""
-        return self.machine.scan.axes[name]
+        return self.machine._core.scan.axes[name]
 
     def port(self, name: str = "x") -> DirectPort:
         """How an axis reaches its drive."""
@@ -141,7 +141,7 @@ class Cell(PlantProbe):
 
     def scale_of(self, name: str) -> float:
         """Increments per unit of an axis."""
-        return self.machine.scan.axes[name].parameters.units.position.factor
+        return self.machine._core.scan.axes[name].parameters.units.position.factor
 
     @property
     def lock(self) -> AbstractContextManager[object]:
@@ -156,15 +156,15 @@ class Cell(PlantProbe):
     @property
     def scan_lives(self) -> bool:
         """Whether the machine's scan goes on."""
-        return not self.machine.scan.ended
+        return not self.machine._core.scan.ended
 
     def each_cycle(self, call: Callable[..., object]) -> None:
         """Let ``call`` be called after each cycle, in the scan's thread, with the time and what is known of each axis."""
-        self.machine.scan.observers.append(call)
+        self.machine._core.scan.observers.append(call)
 
     def ctrl_c(self, limit: float) -> list[AxisbusError]:
         """Ask for the stop as Ctrl-C does, and let time pass until it has come to its end; return what it could not do."""
-        scan = self.machine.scan
+        scan = self.machine._core.scan
         scan.request_stop("Ctrl-C")
         self.until(lambda: scan.has_stopped, limit)
         return scan.stop_failures()
@@ -178,7 +178,7 @@ class Cell(PlantProbe):
             return
         end = self.now + seconds
         while self.now < end - 1e-9:
-            if self.machine.scan.ended:
+            if self.machine._core.scan.ended:
                 self.cycle.dials.wait = None
                 self.cycle.wait_until(min(end, self.now + 0.01))
             else:
@@ -187,7 +187,7 @@ class Cell(PlantProbe):
     def after(self, seconds: float, action: Callable[[], object]) -> None:
         """Let something happen when so much of virtual time has passed, whoever lets it pass."""
         due = self.now + seconds
-        observers = self.machine.scan.observers
+        observers = self.machine._core.scan.observers
 
         def look(now: float, _: object) -> None:
             if now >= due:
@@ -258,9 +258,9 @@ class Stage:
 
     def __exit__(self, *_: object) -> None:
         for machine in self._cells:
-            if isinstance(machine.scan.cycle, DirectCycle):
-                EXIT.part(machine.scan)
-                machine.scan.ended = True
+            if isinstance(machine._core.scan.cycle, DirectCycle):
+                EXIT.part(machine._core.scan)
+                machine._core.scan.ended = True
             else:
                 with suppress(Exception):  # a story has told what becomes of it
                     machine.close()

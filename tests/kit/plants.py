@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
-from axisbus.motion.handle import Handle
+from axisbus.machine.handle import Handle
 from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, Cell, Stage, cell_text

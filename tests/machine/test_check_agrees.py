@@ -17,8 +17,8 @@ from cells import kit
 from axisbus.check.run import check
 from axisbus.errors import AxisbusError, StaleError, UserError
 from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
 from kit.corpus import CORPUS
 

@@ -219,7 +219,7 @@ def test_an_event_driven_rpdo_is_sent_three_times_within_the_deadline_that_boot_
     with Machine.open(path) as machine:
         assert "1400h:05 expects our RPDO within 180 ms" in machine.reports[0].watchdog.text
         assert machine.stand_in(3).device.read(0x1400, 5) == 180
-        (port,) = machine.scan.cycle._ports
+        (port,) = machine._core.scan.cycle._ports
         assert {rpdo.repeat for rpdo in port._pace._rpdos.values()} == {0.06}
 
 

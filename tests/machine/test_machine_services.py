@@ -187,8 +187,8 @@ def test_another_devices_sync_drives_the_scan_and_its_silence_stops_the_axis(tmp
         eventually(lambda: abs(drive.velocity) > 100)
         with machine.stand_in(4).lock:
             machine.stand_in(4).device.dictionary.write(0x1005, 0, 0x80)
-        eventually(lambda: machine.scan.ended, 20)
-        assert isinstance(machine.scan.failure, SyncError)
+        eventually(lambda: machine._core.scan.ended, 20)
+        assert isinstance(machine._core.scan.failure, SyncError)
         assert isinstance(handle.exception(), ScanError)
         eventually(lambda: abs(drive.velocity) < 1)
     finally:
@@ -336,7 +336,7 @@ def test_time_of_another_device_is_known_to_the_machine(tmp_path: Path) -> None:
     """Day 15000 after 1 January 1984 is 25 January 2025; one hour after midnight."""
     with Machine.open(write(tmp_path)) as machine:
         assert machine.bus_time is None
-        network = machine.scan.cycle._channel.network  # type: ignore[attr-defined]
+        network = machine._core.scan.cycle._channel.network  # type: ignore[attr-defined]
         with can.Bus(interface="virtual", channel=network.bus.channel_id) as other:
             other.send(
                 can.Message(arbitration_id=0x100, data=bytes.fromhex("80ee3600983a"), is_extended_id=False)

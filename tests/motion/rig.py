@@ -8,8 +8,11 @@ from pathlib import Path
 
 from axisbus import eds
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.core.scan import PumpWaiter, Scan
+from axisbus.core.inprocess import InProcess
+from axisbus.core.scan import Scan
+from axisbus.core.waiting import PumpWaiter
 from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters, Defaults, Homing, Limits, Units
@@ -55,6 +58,7 @@ class Rig:
     devices: list[Device]
     cycle: DirectCycle
     ports: dict[str, DirectPort]
+    session: InProcess
     log: list = field(default_factory=list)
 
     @property
@@ -106,7 +110,7 @@ class Rig:
         title = "+".join(names)
         self.scan.add_group(title, list(names))
         axes = {name: self.axes[name] for name in names}
-        return Group(title, axes, self.scan, self.scan.waiter_pump)
+        return Group(title, axes, self.axis._commanding)
 
 
 @cache
@@ -146,10 +150,11 @@ def rig(
     scan = Scan(cycle, ports, cores, PERIOD, groups)
     waiter = PumpWaiter(scan)
     scan.waiter_pump = waiter
-    axes = {name: Axis(core.parameters, scan, waiter) for name, core in cores.items()}
+    commanding = Commanding(session := InProcess(scan, waiter))
+    axes = {name: Axis(core.parameters, commanding) for name, core in cores.items()}
     fronts = {
-        name: Group(name, {axis: axes[axis] for axis in members}, scan, waiter)
+        name: Group(name, {axis: axes[axis] for axis in members}, commanding)
         for name, members in groups.items()
     }
     waiter.pump()
-    return Rig(scan, axes, fronts, devices, cycle, ports)
+    return Rig(scan, axes, fronts, devices, cycle, ports, session)

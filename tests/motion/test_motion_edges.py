@@ -11,11 +11,12 @@ from rig import GENERIC, dictionary_of, parameters, rig
 from steps import Drive, T
 
 from axisbus.cia402.state import State
-from axisbus.core.scan import Lateness, PumpWaiter, Scan
+from axisbus.core.scan import Lateness, Scan
+from axisbus.core.waiting import PumpWaiter
 from axisbus.errors import DriveError, LimitError, StateError
-from axisbus.motion import handle as handles
+from axisbus.machine import handle as handles
+from axisbus.machine.handle import Handle
 from axisbus.motion.group.path import plan_line
-from axisbus.motion.handle import Handle, Status
 from axisbus.motion.moves.lookahead import excess, widened
 from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import braking_distance, duration
@@ -27,6 +28,7 @@ from axisbus.motion.stop.diagnosis import remedy
 from axisbus.motion.stop.ladder import Rung, Then
 from axisbus.motion.stop.ramped import RampedWay
 from axisbus.motion.stop.stopping import StopKind, Stopping, stop_error
+from axisbus.motion.ticket import Status, Ticket
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
 
@@ -102,7 +104,7 @@ def test_what_was_seen_of_a_stop_is_told_in_order():
 def test_a_stop_that_is_asked_for_again_keeps_the_harder_kind_and_its_lock():
     stopping = Stopping(Drive().parameters)
     assert stopping.interruptible
-    first, second = (Handle(name, SimpleNamespace()) for name in ("a", "b"))
+    first, second = (Ticket(name) for name in ("a", "b"))
     stopping.ask(StopKind.STOP, Then.HOLD, Rung.HALT, "first", first, None)
     assert (stopping.locks, stopping.interruptible, stopping.name, first.status) == (
         True,
@@ -574,7 +576,7 @@ def test_what_was_seen_last_is_not_of_now_after_ten_periods_and_a_quarter_of_a_s
     scan.disown()
     assert "forked" in scan.dead
     with pytest.raises(StateError):
-        scan.submit("x", None, Handle("h", SimpleNamespace()))
+        scan.submit("x", None, Ticket("h"))
 
 
 def test_a_pump_waits_in_virtual_time():

@@ -92,7 +92,7 @@ class Chaos:
         if handle is not None:
             self.handles.append(handle)
         self.cell.run(self.random.choice(PAUSES))
-        assert not self.cell.machine.scan.ended, self.told
+        assert not self.cell.machine._core.scan.ended, self.told
         if not self.hard:
             for axis, moment in since.items():
                 assert self.cell.hardest_change(axis, moment - 0.02) <= JOLT, (axis, self.told)
@@ -104,7 +104,9 @@ class Chaos:
         assert not [handle for handle in self.handles if handle.exception() is None and not handle.done], (
             self.told
         )
-        assert not [group for group in self.cell.machine.scan.groups.values() if group._under_way], self.told
+        assert not [group for group in self.cell.machine._core.scan.groups.values() if group._under_way], (
+            self.told
+        )
         for axis in "xyz":
             assert self.cell.speed(axis) == 0.0, self.told
             assert self.hard or self.cell[axis].error is None, self.told

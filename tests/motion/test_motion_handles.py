@@ -12,9 +12,11 @@ import pytest
 from rig import PERIOD, rig
 
 from axisbus.cia402.port import Waiter
-from axisbus.core.scan import PumpWaiter, Scan
+from axisbus.core.scan import Scan
+from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import DriveError, HomingError, MotionTimeout, Replaced, StateError, Stopped
-from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter, end_as, wait
+from axisbus.machine.handle import NOBODY, Handle, wait
+from axisbus.motion.ticket import Status, end_as
 
 
 class RealTime:
@@ -33,8 +35,7 @@ class RealTime:
         self.waiter = ThreadWaiter()
         self.scan: Scan = self.rig.scan
         self.scan.waiter = self.waiter
-        for axis in self.rig.axes.values():
-            axis._waiter = self.waiter
+        self.rig.session._waiter = self.waiter
         self.thread = threading.Thread(target=self.scan.run, name="test scan")
 
     def __enter__(self) -> RealTime:

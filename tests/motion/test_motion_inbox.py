@@ -11,10 +11,11 @@ from rig import rig
 
 from axisbus.core.inbox import AT_ONCE, MOST, Inbox, Waiting
 from axisbus.errors import StateError, Stopped
+from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import ForEach, MoveLinear
-from axisbus.motion.handle import NOBODY, Handle
 from axisbus.motion.moves.profile import Profile
+from axisbus.motion.ticket import Ticket
 
 PROFILE = Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)
 TURN = c.MoveVelocity(PROFILE)
@@ -27,7 +28,7 @@ def move(value: int) -> c.Move:
 
 
 def given(inbox: Inbox, target, command) -> Waiting | None:
-    return inbox.put(Waiting(target, command, Handle(f"{target}.{type(command).__name__}", NOBODY)))
+    return inbox.put(Waiting(target, command, Ticket(f"{target}.{type(command).__name__}")))
 
 
 def commands(taken: list[Waiting]) -> list:
@@ -63,8 +64,8 @@ def test_a_stop_is_taken_at_once_and_ends_what_it_overtakes(stop):
     later = given(inbox, "x", move(-1))
     assert inbox.take() == [*first, halt]
     for waiting in overtaken:
-        assert isinstance(waiting.handle.exception(), Stopped)
-        assert "had not begun when" in str(waiting.handle.error)
+        assert isinstance(waiting.ticket.error, Stopped)
+        assert "had not begun when" in str(waiting.ticket.error)
     rest = [waiting for _ in range(10) for waiting in inbox.take()]
     assert rest == [*others, later]
 
@@ -79,7 +80,7 @@ def test_a_stop_of_a_group_overtakes_what_concerns_any_of_its_axes_and_one_of_an
     again = given(inbox, "w", move(1))
     all_ = given(inbox, "g", ForEach({"y": c.Stop(), "w": c.Stop()}))
     assert inbox.take()[AT_ONCE:] == [halt, all_]
-    assert all(isinstance(waiting.handle.exception(), Stopped) for waiting in (line, own, again))
+    assert all(isinstance(waiting.ticket.error, Stopped) for waiting in (line, own, again))
 
 
 @pytest.mark.parametrize(
@@ -186,7 +187,7 @@ def test_a_flood_of_jogs_is_one_jog_and_keeps_nothing_in_memory():
     assert len(handles) == 1
     r.run(0.1)
     gc.collect()
-    alive = sum(type(one) is Handle for one in gc.get_objects())
+    alive = sum(type(one) in (Handle, Ticket) for one in gc.get_objects())
     assert alive < 50
     assert abs(r.drive.axis.motor.velocity) > 1000
 

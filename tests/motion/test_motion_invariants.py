@@ -26,7 +26,6 @@ from axisbus.errors import Replaced
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.handle import NOBODY, Handle
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.position import PositionMove
@@ -34,6 +33,7 @@ from axisbus.motion.moves.power import Coast
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import Homing, StopTimes, Timing, Units
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Ticket
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.units import Scale
 
@@ -88,7 +88,7 @@ class AxisUnderFire(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.now = 0.0
-        self.handles: list[tuple[c.Command, Handle]] = []
+        self.handles: list[tuple[c.Command, WithTarget]] = []
         self.outputs = Outputs()
         self.inputs = Inputs(0.0, True, None, None, None, None, None, None)
         self.replies: list[SdoReply] = []
@@ -97,8 +97,8 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.was_running: set[type] = set()
         self.ladder = None
         self.commanded = False
-        self.enables: list[Handle] = []  # those that ran when the last outputs were made
-        self.enabled_by: Handle | None = None  # the enable under which the drive was enabled last
+        self.enables: list[WithTarget] = []  # those that ran when the last outputs were made
+        self.enabled_by: WithTarget | None = None  # the enable under which the drive was enabled last
         self.locked = False
         self.late = self.lateness = 0.0  # of the next cycle and of this one
         self.edge_at = 0.0
@@ -271,8 +271,8 @@ class AxisUnderFire(RuleBasedStateMachine):
                 self.check_end(command, handle)
         self.handles = [(command, handle) for command, handle in self.handles if handle.busy]
 
-    def check_end(self, command: c.Command, handle: Handle) -> None:
-        error = handle.exception()
+    def check_end(self, command: c.Command, handle: WithTarget) -> None:
+        error = handle.error
         if isinstance(command, c.Disable | c.Shutdown) and command != c.Disable(coast=True):
             coasts = isinstance(self.core.activity, Coast)
             assert coasts or not isinstance(error, Replaced), "a motion must not undo it"
@@ -318,7 +318,7 @@ class AxisUnderFire(RuleBasedStateMachine):
     # -- what users do -------------------------------------------------------------------------------------------------
 
     def submit(self, command: c.Command, cycles: int = 0) -> None:
-        handle = WithTarget(type(command).__name__, NOBODY)
+        handle = WithTarget(type(command).__name__)
         accept(self.core, command, handle)
         handle.target = self.core.last_target
         self.handles.append((command, handle))
@@ -514,8 +514,8 @@ class AxisUnderFire(RuleBasedStateMachine):
         raise AssertionError(f"these have not ended: {self.handles}")
 
 
-class WithTarget(Handle):
-    """A handle that remembers where its move was to end."""
+class WithTarget(Ticket):
+    """A ticket that remembers where its move was to end."""
 
     target: int | None = None
 

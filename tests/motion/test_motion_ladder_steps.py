@@ -445,7 +445,7 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
     axis = AxisLeaving.__new__(AxisLeaving)
     axis.over, axis.error, axis._core = False, None, core
     axis._since, axis._until = 100.0, 102.75
-    axis._handle = SimpleNamespace(busy=False, exception=lambda: None)
+    axis._ticket = SimpleNamespace(busy=False, error=None)
     return core, axis
 
 
@@ -483,7 +483,7 @@ def test_an_axis_has_left_when_it_is_seen_at_rest(changes, over):
 
 def test_a_stop_that_is_under_way_is_not_over():
     _, axis = leaving(touched=False)
-    axis._handle.busy = True
+    axis._ticket.busy = True
     axis.step(1000.0)
     assert not axis.over
     assert axis.verdict is None

@@ -21,8 +21,8 @@ from watch import (
 
 from axisbus.cia402.port import Source
 from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
-from axisbus.motion.handle import Status
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status
 from axisbus.sim.dials import NEVER
 
 

@@ -13,12 +13,13 @@ from watch import ENABLED, Watch
 from axisbus.cia402.port import Inputs, Outputs, Sample, SdoReply, SdoRequest
 from axisbus.core.scan import Lateness, Scan
 from axisbus.errors import AdapterError, AxisbusError, ScanError
+from axisbus.machine.handle import NOBODY, Handle
 from axisbus.motion import commands as c
-from axisbus.motion.handle import NOBODY, Handle, Status
 from axisbus.motion.moves.follow import PathClock
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status
 from axisbus.motion.trajectory import Sampled, Trapezoid
 
 

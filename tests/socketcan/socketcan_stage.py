@@ -10,8 +10,8 @@ from pathlib import Path
 
 from axisbus import eds
 from axisbus.eds.builtin import resolve
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.handle import Handle
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns

@@ -19,8 +19,8 @@ from pathlib import Path
 
 from story_nets import cut
 
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.handle import Handle
 from axisbus.sim.drive import Drive
 
 CUT = ExitStack()  # never closed: the nets stay cut while the interpreter ends
@@ -143,7 +143,7 @@ def forgetting(scene: Scene) -> None:
     atexit.register(scene.write_down, None)  # registered before the machine's own, so called after it
     machine = scene.open()
     scene.leaves()
-    assert not machine.scan.ended
+    assert not machine._core.scan.ended
 
 
 SCENES: dict[str, Callable[[Scene], None]] = {

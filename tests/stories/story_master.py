@@ -17,8 +17,8 @@ from story_nets import cut
 
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
 
 SPEED = 90.0  # deg/s

@@ -58,7 +58,7 @@ def plant(machine: Machine) -> dict[str, object]:
 
 def watch_sends(machine: Machine) -> None:
     """Write down every frame that a child sends."""
-    bus = machine.scan.cycle._channel.bus
+    bus = machine._core.scan.cycle._channel.bus
     send = bus.send
 
     def watched(message: object, timeout: float | None = None) -> None:

@@ -100,8 +100,8 @@ class Stubborn(Talker):
 @pytest.mark.nets("the stop beside")
 def test_a_master_that_goes_on_sending_enable_operation_is_cut_off(tmp_path, axisbus_stop):
     with live(tmp_path, "x") as (line, machine), Stubborn(line):
-        machine.scan.quit()  # from here on only the stubborn one sends
-        until(lambda: not machine._thread.is_alive())
+        machine._core.scan.quit()  # from here on only the stubborn one sends
+        until(lambda: not machine._core._thread.is_alive())
         line.must_move()
         code, told = axisbus_stop(line)
         line.must_stand(stages=STOPPED, within=0.1, for_good=0.6)

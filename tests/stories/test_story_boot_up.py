@@ -357,7 +357,7 @@ def test_a_drive_that_can_only_watch_its_rpdos_notices_that_they_end(tmp_path):
         try:
             enable(machine["x"])
             assert line.stage() == ENABLED
-            machine.scan.quit()  # the scan ends, the drive gets no RPDO any more
+            machine._core.scan.quit()  # the scan ends, the drive gets no RPDO any more
             until(lambda: line.stage() != ENABLED)
         finally:
             machine.close()

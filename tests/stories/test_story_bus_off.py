@@ -27,8 +27,8 @@ class Wire:
     """
 
     def __init__(self, machine: Machine) -> None:
-        self._scan = machine.scan
-        self.channel = machine.scan.cycle._channel
+        self._scan = machine._core.scan
+        self.channel = machine._core.scan.cycle._channel
         self.channel._linux_classes = True
         self.queued: list[can.Message] = []
         self._bus = self.channel.bus
@@ -107,7 +107,7 @@ def test_bus_off_ends_every_command_and_the_drives_watchdog_stops_them(tmp_path)
         assert "transmit errors 128, receive errors 0" in told[0].observed
         assert "only the drive's own watchdog can stop it now; check bit rate, wiring" in told[0].remedy
         assert [axis.state for axis in machine] == [AxisState.ERRORSTOP] * 2
-        assert not machine.scan.ended
+        assert not machine._core.scan.ended
         assert [str(event) for event in machine.bus_events] == [
             f"the CAN controller of {wire.channel.name} is error passive (transmit errors 128, receive errors 0)",
             f"the CAN controller of {wire.channel.name} is bus-off (transmit errors 128, receive errors 0)",
@@ -118,8 +118,8 @@ def test_nothing_is_queued_for_the_restart(tmp_path):
     with turning_cell(tmp_path) as (_, machine, wire, handles):
         wire.go_off()
         ends_of(handles)
-        cycles = machine.scan.lateness.cycles
-        until(lambda: machine.scan.lateness.cycles > cycles + 10)  # the scan goes on
+        cycles = machine._core.scan.lateness.cycles
+        until(lambda: machine._core.scan.lateness.cycles > cycles + 10)  # the scan goes on
         assert [hex(message.arbitration_id) for message in wire.queued] == []
 
 

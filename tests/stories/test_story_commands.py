@@ -8,8 +8,8 @@ import pytest
 
 from axisbus import wait
 from axisbus.errors import AxisbusError, MotionTimeout, Replaced, StateError, TransitionError
-from axisbus.motion.handle import Status
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status
 from axisbus.sim.dials import NEVER
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 

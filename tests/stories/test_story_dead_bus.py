@@ -23,7 +23,7 @@ class Adapter:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        self.channel = machine.scan.cycle._channel
+        self.channel = machine._core.scan.cycle._channel
         self._bus = self.channel.bus
         self._send, self._recv = self._bus.send, self._bus.recv
         self.free = threading.Event()

@@ -101,7 +101,7 @@ def test_a_frame_that_was_stuck_is_followed_by_nothing_but_the_quick_stop(story)
     """A send blocks; meanwhile the supervisor takes over. When the send returns at last, neither SYNC nor heartbeat may follow."""
     cell = story.simulated("x")
     cell.turning()
-    scan, cycle = cell.machine.scan, cell.cycle
+    scan, cycle = cell.machine._core.scan, cell.cycle
     sent = []
     commit, sync, heartbeat = cycle.commit, cycle.sync, cycle.heartbeat
     cycle.sync = lambda: (sent.append("sync"), sync())

@@ -13,7 +13,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.roster import Roster
-from axisbus.motion.handle import NOBODY, Handle
+from axisbus.motion.ticket import Ticket
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
 
 
@@ -76,7 +76,7 @@ def test_close_does_the_same_and_may_be_repeated(story):
 @pytest.mark.nets("the stop ladder")
 def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(story, error):
     cell = story.simulated("x")
-    scan, once = cell.machine.scan, cell.machine.scan.once
+    scan, once = cell.machine._core.scan, cell.machine._core.scan.once
 
     def with_ctrl_c() -> None:
         scan.once = once
@@ -95,7 +95,7 @@ def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(story, error):
 def test_a_signal_within_the_handler_of_another_makes_it_a_quick_stop_too(story):
     """Two that come together: the second is handled in the midst of the first."""
     cell = story.simulated("x")
-    scan, asked = cell.machine.scan, cell.machine.scan.request_stop
+    scan, asked = cell.machine._core.scan, cell.machine._core.scan.request_stop
 
     def interrupted(reason: str, quick: bool = False) -> None:
         scan.request_stop = asked
@@ -124,8 +124,8 @@ def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_pat
         with pytest.raises(KeyboardInterrupt):
             line.open()
         (machine,) = machines
-        assert machine.scan.ended
-        assert not machine._thread.is_alive()
+        assert machine._core.scan.ended
+        assert not machine._core._thread.is_alive()
         assert line.devices["x"].nmt is NmtState.PRE_OPERATIONAL
         assert line.devices["x"].read(0x1016, 1) == 0
 
@@ -142,7 +142,7 @@ def test_a_command_from_another_thread_cannot_slip_in_while_the_machine_closes(s
     cell["x"].enable().wait(3)
     cell["x"].move_velocity(90.0).wait(3)
     handles = []
-    once = cell.machine.scan.once
+    once = cell.machine._core.scan.once
 
     def with_intruder() -> None:
         worker = threading.Thread(target=lambda: handles.append(cell["y"].enable()))
@@ -150,7 +150,7 @@ def test_a_command_from_another_thread_cannot_slip_in_while_the_machine_closes(s
         worker.join()
         once()
 
-    cell.machine.scan.once = with_intruder
+    cell.machine._core.scan.once = with_intruder
     cell.machine.close()
     assert cell.stage("x") == SWITCH_ON_DISABLED
     assert cell.stage("y") == SWITCH_ON_DISABLED
@@ -180,7 +180,7 @@ def test_a_drive_in_fault_is_no_hindrance_to_closing(story):
 def test_a_fault_while_closing_is_told(story, golden):
     cell = story.simulated("xy")
     cell.turning()
-    scan = cell.machine.scan
+    scan = cell.machine._core.scan
     once = scan.once
     beginning = cell.now
 
@@ -242,9 +242,9 @@ def test_handles_that_are_open_when_the_machine_closes_end(story):
     (handle,) = cell.travelling()
     cell.machine.close()
     assert handle.aborted
-    late = Handle("x.late", NOBODY)
-    cell.machine.scan.submit("x", None, late)
-    assert isinstance(late.exception(), ScanError)
+    late = Ticket("x.late")
+    cell.machine._core.scan.submit("x", None, late)
+    assert isinstance(late.error, ScanError)
     assert cell.stage() != ENABLED
 
 

@@ -10,8 +10,8 @@ import pytest
 from axisbus.core.inbox import MOST
 from axisbus.errors import StateError, Stopped
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.handle import NOBODY, Handle
 from axisbus.motion.moves.profile import Profile
+from axisbus.motion.ticket import Ticket
 from kit.probe import ENABLED, OFF
 
 STOPS = {
@@ -71,13 +71,11 @@ def test_four_threads_that_command_without_a_pause_take_no_cycles_and_keep_no_st
     """Their commands are made in advance, so that they come faster than any scan could take them."""
     cell = story.real("xy")
     cell.turning(90.0, names="y")
-    scan, over = cell.machine.scan, threading.Event()
+    scan, over = cell.machine._core.scan, threading.Event()
 
     def command() -> None:
         while not over.is_set():
-            scan.submit(
-                "x", ENDLESS[what], Handle("x.flood", NOBODY)
-            ).exception()  # looked at, whatever it is
+            scan.submit("x", ENDLESS[what], Ticket("x.flood"))
 
     threads = [threading.Thread(target=command, daemon=True) for _ in range(4)]
     cycles, begin = scan.lateness.cycles, time.monotonic()

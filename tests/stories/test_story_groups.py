@@ -107,7 +107,9 @@ def test_two_threads_that_ask_for_the_same_group_get_the_same_one(story):
     cell.enabled()
     handle = group.move_linear([100.0, 50.0, 100.0], velocity=100.0)
     cell.run(0.5)
-    cell.machine.scan.add_group(("x", "y", "z"), ("x", "y", "z"))  # what the thread that came second does
+    cell.machine._core.scan.add_group(
+        ("x", "y", "z"), ("x", "y", "z")
+    )  # what the thread that came second does
     handle.wait(5)
     assert cell.where("x") == pytest.approx(100.0, abs=0.1)
 

@@ -455,7 +455,7 @@ def test_limits_in_the_drive_hold_without_a_master(story):
     assert "objects written and read back" in cell.machine.reports[0].configured
     assert [device.read(0x607D, sub) for sub in (1, 2)] == [-9005, 9000]
     assert (device.read(0x607F, 0), device.read(0x6072, 0)) == (40_000, 500)
-    cell.machine.scan.ended = True
+    cell.machine._core.scan.ended = True
     drive.mode, drive.target_position, drive.controlword = 1, 20_000, 0x0F
     device.write(0x6081, 0, 100_000)
     device.write(0x6083, 0, 200_000)

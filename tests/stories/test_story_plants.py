@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from axisbus.errors import AxisbusError, Interrupted
-from axisbus.motion.handle import Handle
+from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
 from kit.plants import MOTIONS, PLANTS, cell_on, jam, set_going

@@ -132,7 +132,7 @@ def test_a_thread_that_holds_the_interpreter_is_named_and_no_hardware(tmp_path, 
             for axis in machine:
                 if axis.error is not None:
                     assert OWN in str(axis.error), axis.error
-            failure = machine.scan.failure
+            failure = machine._core.scan.failure
             assert failure is None or OWN in str(failure), failure
             for name in "xy":
                 line.must_stand(name, stages=(ENABLED, *OFF))
@@ -147,7 +147,7 @@ def test_a_send_that_is_not_given_time_is_no_adapter_that_is_stuck(tmp_path):
         machine = line.open()
         try:
             turning(machine, line)
-            channel = machine.scan.cycle._channel
+            channel = machine._core.scan.cycle._channel
             send, once = channel.bus.send, threading.Event()
 
             def slow(message: object, timeout: float | None = None) -> None:
@@ -162,7 +162,7 @@ def test_a_send_that_is_not_given_time_is_no_adapter_that_is_stuck(tmp_path):
             machine["x"].move_relative(1e5, velocity=90.0)
             until(once.is_set)
             time.sleep(1.0)
-            assert machine.scan.failure is None, machine.scan.failure
+            assert machine._core.scan.failure is None, machine._core.scan.failure
             assert channel.failure is None
             error = machine["x"].error
             assert error is None or OWN in str(error), error
@@ -179,7 +179,7 @@ def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
             turning(machine, line)
             handle = machine["x"].move_relative(1e5, velocity=90.0)
             until(lambda: handle.active)
-            machine.scan.observers.append(lambda *_: free.wait())
+            machine._core.scan.observers.append(lambda *_: free.wait())
             line.must_stand(stages=OFF)
             error = handle.exception()
             assert "held up by code of the program's own" in error.observed

@@ -80,7 +80,7 @@ def test_a_block_that_ends_just_after_a_callback_has_closed_waits_until_all_stan
                 machine.close()
                 closed.set()
 
-            machine.scan.observers.append(observe)
+            machine._core.scan.observers.append(observe)
             assert closed.wait(STOP)
         line.must_stand(stages=SWITCH_ON_DISABLED, within=0.0)
         let_go(line, "x")
@@ -183,14 +183,14 @@ def test_a_handler_of_the_users_own_cannot_break_the_stop_off(story):
         raise ZeroDivisionError
 
     before = signal.signal(signal.SIGUSR1, raises)
-    pump, cycles = cell.machine._waiter.pump, itertools.count(1)
+    pump, cycles = cell.machine._core._pump.pump, itertools.count(1)
 
     def pumped() -> None:
         pump()
         if next(cycles) == 3:
             signal.raise_signal(signal.SIGUSR1)
 
-    cell.machine._waiter.pump = pumped
+    cell.machine._core._pump.pump = pumped
     try:
         with pytest.raises(ZeroDivisionError):
             cell.machine.close()

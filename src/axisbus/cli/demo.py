@@ -53,7 +53,7 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
         _job(machine, tally)
-        lateness = machine.scan.lateness
+        lateness = machine.session.lateness
     tally.say("every axis was halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
     tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")

@@ -18,9 +18,9 @@ from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.underway import Way, follow
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
-from axisbus.motion.handle import Handle
 from axisbus.motion.states import AxisState
 
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})

@@ -19,15 +19,6 @@ def refused_while_leaving(what: str, reason: str) -> StateError:
     )
 
 
-def takes_nothing(name: str, reason: str) -> StateError:
-    """The axis ``name`` is at rest, or is being stopped, and takes no command: the machine is on its way out."""
-    return StateError(
-        f"{name}: takes no command any more, the machine is on its way out",
-        observed=f"every axis is stopped: {reason}",
-        remedy="close the machine, and open it again to go on",
-    )
-
-
 def too_many(what: str) -> StateError:
     """More commands wait than a program can have meant."""
     return StateError(

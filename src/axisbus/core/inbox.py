@@ -8,7 +8,7 @@ wait, and one more is refused: neither the scan nor its program's memory can be 
 - **A stop never waits.** Halt, stop, quick stop and disable are taken in the present cycle, however many commands wait before
   them. Of those, what concerns the same axes ends as stopped and is not begun any more. A stop finds room when nothing else does.
 - **The same again is the same.** A command that is asked for again while it waits, with nothing else for its axes in between, is
-  one command with one handle, where asking twice means nothing more (``_IDEMPOTENT``, and the renewal of a jog).
+  one command with one ticket, where asking twice means nothing more (``_IDEMPOTENT``, and the renewal of a jog).
 
 The scan takes without a lock; only those who give exclude each other. What is taken out of a queue is taken once (``_out``).
 """
@@ -23,25 +23,24 @@ from weakref import WeakSet, WeakValueDictionary
 from axisbus.errors import Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
-from axisbus.motion.handle import Handle, Status
+from axisbus.motion.ticket import Status, Ticket
+from axisbus.session import Target
 
 AT_ONCE = 32  # commands in one cycle: about half a millisecond
 MOST = 1024  # commands that wait
 _STOPS = frozenset({c.Halt, c.Stop, c.QuickStop, c.Disable})
 _IDEMPOTENT = _STOPS | {c.Enable, c.Reset, c.Release}
 
-Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
-
 
 class Waiting:
     """A command that waits for the scan; ``taken`` when it does no longer."""
 
-    __slots__ = ("__weakref__", "axes", "command", "handle", "is_stop", "taken", "target")
+    __slots__ = ("__weakref__", "axes", "command", "is_stop", "taken", "target", "ticket")
 
-    def __init__(self, target: Target, command: c.Command | GroupCommand, handle: Handle) -> None:
+    def __init__(self, target: Target, command: c.Command | GroupCommand, ticket: Ticket) -> None:
         self.target = target
         self.command = command
-        self.handle = handle
+        self.ticket = ticket
         self.axes = _concerned(target, command)
         self.is_stop = all(type(one) in _STOPS for one in _single(command))
         self.taken = False
@@ -154,11 +153,11 @@ def _out(queue: deque[Waiting], most: int) -> Iterator[Waiting]:
 def _overtaken(waiting: Waiting, stop: Waiting) -> None:
     waiting.taken = True
     error = Stopped(
-        f"{waiting.handle.name} had not begun when {stop.handle.name} was asked for",
+        f"{waiting.ticket.name} had not begun when {stop.ticket.name} was asked for",
         observed=f"it waited behind other commands: the scan takes {AT_ONCE} in each of its cycles",
         remedy="ask for it again, and wait for the handles of commands before giving more",
     )
-    waiting.handle.finish(Status.ABORTED, error)
+    waiting.ticket.finish(Status.ABORTED, error)
 
 
 def _single(command: c.Command | GroupCommand) -> tuple[object, ...]:

@@ -9,10 +9,10 @@ One cycle (``once``) is: wait for the grid, take the commands, then for each axi
 - **Absolute grid.** Cycle k belongs to t0 + k * period. A late cycle is done late, the missed ones are skipped and counted, never
   caught up in a burst: between two cycles there is always half a period or more. Motion advances one period per executed cycle,
   so a late axis is late and does not jump.
-- **A command breaks off alone.** What is raised while one is taken, planned or stepped ends its handle and stops its axes.
-- **It dies loudly.** Whatever ends the loop ends every handle with a reason, after a quick stop of all drives.
+- **A command breaks off alone.** What is raised while one is taken, planned or stepped ends it and stops its axes.
+- **It dies loudly.** Whatever ends the loop ends every command with a reason, after a quick stop of all drives.
 
-In virtual time the same ``once`` is pumped by whoever waits (``PumpWaiter``); in real time ``run`` does it in a thread.
+In virtual time the same ``once`` is pumped by whoever waits (``waiting.PumpWaiter``); in real time ``run`` does it in a thread.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from __future__ import annotations
 import math
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from axisbus.cia402.port import Cycle, Port
 from axisbus.cia402.starvation import Starvation
 from axisbus.core.ending import ended, refused_while_leaving, too_many
-from axisbus.core.inbox import Inbox, Target, Waiting
+from axisbus.core.inbox import Inbox, Waiting
+from axisbus.core.inherited import inherited
+from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
@@ -33,13 +35,11 @@ from axisbus.motion.broken import broken
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.group.core import GroupCore
-from axisbus.motion.handle import NOBODY, Handle, Status, ThreadWaiter
-from axisbus.motion.inherited import inherited
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.stop.leaving import Leaving
 from axisbus.motion.stop.policy import FaultPolicy, LostNode
-
-Observer = Callable[[float, Mapping[str, Snapshot]], None]
+from axisbus.motion.ticket import Status, Ticket, unattended
+from axisbus.session import Observer, Target
 
 _HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
 
@@ -112,21 +112,21 @@ class Scan:
 
     # -- for other threads -------------------------------------------------------------------------------------------
 
-    def submit(self, name: Target, command: Command | GroupCommand, handle: Handle) -> Handle:
+    def submit(self, target: Target, command: Command | GroupCommand, ticket: Ticket) -> Ticket:
         """Let a command for an axis or group wait for the next cycles; does not block.
 
-        Return its handle: that of the same command where it waits already (see ``inbox``).
+        Return its ticket: that of the same command where it waits already (see ``inbox``).
 
         Raises:
             StateError: this is a forked child, whose scan does not run.
         """
         if self._inherited:
-            raise inherited(handle.name)
-        waiting = None if self._refusing is not None else self._inbox.put(Waiting(name, command, handle))
+            raise inherited(ticket.name)
+        waiting = None if self._refusing is not None else self._inbox.put(Waiting(target, command, ticket))
         if waiting is not None:
-            return waiting.handle
-        handle.finish(Status.ERROR, self._refusal(handle.name))
-        return handle
+            return waiting.ticket
+        ticket.finish(Status.ERROR, self._refusal(ticket.name))
+        return ticket
 
     def add_axis(self, name: str, port: Port, core: AxisCore, groups: Mapping[str, Sequence[str]]) -> None:
         """Take an axis more into the scan, from its next cycle on; ``groups`` are then all groups that the policy knows."""
@@ -164,7 +164,7 @@ class Scan:
 
     def _refuse_waiting(self) -> None:
         for waiting in self._inbox.clear():
-            waiting.handle.finish(Status.ERROR, self._refusal(waiting.handle.name))
+            waiting.ticket.finish(Status.ERROR, self._refusal(waiting.ticket.name))
 
     @property
     def has_stopped(self) -> bool:
@@ -239,7 +239,7 @@ class Scan:
             observer(now, self.snapshots)
 
     def end(self) -> None:
-        """End every handle; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
+        """End every command; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
         if self.failure is not None:
             self._quick_stop_sent = self.cycle.quick_stop_all()
         self.ended = True
@@ -309,17 +309,17 @@ class Scan:
 
     def _accept(self, waiting: Waiting) -> None:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
-        command, handle = waiting.command, waiting.handle
+        command, ticket = waiting.command, waiting.ticket
         try:
             if waiting.for_group:
-                self.groups[waiting.target].accept(command, handle)  # type: ignore[arg-type]
+                self.groups[waiting.target].accept(command, ticket)  # type: ignore[arg-type]
             else:
-                accept(self.axes[waiting.target], command, handle)  # type: ignore[arg-type,index]
+                accept(self.axes[waiting.target], command, ticket)  # type: ignore[arg-type,index]
         except Exception as error:  # noqa: BLE001  # a command's own mistake; what is the scan's own ends the scan
-            failure = broken(error, handle.name)
+            failure = broken(error, ticket.name)
             for name in self.axes.keys() & waiting.axes:
                 self.axes[name].break_off(failure)
-            handle.finish(Status.ERROR, failure)
+            ticket.finish(Status.ERROR, failure)
 
     def _apply_policy(self) -> None:
         while self._trips:
@@ -333,57 +333,13 @@ class Scan:
     def _policy_stop(self, reasons: Mapping[str, str]) -> None:
         for name, reason in reasons.items():
             stop = PolicyStop(f"{name} was stopped because {reason}")
-            accept(self.axes[name], stop, Handle(f"{name}.stop", NOBODY))
+            accept(self.axes[name], stop, unattended(f"{name}.stop"))
 
     def _wake(self) -> None:
         ended = self._stops_begun > 0  # who leaves waits for more than a command's end
         for core in self.axes.values():
-            if core.running.has_ended:
-                ended = True
-                core.running.has_ended = False
+            ended = core.running.take_ended() or ended
         for group in self.groups.values():
             ended = group.take_ended() or ended
         if ended and self.waiter is not None:
             self.waiter.notify()
-
-
-class PumpWaiter:
-    """Waiting in virtual time: the scan is pumped by whoever waits."""
-
-    def __init__(self, scan: Scan, then: Callable[[float], None] | None = None) -> None:
-        """``then`` is called with the virtual time after each cycle; it may wait itself."""
-        self._scan = scan
-        self._then = then
-        self._pumping: int | None = None
-
-    def is_pumping(self) -> bool:
-        """Whether the caller runs within a cycle, as a handle's callback does."""
-        return self._pumping == threading.get_ident()
-
-    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
-        """Pump the scan until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
-        until = None if timeout is None else self._scan.cycle.now() + timeout
-        while not done() and not self._scan.ended:
-            if until is not None and self._scan.cycle.now() >= until:
-                break
-            self.pump()
-        return done()
-
-    def pump(self) -> None:
-        """Do one cycle; a failing scan ends every handle and raises here."""
-        scan = self._scan
-        if scan.ended:
-            return
-        outer, self._pumping = self._pumping, threading.get_ident()
-        try:
-            scan.once()
-        except BaseException as error:
-            scan.failure = error
-            scan.end()
-            if not isinstance(error, AxisbusError):
-                raise
-            return
-        finally:
-            self._pumping = outer
-        if self._then is not None:
-            self._then(scan.cycle.now())

@@ -7,7 +7,7 @@ import threading
 from axisbus.core.scan import Scan
 from axisbus.core.supervisor import Supervisor
 from axisbus.core.tuning import TUNING
-from axisbus.motion.handle import ThreadWaiter
+from axisbus.core.waiting import ThreadWaiter
 
 _HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
 _JOIN = 2.0

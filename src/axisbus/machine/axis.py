@@ -7,14 +7,13 @@ from contextlib import contextmanager
 
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Source, Waiter
+from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
-from axisbus.core.ending import takes_nothing
-from axisbus.core.scan import Scan
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import Handle
 from axisbus.machine.request import Request, shown
 from axisbus.motion import commands as c
-from axisbus.motion.handle import Handle
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.parameters import AxisParameters, Limits
@@ -41,17 +40,17 @@ class Axis:
     """
 
     def __init__(
-        self, parameters: AxisParameters, scan: Scan, waiter: Waiter, measure: Measure = tells_nothing
+        self, parameters: AxisParameters, commanding: Commanding, measure: Measure = tells_nothing
     ) -> None:
         """``measure`` reads what the drive tells beside the cyclic values, by name (see ``temperature``)."""
         self.name = parameters.name
         self._parameters = parameters
-        self._scan = scan
-        self._waiter = waiter
+        self._commanding = commanding
+        self._session = commanding.session
         self._measure = measure
 
     def __repr__(self) -> str:
-        if self._scan.dead is not None:
+        if self._session.dead is not None:
             return f"<Axis {self.name}: unknown, its scan does not run>"
         try:
             where = f" at {self.position:g} {self.unit}"
@@ -82,11 +81,11 @@ class Axis:
 
         The last comes of Ctrl-C or SIGTERM, after which there is only the way out. None when all is well.
         """
-        dead, leaving = self._scan.dead, self._scan.leaving_because
+        dead, leaving = self._session.dead, self._session.leaving_because
         if dead is not None:
             return self._unknown("state", dead)
-        if self.snapshot.error is None and leaving is not None and not self._scan.ended:
-            return takes_nothing(self.name, leaving)
+        if self.snapshot.error is None and leaving is not None and not self._session.ended:
+            return _takes_nothing(self.name, leaving)
         return self.snapshot.error
 
     @property
@@ -102,7 +101,7 @@ class Axis:
     @property
     def snapshot(self) -> Snapshot:
         """All values of the last cycle, in increments; consistent with each other."""
-        return self._scan.snapshots[self.name]
+        return self._session.snapshots[self.name]
 
     @property
     def position(self) -> float:
@@ -146,7 +145,7 @@ class Axis:
         None without such a move, or while the position is unknown.
         """
         snapshot = self.snapshot
-        if snapshot.target is None or snapshot.position is None or self._scan.silent is not None:
+        if snapshot.target is None or snapshot.position is None or self._session.silent is not None:
             return None
         return self._parameters.units.position.to_units(snapshot.target - snapshot.position)
 
@@ -201,7 +200,7 @@ class Axis:
         return self._measure(self.name, "current")
 
     def _known(self, value: int | None, what: str) -> int:
-        silent = self._scan.silent
+        silent = self._session.silent
         if silent is not None:
             raise self._unknown(what, silent)
         if value is None:
@@ -215,13 +214,13 @@ class Axis:
 
     def _require_scan(self, what: str) -> None:
         """Check that the scan lives, or was ended well; raises StaleError."""
-        dead = self._scan.dead
+        dead = self._session.dead
         if dead is not None:
             raise self._unknown(what, dead)
 
     def _unknown(self, what: str, why: str) -> StaleError:
         remedy = "read it while the machine is open"
-        if self._scan.failure is not None:
+        if self._session.failed:
             remedy = "make sure that the axis stands, then close the machine, which tells more"
         return StaleError(
             f"{self.name}: its {what} is unknown",
@@ -232,7 +231,7 @@ class Axis:
 
     def _why_unknown(self, what: str) -> str:
         name = what.partition(" ")[0]
-        if self._scan.axes[self.name].capabilities.inputs.get(name, Source.NONE) is Source.NONE:
+        if self._session.axes[self.name].capabilities.inputs.get(name, Source.NONE) is Source.NONE:
             return "it does not travel: no TPDO holds it, and it is not polled"
         snapshot = self.snapshot
         if name == "position":
@@ -427,7 +426,7 @@ class Axis:
     # -- how a command is made ----------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:
-        return self._scan.submit(self.name, command, Handle(f"{self.name}.{name}", self._waiter))
+        return self._commanding.submit(self.name, command, f"{self.name}.{name}")
 
     def _move_by(
         self,
@@ -488,3 +487,12 @@ class Axis:
     def modes(self) -> frozenset[ModeOfOperation]:
         """The modes of operation that the drive claims (6502h)."""
         return self._parameters.modes
+
+
+def _takes_nothing(name: str, reason: str) -> StateError:
+    """The axis ``name`` is at rest, or is being stopped, and takes no command: the machine is on its way out."""
+    return StateError(
+        f"{name}: takes no command any more, the machine is on its way out",
+        observed=f"every axis is stopped: {reason}",
+        remedy="close the machine, and open it again to go on",
+    )

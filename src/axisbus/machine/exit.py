@@ -31,8 +31,8 @@ from types import CodeType, FrameType
 from typing import Any
 
 from axisbus.bus.link.inherited import disown_in_children
-from axisbus.core.scan import Scan
 from axisbus.machine.wakeup import Wakeup
+from axisbus.session import Session
 
 _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 
@@ -49,7 +49,7 @@ class Leaving:
 
 
 class ExitSignals:
-    """Holds the scans to be stopped, how many signals have come, and the handlers that were there before.
+    """Holds the ways to the cores to be stopped, how many signals have come, and the handlers that were there before.
 
     ``pending`` is the exception to be raised when everything stands, for a signal that came while a machine was being left.
     """
@@ -57,7 +57,9 @@ class ExitSignals:
     def __init__(self) -> None:
         self._keeps: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
         self._lock = threading.Lock()  # never taken by a handler
-        self._scans: dict[Scan, int] = {}  # with the number of signals that had come before it was there
+        self._sessions: dict[
+            Session, int
+        ] = {}  # with the number of signals that had come before it was there
         self._before: dict[signal.Signals, Any] = {}
         self._wakeup: Wakeup | None = None
         self._heard = 0
@@ -68,13 +70,13 @@ class ExitSignals:
         """Raise nothing while one of these functions runs in the main thread: by them a machine is left."""
         self._keeps |= {function.__code__ for function in leaving}
 
-    def join(self, scan: Scan, *, listen: bool) -> None:
-        """Let signals stop ``scan``; they are taken over where this is the main thread.
+    def join(self, session: Session, *, listen: bool) -> None:
+        """Let signals stop ``session``; they are taken over where this is the main thread.
 
         ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile.
         """
         with self._lock:
-            self._scans = {**self._scans, scan: self._came}
+            self._sessions = {**self._sessions, session: self._came}
         if threading.current_thread() is not threading.main_thread():
             return
         self._take_over()
@@ -83,10 +85,10 @@ class ExitSignals:
             self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
             self._wakeup.start()
 
-    def part(self, scan: Scan) -> None:
-        """Let signals no longer stop ``scan``; harmless when repeated. Without any left, the signals are given back."""
+    def part(self, session: Session) -> None:
+        """Let signals no longer stop ``session``; harmless when repeated. Without any left, the signals are given back."""
         with self._lock:
-            self._scans = {other: came for other, came in self._scans.items() if other is not scan}
+            self._sessions = {other: came for other, came in self._sessions.items() if other is not session}
         self._settle()
 
     def take(self) -> BaseException | None:
@@ -97,7 +99,7 @@ class ExitSignals:
     def disown(self) -> None:
         """Let a forked child have its signals to itself."""
         self._lock = threading.Lock()
-        self._scans = {}
+        self._sessions = {}
         self.pending = None
         if self._wakeup is not None:
             self._wakeup.drop()
@@ -122,7 +124,7 @@ class ExitSignals:
 
     def _settle(self) -> None:
         """Give the signals back where nobody is left to be stopped; done by the main thread when it comes to it."""
-        if self._scans or threading.current_thread() is not threading.main_thread():
+        if self._sessions or threading.current_thread() is not threading.main_thread():
             return
         if self._wakeup is not None:
             self._wakeup.stop()
@@ -135,7 +137,7 @@ class ExitSignals:
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if not self._scans:  # the last machine was closed in another thread
+        if not self._sessions:  # the last machine was closed in another thread
             self._pass_on(number, frame)
             return
         self._handled += 1
@@ -167,14 +169,14 @@ class ExitSignals:
 
     def _hear(self, number: int) -> None:
         """Ask for the stop (the listening thread calls this); a second request for the same signal does no harm."""
-        if not self._scans or signal.getsignal(number) != self._handle:
+        if not self._sessions or signal.getsignal(number) != self._handle:
             return  # nobody is left to be stopped, or the program has taken the signal for itself
         self._heard += 1
         self._ask(number, self._heard)
 
     def _ask(self, number: int, count: int) -> None:
-        for scan, before in self._scans.items():
-            scan.request_stop(_SIGNALS[signal.Signals(number)], quick=count - before > 1)
+        for session, before in self._sessions.items():
+            session.request_stop(_SIGNALS[signal.Signals(number)], quick=count - before > 1)
 
 
 EXIT = ExitSignals()

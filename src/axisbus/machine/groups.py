@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from axisbus.cia402.port import Waiter
-from axisbus.core.inbox import Target
-from axisbus.core.scan import Scan
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import Handle
 from axisbus.machine.request import shown
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
-from axisbus.motion.handle import Handle
 from axisbus.motion.numbers import number, told
+from axisbus.session import Target
 from axisbus.wording import counted
 
 
@@ -24,17 +23,16 @@ class Group:
     """
 
     def __init__(
-        self, name: str, axes: Mapping[str, Axis], scan: Scan, waiter: Waiter, key: Target | None = None
+        self, name: str, axes: Mapping[str, Axis], commanding: Commanding, key: Target | None = None
     ) -> None:
-        """``key``: by what the scan knows it, where that is not its name."""
+        """``key``: by what the core knows it, where that is not its name."""
         self.name = name
         self._key = name if key is None else key
         self._axes = dict(axes)
-        self._scan = scan
-        self._waiter = waiter
+        self._commanding = commanding
 
     def __repr__(self) -> str:
-        known = self._scan.dead is None
+        known = self._commanding.session.dead is None
         states = (
             f"{name} {axis.snapshot.state.value if known else 'unknown'}" for name, axis in self._axes.items()
         )
@@ -110,7 +108,7 @@ class Group:
         return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
 
     def _submit(self, name: str, command: GroupCommand) -> Handle:
-        return self._scan.submit(self._key, command, Handle(f"{self.name}.{name}", self._waiter))
+        return self._commanding.submit(self._key, command, f"{self.name}.{name}")
 
     def _ends(self, name: str, positions: Sequence[float]) -> dict[str, float]:
         if len(positions) != len(self._axes):

@@ -4,35 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
-from enum import Enum
 from functools import partial
 from typing import Any
 
 from axisbus.cia402.port import Waiter
-from axisbus.errors import AxisbusError, Interrupted, StateError
-from axisbus.motion.broken import is_own
-from axisbus.motion.inherited import inherited
+from axisbus.errors import AxisbusError
+from axisbus.interruption import is_own
+from axisbus.motion.ticket import ENDED, Status
+from axisbus.session import CommandEvent
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-
-
-class Status(Enum):
-    """How far a command is."""
-
-    BUSY = "busy"  # accepted or about to be
-    ACTIVE = "active"  # it has control of the axis
-    DONE = "done"
-    ABORTED = "aborted"  # another command or a stop took over
-    ERROR = "error"
-
-
-_ENDED = frozenset({Status.DONE, Status.ABORTED, Status.ERROR})
 
 
 class Handle:
@@ -74,7 +60,7 @@ class Handle:
     @property
     def busy(self) -> bool:
         """Whether the command has not ended."""
-        return self.status not in _ENDED
+        return self.status not in ENDED
 
     @property
     def active(self) -> bool:
@@ -143,9 +129,17 @@ class Handle:
         finally:
             self._tasks.pop(task, None)
 
+    def hear(self, event: CommandEvent) -> None:
+        """Take in how the command goes on."""
+        if event.status in ENDED:
+            self.note = event.note
+            self.finish(event.status, event.error)
+        elif self.busy:
+            self.status = event.status
+
     def finish(self, status: Status, error: AxisbusError | None = None) -> None:
-        """End the command; called once, by the scan. A second call changes nothing."""
-        if self.status in _ENDED:
+        """End the command; a second call changes nothing."""
+        if self.status in ENDED:
             return
         self.error = error
         self.status = status
@@ -175,7 +169,7 @@ class Handle:
                 log.exception("a callback of %s failed", self.name)
 
     def _ended(self) -> bool:
-        return self.status in _ENDED
+        return self.status in ENDED
 
     def _look(self) -> Status:
         if self._ended():
@@ -256,47 +250,6 @@ def _flatten(handles: tuple[Handle | Iterable[Handle], ...]) -> list[Handle]:
     return flat
 
 
-class ThreadWaiter:
-    """Waiting in real time: a condition that the scan signals after each cycle in which a command ended.
-
-    It sleeps in slices, so that a signal handler runs in time on every platform.
-    """
-
-    def __init__(self) -> None:
-        self._condition = threading.Condition()
-        self.scan_thread: int | None = None
-        self._inherited = False
-
-    def disown(self) -> None:
-        """Wait for nothing any more: this is a forked child, where no scan runs."""
-        self._condition = threading.Condition()
-        self._inherited = True
-
-    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
-        """Block until ``done()``; see ``Waiter``.
-
-        Raises:
-            StateError: called in the scan's own thread, which would wait for itself, or in a forked child.
-        """
-        if self._inherited:
-            raise inherited("waiting")
-        if threading.get_ident() == self.scan_thread:
-            raise StateError("a command cannot be waited for in the scan's own thread")
-        deadline = None if timeout is None else time.monotonic() + timeout
-        with self._condition:
-            while not done():
-                left = 0.1 if deadline is None else min(0.1, deadline - time.monotonic())
-                if left <= 0:
-                    break
-                self._condition.wait(left)
-        return done()
-
-    def notify(self) -> None:
-        """Wake everybody who waits."""
-        with self._condition:
-            self._condition.notify_all()
-
-
 class _Nobody:
     """Waits for nothing: for handles that the scan keeps for itself."""
 
@@ -306,8 +259,3 @@ class _Nobody:
 
 
 NOBODY = _Nobody()
-
-
-def end_as(error: AxisbusError) -> Status:
-    """Return how a command ends that ``error`` ended."""
-    return Status.ABORTED if isinstance(error, Interrupted) else Status.ERROR

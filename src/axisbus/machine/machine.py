@@ -18,37 +18,26 @@ from axisbus.boot.node import Booted
 from axisbus.boot.report import NodeReport
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.link.inherited import disown_in_children
-from axisbus.bus.node.events import BAD, NodeEvent
+from axisbus.bus.node.events import NodeEvent
 from axisbus.cell.model import CellConfig
 from axisbus.check.checked import checked
 from axisbus.cia301.drops import Drop
-from axisbus.cia402.port import Port, Waiter
 from axisbus.core.direct import build_direct
 from axisbus.core.node_access import NodeAccess
-from axisbus.core.parting import Stopped, lost_without_axes, scan_failure
-from axisbus.core.pickup import Pickup
+from axisbus.core.owner import Core
 from axisbus.core.runtime import Runtime, load_dictionaries, require_all
-from axisbus.core.scan import PumpWaiter, Scan
-from axisbus.core.scanthread import ScanThread
 from axisbus.core.stand_in import StandIn
 from axisbus.errors import AxisbusError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
+from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
-from axisbus.machine.roster import Roster, members
-from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.handle import ThreadWaiter
-from axisbus.motion.stop.leaving import ladder_time
-from axisbus.motion.stop.policy import LostNode
+from axisbus.machine.roster import Roster
+from axisbus.session import Session
 from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
-
-_CLOSE_MARGIN = 2.0
-_FIRST_VALUES = (
-    1.0  # seconds that opening waits for the first answers to SYNC; later ones are the axes' own matter
-)
 
 
 class Machine:
@@ -62,29 +51,16 @@ class Machine:
         """Use ``Machine.open`` or ``Machine.simulated``."""
         self.cell = cell
         self._runtime = runtime
-        self._realtime = realtime
-        cores = {
-            name: AxisCore(parameters, runtime.ports[name].capabilities)
-            for name, parameters in runtime.parameters.items()
-        }
-        self.scan = Scan(
-            runtime.cycle,
-            runtime.ports,
-            cores,
-            cell.bus.scan_period,
-            members(cell, cores),
-            LostNode(cell.bus.on_lost_node),
-        )
-        self._pickup = Pickup(runtime.late, self._join)
-        self._waiter: Waiter = ThreadWaiter() if realtime else PumpWaiter(self.scan, self._between_cycles)
-        self._roster = Roster(cell, runtime.booted, self.scan, self._waiter, runtime.nodes)
-        for node_id in runtime.nodes:
-            self._watch_node(node_id)
-        self._closing = Closing(
-            self._leave, self.scan.request_stop, getattr(self._waiter, "is_pumping", None)
-        )
-        self._thread: ScanThread | None = None
+        self._core = Core(cell, runtime, realtime, self._joined, self._after_cycle)
+        self._commanding = Commanding(self.session)
+        self._roster = Roster(cell, runtime.booted, self._commanding, runtime.nodes)
+        self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._inherited = False  # by a forked child
+
+    @property
+    def session(self) -> Session:
+        """The way to the core that moves the axes."""
+        return self._core.session
 
     @classmethod
     def open(cls, path: str | Path, *, beside: bool = False) -> Machine:
@@ -154,7 +130,7 @@ class Machine:
 
     def __repr__(self) -> str:
         """Tell the cell and its axes, each with its state."""
-        axes = ", ".join(f"{name} {self.scan.snapshots[name].state.value}" for name in self.axes)
+        axes = ", ".join(f"{name} {self.session.snapshots[name].state.value}" for name in self.axes)
         return f"<Machine {Path(self.cell.file).name}: {axes}>"
 
     @property
@@ -213,8 +189,9 @@ class Machine:
         found: list[NodeEvent | Leaving] = [
             event for node in self._runtime.nodes.values() for event in node.events
         ]
-        if self.scan.leaving_because is not None:
-            found.append(Leaving(self.scan.leaving_since, self.scan.leaving_because))
+        scan = self._core.scan
+        if scan.leaving_because is not None:
+            found.append(Leaving(scan.leaving_since, scan.leaving_because))
         return sorted(found, key=lambda event: event.stamp)
 
     @property
@@ -244,23 +221,13 @@ class Machine:
 
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
-        self._waiter.wait(lambda: False, seconds)
+        self.session.waiter.wait(lambda: False, seconds)
 
-    def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
-        """Take in an optional node that has come later; what it has to say stands in ``reports``."""
-        self._runtime.booted[node_id] = booted
-        self._watch_node(node_id)
-        if booted.report.ok:
-            self._roster.join(booted, ports)
+    def _joined(self, booted: Booted) -> None:
+        self._roster.join(booted)
 
-    def _watch_node(self, node_id: int) -> None:
-        """A node without axes has nobody else who acts when it is lost."""
-        if not any(self.cell.axes_of(node_id)):
-            self._runtime.nodes[node_id].on_event(self._node_event)
-
-    def _node_event(self, event: NodeEvent) -> None:
-        if event.kind in BAD:
-            self.scan.trip(lost_without_axes(event, self.scan.starvation.text(self.scan.cycle.now())))
+    def _after_cycle(self) -> None:
+        self._closing.finish()
 
     # -- running and closing -----------------------------------------------------------------------------------------
 
@@ -285,13 +252,13 @@ class Machine:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if not self._realtime:  # nothing goes on beside it in virtual time
+        if not self._core.realtime:  # nothing goes on beside it in virtual time
             self.__exit__(kind, error, trace)
             return
         try:
             await asyncio.to_thread(self.__exit__, kind, error, trace)
         finally:
-            EXIT.part(self.scan)  # once more: only the main thread can give signals back
+            EXIT.part(self.session)  # once more: only the main thread can give signals back
 
     def close(self) -> None:
         """Stop every axis that this program has enabled or commanded, disable it, and release the bus. Harmless when repeated.
@@ -306,20 +273,17 @@ class Machine:
         self._raise(self._close("the machine was closed"))
 
     def _begin(self) -> None:
-        if not self._realtime:
-            assert isinstance(self._waiter, PumpWaiter)
-            self._waiter.pump()
-            self._waiter.wait(self._roster.has_values, _FIRST_VALUES)
-            EXIT.join(self.scan, listen=False)
+        core = self._core
+        if not core.realtime:
+            core.begin()
+            core.await_values()
+            EXIT.join(self.session, listen=False)
             return
-        assert isinstance(self._waiter, ThreadWaiter)
         disown_in_children(self)
-        self._thread = ScanThread(self.scan, self._waiter, self.cell.bus.sync_timeout)
-        self._thread.start()
-        self._pickup.start()
+        core.begin()
         atexit.register(self._at_exit)
-        EXIT.join(self.scan, listen=True)
-        self._waiter.wait(self._roster.has_values, _FIRST_VALUES)
+        EXIT.join(self.session, listen=True)
+        core.await_values()
 
     def _close(self, reason: str) -> list[AxisbusError]:
         """Close, or wait for whoever closes; return what went wrong. In a forked child there is nothing to be closed."""
@@ -327,51 +291,15 @@ class Machine:
             return []
         failures = self._closing.run(reason)
         if self._closing.over:
-            EXIT.part(self.scan)  # once more: only the main thread can give signals back
+            EXIT.part(self.session)  # once more: only the main thread can give signals back
         return failures
 
     def _leave(self, reason: str) -> list[AxisbusError]:
-        rescued: list[Stopped] = []
         try:
-            self._stop_axes(reason)
+            return self._core.leave(reason)
         finally:
-            self._pickup.stop()
-            self._end_scan()
-            if self.scan.failure is not None:
-                touched = [name for name, core in self.scan.axes.items() if core.touched]
-                rescued = self._runtime.rescue(touched)
-            self._runtime.leave(self.scan.axes, rescued)
-            EXIT.part(self.scan)
-        return self._failures(rescued)
-
-    def _stop_axes(self, reason: str) -> None:
-        """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
-        times = [ladder_time(core.parameters.stop_times) for core in self.scan.axes.values()]
-        until = self.scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
-        self.scan.request_stop(reason)
-        interruption: BaseException | None = None
-        while not self.scan.has_stopped and self.scan.cycle.now() < until:
-            try:
-                self._waiter.wait(lambda: self.scan.has_stopped, until - self.scan.cycle.now())
-            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
-                interruption = error
-        if interruption is not None:
-            raise interruption
-
-    def _end_scan(self) -> None:
-        self.scan.quit()
-        if not self._realtime:
-            if not self.scan.ended:
-                self.scan.end()
-            return
-        if self._thread is not None:
-            self._thread.stop()
-        atexit.unregister(self._at_exit)
-
-    def _failures(self, rescued: list[Stopped]) -> list[AxisbusError]:
-        if self.scan.failure is not None:
-            return [scan_failure(self.scan.failure, rescued)]
-        return self.scan.stop_failures()
+            atexit.unregister(self._at_exit)
+            EXIT.part(self.session)
 
     def _raise(self, failures: list[AxisbusError]) -> None:
         """Raise what a signal left behind while the machine was being closed, else what went wrong."""
@@ -388,17 +316,11 @@ class Machine:
         for failure in self._close("the program ended"):
             log.error("while the program ended: %s", failure)
 
-    def _between_cycles(self, now: float) -> None:
-        """What threads do in real time."""
-        self._pickup.look(now)
-        self._closing.finish()
-
     def disown(self) -> None:
         """Be of no use in a forked child, which must neither command nor close what its parent has."""
         self._inherited = True
-        self.scan.disown()
-        assert isinstance(self._waiter, ThreadWaiter)
-        self._waiter.disown()
+        self._core.disown()
+        self._commanding.disown()
         atexit.unregister(self._at_exit)
 
 

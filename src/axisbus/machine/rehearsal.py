@@ -9,27 +9,33 @@ homing by a switch ends) is judged by the machine itself, later.
 
 from __future__ import annotations
 
-from typing import cast
+from collections.abc import Callable, Sequence
 
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
 from axisbus.core.runtime import load_dictionaries
-from axisbus.core.scan import Scan
+from axisbus.core.scan import Lateness
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import NOBODY
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion as motion
-from axisbus.motion.handle import NOBODY, Handle, Status
+from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status, Ticket
+from axisbus.session import AxisFacts, CommandEvent, Observer, Target
 
 _AT_REST = Snapshot(
     0.0, AxisState.STANDSTILL, State.OPERATION_ENABLED, None, None, 0, 0.0, None, None, None, None, 0, False, True, None
 )  # fmt: skip
+_UNKNOWN = Capabilities({}, {}, remappable=False, max_age={})
 _ANYWHERE = None
 _Place = int | None  # user increments; None where an axis may be anywhere
 
@@ -49,6 +55,7 @@ class Rehearsal:
             name: axis_parameters(cell, name, files[axis.node]) for name, axis in cell.axes.items()
         }
         self._stage = _Stage(cell, self._parameters)
+        self._commanding = Commanding(self._stage)
 
     def __getitem__(self, name: str) -> Axis:
         """Return an axis, whose commands raise what speaks against them and are done at once otherwise.
@@ -60,7 +67,7 @@ class Rehearsal:
             raise StateError(
                 f"the cell has no axis {name!r}", observed=f"it has {', '.join(self._parameters) or 'none'}"
             )
-        return Axis(self._parameters[name], cast(Scan, self._stage), NOBODY)
+        return Axis(self._parameters[name], self._commanding)
 
     def see(self, name: str, snapshot: Snapshot) -> None:
         """Take over where an axis really is."""
@@ -68,15 +75,19 @@ class Rehearsal:
 
 
 class _Stage:
-    """What takes the commands in place of a scan, and only judges them."""
+    """A ``Session`` without a core: it takes commands and only judges them."""
 
-    dead = silent = leaving_because = failure = None
-    ended = False
+    dead = silent = leaving_because = None
+    ended = failed = False
+    waiter = NOBODY
 
     def __init__(self, cell: CellConfig, parameters: dict[str, AxisParameters]) -> None:
         self._cell = cell
         self._parameters = parameters
         self.snapshots = dict.fromkeys(parameters, _AT_REST)
+        self.axes = {name: AxisFacts(known, _UNKNOWN) for name, known in parameters.items()}
+        self.lateness = Lateness()
+        self._hear: Callable[[CommandEvent], None] | None = None
         self._places: dict[str, _Place] = dict.fromkeys(parameters, _ANYWHERE)
 
     def see(self, name: str, snapshot: Snapshot) -> None:
@@ -85,47 +96,65 @@ class _Stage:
         self.snapshots[name] = snapshot if known else snapshot._replace(position=0)
         self._places[name] = None if snapshot.position is None else snapshot.position - snapshot.origin
 
-    def submit(self, name: str, command: c.Command, handle: Handle) -> Handle:
+    def submit(self, number: int, target: Target, command: c.Command | GroupCommand, name: str) -> int:
         """Judge a command.
 
         Raises:
             StateError, LimitError: the drive lacks an object for it, or it would end beyond the position limits.
         """
+        ticket = Ticket(name)
         if isinstance(command, c.Home):
-            self._home(name, command, handle)
+            self._home(str(target), command, ticket)
         elif isinstance(command, c.Move):
-            self._move(name, command, handle)
-        handle.finish(Status.DONE)
-        return handle
+            self._move(str(target), command, ticket)
+        if self._hear is not None:
+            self._hear(CommandEvent(number, Status.DONE, None, ""))
+        return number
 
-    def _home(self, name: str, command: c.Home, handle: Handle) -> None:
+    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
+        """Let ``hear`` have the end of every command."""
+        self._hear = hear
+
+    def add_group(self, key: Target, members: Sequence[str]) -> None:
+        """Nothing to do: a group's commands are judged axis by axis."""
+
+    def request_stop(self, reason: str, quick: bool = False) -> None:
+        """Nothing moves."""
+
+    def observe(self, observer: Observer) -> None:
+        """There are no cycles."""
+
+    def forget(self, observer: Observer) -> None:
+        """There are no cycles."""
+
+    def _home(self, name: str, command: c.Home, ticket: Ticket) -> None:
         method = command.job.method
-        motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, handle, method)
+        motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, ticket, method)
         at_home = method in homing.IN_PLACE and not self._cell.axes[name].homing.offset
         self._places[name] = 0 if at_home else _ANYWHERE
         self.snapshots[name] = self.snapshots[name]._replace(homed=True)
 
-    def _move(self, name: str, command: c.Move, handle: Handle) -> None:
+    def _move(self, name: str, command: c.Move, ticket: Ticket) -> None:
         parameters = self._parameters[name]
-        motion.require_watch(parameters, command.profile, handle)
-        motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, handle)
+        motion.require_watch(parameters, command.profile, ticket)
+        motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, ticket)
         bounded = self.snapshots[name].homed or not parameters.homing.required
         if command.reference is c.Reference.ABSOLUTE or not bounded:
             return
         place = self._places[name]
         if place is not None:
-            motion.require_within_limits(parameters, place + command.value, handle)
+            motion.require_within_limits(parameters, place + command.value, ticket)
         else:
-            _require_room(parameters, command.value, handle)
+            _require_room(parameters, command.value, ticket)
 
 
-def _require_room(parameters: AxisParameters, distance: int, handle: Handle) -> None:
+def _require_room(parameters: AxisParameters, distance: int, ticket: Ticket) -> None:
     """Raise LimitError where a way is longer than the limits are apart: it ends beyond them from wherever it starts."""
     limits, scale = parameters.limits.position, parameters.units.position
     way = abs(scale.to_units(distance))
     if limits is not None and way > limits[1] - limits[0]:
         raise LimitError(
-            f"{handle.name}: would end beyond the position limits, from wherever it starts",
+            f"{ticket.name}: would end beyond the position limits, from wherever it starts",
             observed=f"{limits[0]:g} and {limits[1]:g} {scale.unit} are less than {way:g} {scale.unit} apart",
             remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
         )

@@ -6,24 +6,13 @@ from collections.abc import Iterable, Mapping
 
 from axisbus.boot.node import Booted
 from axisbus.cell.model import CellConfig
-from axisbus.cia402.port import Port, Waiter
 from axisbus.core.node_access import NodeAccess
 from axisbus.core.pickup import absent_axis
-from axisbus.core.scan import Scan
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
 from axisbus.machine.groups import Group
-from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
-
-_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
-
-
-def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
-    """Return the groups of the cell, each with those of its axes that are there."""
-    present = set(there)
-    found = {name: [axis for axis in group.axes if axis in present] for name, group in cell.groups.items()}
-    return {name: axes for name, axes in found.items() if axes}
 
 
 class Roster:
@@ -33,19 +22,18 @@ class Roster:
         self,
         cell: CellConfig,
         booted: Mapping[int, Booted],
-        scan: Scan,
-        waiter: Waiter,
+        commanding: Commanding,
         nodes: Mapping[int, NodeAccess],
     ) -> None:
-        """Begin with the axes that the scan has."""
+        """Begin with the axes that the core has."""
         self._nodes = nodes
         self._groups: dict[str, Group] = {}  # of cell.toml
         self._chosen: dict[tuple[str, ...], Group] = {}  # by their axes
         self._cell = cell
         self._booted = booted
-        self._scan = scan
-        self._waiter = waiter
-        self.axes = {name: self._make_axis(core.parameters) for name, core in scan.axes.items()}
+        self._commanding = commanding
+        axes = commanding.session.axes
+        self.axes = {name: self._make_axis(facts.parameters) for name, facts in axes.items()}
         self._make_groups()
 
     def __getitem__(self, name: str) -> Axis:
@@ -75,21 +63,15 @@ class Roster:
             self[name]
         _require_different(names)
         if names not in self._chosen:
-            self._scan.add_group(names, names)
+            self._commanding.session.add_group(names, names)
             axes = {axis: self.axes[axis] for axis in names}
-            self._chosen[names] = Group("+".join(names), axes, self._scan, self._waiter, key=names)
+            self._chosen[names] = Group("+".join(names), axes, self._commanding, key=names)
         return self._chosen[names]
 
-    def join(self, booted: Booted, ports: Mapping[str, Port]) -> None:
-        """Take in the axes of an optional node that has come later; blocks until the scan has done a cycle with them."""
-        axes = dict(self.axes)
-        for name, parameters in booted.parameters.items():
-            core = AxisCore(parameters, ports[name].capabilities)
-            axes[name] = self._make_axis(parameters)
-            self._scan.add_axis(name, ports[name], core, members(self._cell, axes))
-        scan = self._scan
-        self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in axes), _JOIN_TIME)
-        self.axes = axes
+    def join(self, booted: Booted) -> None:
+        """Take in the axes of an optional node that has come later, and that the core has taken in."""
+        late = {name: self._make_axis(parameters) for name, parameters in booted.parameters.items()}
+        self.axes = {**self.axes, **late}
         self._make_groups()
 
     @property
@@ -98,17 +80,11 @@ class Roster:
         return dict(self._groups)
 
     def _make_axis(self, parameters: AxisParameters) -> Axis:
-        return Axis(parameters, self._scan, self._waiter, self._measure)
+        return Axis(parameters, self._commanding, self._measure)
 
     def _measure(self, name: str, what: str) -> float:
         axis = self._cell.axes[name]
         return self._nodes[axis.node].measure(what, axis.drive_axis)
-
-    def has_values(self) -> bool:
-        """Whether every axis has been heard of since the scan began (or the scan has ended)."""
-        snapshots = self._scan.snapshots
-        heard = [snapshots[name].statusword is not None for name in self.axes if name in snapshots]
-        return self._scan.ended or (len(heard) == len(self.axes) and all(heard))
 
     def _make_groups(self) -> None:
         """Make the groups of the cell whose axes are all there."""
@@ -117,7 +93,7 @@ class Roster:
                 self._groups[name] = self._make_group(name, group.axes)
 
     def _make_group(self, name: str, axes: Iterable[str]) -> Group:
-        return Group(name, {axis: self.axes[axis] for axis in axes}, self._scan, self._waiter)
+        return Group(name, {axis: self.axes[axis] for axis in axes}, self._commanding)
 
 
 def _require_different(names: tuple[str, ...]) -> None:

@@ -8,45 +8,45 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
-from axisbus.core.scan import Scan
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
+from axisbus.session import Session
 
 COLUMNS = ("position", "velocity", "torque", "target", "state")
 LIMIT = 2_000_000  # cycles; the oldest go first
 
 
-class Scanned(Protocol):
-    """What has a scan: a ``Machine``."""
+class Open(Protocol):
+    """What has a way to a core: a ``Machine``."""
 
     @property
-    def scan(self) -> Scan:
-        """The loop that moves all axes."""
+    def session(self) -> Session:
+        """The way to the core that moves all axes."""
 
 
 class Recorder:
-    """Keeps the snapshots of each cycle in memory while it is attached to a scan; holds at most ``LIMIT`` cycles.
+    """Keeps the snapshots of each cycle in memory while it is attached to a machine; holds at most ``LIMIT`` cycles.
 
     In the cycle it only keeps references; conversion to units happens when rows are read. Use it as a context manager:
     ``with Recorder(cell) as recorder:``.
     """
 
-    def __init__(self, machine: Scanned, every: int = 1) -> None:
+    def __init__(self, machine: Open, every: int = 1) -> None:
         """``machine`` is an open ``Machine``; ``every``: record each n-th cycle."""
-        self._scan = scan = machine.scan
+        self._session = session = machine.session
         self._parameters: dict[str, AxisParameters] = {
-            name: core.parameters for name, core in scan.axes.items()
+            name: facts.parameters for name, facts in session.axes.items()
         }
         self._every = every
         self._count = 0
         self._cycles: deque[tuple[float, tuple[Snapshot, ...]]] = deque(maxlen=LIMIT)
 
     def __enter__(self) -> Recorder:
-        self._scan.observers.append(self._observe)
+        self._session.observe(self._observe)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._scan.observers.remove(self._observe)
+        self._session.forget(self._observe)
 
     def __len__(self) -> int:
         return len(self._cycles)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError
-from axisbus.motion.handle import Handle
+from axisbus.machine.handle import Handle
 from kit.campaign.mishaps import MISHAPS, Mishap, Site
 from kit.campaign.orders import QUIET
 from kit.campaign.scenes import Scene

@@ -60,7 +60,7 @@ class Judge:
 
     def _look(self) -> None:
         facts = self.facts
-        scan = facts.cell.machine.scan
+        scan = facts.cell.machine._core.scan
         facts.must(not scan.ended and scan.failure is None, "the scan lives", f"{scan.failure!r}")
         for name in facts.names:
             facts.look(name)

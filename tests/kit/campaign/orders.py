@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from axisbus.motion.handle import Handle
+from axisbus.machine.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import Cell
 from kit.plants import Ramp

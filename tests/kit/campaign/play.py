@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from axisbus.errors import AxisbusError
-from axisbus.motion.handle import Handle
+from axisbus.machine.handle import Handle
 from kit.campaign.events import Event, Script
 from kit.campaign.facts import Asked, Facts, Violation
 from kit.campaign.judge import Judge

@@ -13,8 +13,8 @@ import click
 from axisbus import wait
 from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
-from axisbus.motion.handle import Handle
 
 _REDRAW = 0.1  # seconds
 _SLOWEST = 0.001  # of the way per second: below that nobody knows how long it will take

@@ -12,7 +12,6 @@ from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion as motion
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import OPEN, Gate
-from axisbus.motion.handle import Handle
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.enable import KEPT_MODES, RESTING_MODES, Enable
 from axisbus.motion.moves.power import Coast, Reset
@@ -23,52 +22,53 @@ from axisbus.motion.stop.diagnosis import first_observation, nmt_text
 from axisbus.motion.stop.ladder import Rung, Then
 from axisbus.motion.stop.lost import ANEW, not_to_be_reset
 from axisbus.motion.stop.stopping import StopKind
+from axisbus.motion.ticket import Ticket
 
 
-def accept(core: AxisCore, command: c.Command, handle: Handle, gate: Gate = OPEN) -> None:
-    """Let ``command`` take effect on ``core``; what the state forbids ends the handle with the reason.
+def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN) -> None:
+    """Let ``command`` take effect on ``core``; what the state forbids ends the ticket with the reason.
 
     ``gate``: where the axes of a group wait for each other before they start.
     """
     try:
-        _ACCEPT[type(command)](core, command, handle, gate)
+        _ACCEPT[type(command)](core, command, ticket, gate)
     except AxisbusError as error:
-        core.finish(handle, error)
+        core.finish(ticket, error)
 
 
 # -- power -----------------------------------------------------------------------------------------------------------
 
 
-def _enable(core: AxisCore, command: c.Enable, handle: Handle, gate: Gate) -> None:
+def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
-        raise motion.refusal(core, handle, AxisState.ERRORSTOP)
-    motion.require_no_stop(core, handle)
+        raise motion.refusal(core, ticket, AxisState.ERRORSTOP)
+    motion.require_no_stop(core, ticket)
     if core.powered and core.image.state is State.OPERATION_ENABLED:
-        core.finish(handle)  # it is; and where it is locked in Stopping, it stays so
+        core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
         return
     if core.ladder is not None:
-        raise StateError(f"{handle.name}: the axis is being stopped", remedy="wait until it stands")
+        raise StateError(f"{ticket.name}: the axis is being stopped", remedy="wait until it stands")
     if _runs(core, Enable):
-        core.join(handle)
+        core.join(ticket)
         return
     if _runs(core, Coast) and core.image.state is State.OPERATION_ENABLED:
         raise StateError(  # taken over now it would be held from one cycle to the next, however fast it is
-            f"{handle.name}: its power is being taken away",
+            f"{ticket.name}: its power is being taken away",
             remedy="wait until it is off: axis.disable(coast=True).wait()",
         )
     if not core.image.operational:
         raise StateError(
-            f"{handle.name}: node {core.parameters.node} is not operational",
+            f"{ticket.name}: node {core.parameters.node} is not operational",
             observed=nmt_text(core.image),
             remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
         )
     takeover = _takeover(core)
-    core.begin(Enable(core.parameters, _resting_modes(core), gate, takeover, moving=command.moving), handle)
+    core.begin(Enable(core.parameters, _resting_modes(core), gate, takeover, moving=command.moving), ticket)
 
 
 def _runs(core: AxisCore, activity: type[Activity]) -> bool:
-    """Whether the same command is under way already: it goes on, and both handles end as it does."""
-    return isinstance(core.activity, activity) and core.running.handle is not None
+    """Whether the same command is under way already: it goes on, and both tickets end as it does."""
+    return isinstance(core.activity, activity) and core.running.ticket is not None
 
 
 def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
@@ -88,137 +88,128 @@ def _takeover(core: AxisCore) -> Takeover | None:
     return Takeover(ModeOfOperation(image.mode), core.parameters)
 
 
-def _disable(core: AxisCore, command: c.Disable, handle: Handle, _: Gate) -> None:
+def _disable(core: AxisCore, command: c.Disable, ticket: Ticket, _: Gate) -> None:
     if command.coast:
-        _coast(core, handle)
+        _coast(core, ticket)
         return
     if core.state is AxisState.ERRORSTOP and core.image.state is State.FAULT and not core.run_down.under_way:
-        core.finish(handle)  # a drive in fault is off already, and its motor stands
+        core.finish(ticket)  # a drive in fault is off already, and its motor stands
         return
-    core.stop_because(StopKind.DISABLE, Then.DISABLE, Rung.HALT, f"{handle.name} was asked for", handle)
+    core.stop_because(StopKind.DISABLE, Then.DISABLE, Rung.HALT, f"{ticket.name} was asked for", ticket)
 
 
-def _coast(core: AxisCore, handle: Handle) -> None:
+def _coast(core: AxisCore, ticket: Ticket) -> None:
     if core.parameters.holds_load is not HoldsLoad.NO and not core.image.standstill:
         raise StateError(
-            f"{handle.name}: the axis holds a load and does not stand",
+            f"{ticket.name}: the axis holds a load and does not stand",
             remedy="halt it first: axis.halt()",
         )
     if _runs(core, Coast):
-        core.join(handle)
+        core.join(ticket)
         return
-    core.powered = False
-    before = motion.leading_path(core)
-    core.begin(Coast(core.parameters, before), handle)
-    if core.state is not AxisState.ERRORSTOP:
-        core.state = AxisState.DISABLED
+    core.coast(Coast(core.parameters, motion.leading_path(core)), ticket)
 
 
-def _reset(core: AxisCore, _: c.Reset, handle: Handle, __: Gate) -> None:
+def _reset(core: AxisCore, _: c.Reset, ticket: Ticket, __: Gate) -> None:
     image = core.image
     stopping = core.ladder is not None
     if core.state is AxisState.ERRORSTOP and not image.operational:
-        raise not_to_be_reset(handle.name, core.parameters.node, image, stopping=stopping)
+        raise not_to_be_reset(ticket.name, core.parameters.node, image, stopping=stopping)
     if stopping:
-        raise StateError(f"{handle.name}: the axis is still being stopped", remedy="wait until it stands")
+        raise StateError(f"{ticket.name}: the axis is still being stopped", remedy="wait until it stands")
     if _runs(core, Reset):
-        core.join(handle)
+        core.join(ticket)
         return
     if image.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
         fault = first_observation(core.error) if isinstance(core.error, DriveFault) else ""
-        core.begin(Reset(core.parameters, fault), handle)
+        core.begin(Reset(core.parameters, fault), ticket)
         return
     if core.state is AxisState.ERRORSTOP and image.state is State.UNKNOWN:
         raise StateError(
-            f"{handle.name}: nothing is known of the drive",
+            f"{ticket.name}: nothing is known of the drive",
             observed="no fresh statusword (6041h)",
             remedy=f"see why it is in ErrorStop (axis.error), and whether the drive sends the TPDO that holds it; then {ANEW}",
         )
     if core.state is AxisState.ERRORSTOP and core.disobeyed:
         raise StateError(
-            f"{handle.name}: the drive does not do what its stop asked for",
+            f"{ticket.name}: the drive does not do what its stop asked for",
             observed=f"it drives its motor still, in state {image.state.value!r}",
             remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then see why it is in ErrorStop (axis.error)",
         )
     core.clear_error()
-    core.finish(handle)
+    core.finish(ticket)
 
 
 # -- stopping --------------------------------------------------------------------------------------------------------
 
 
-def _halt(core: AxisCore, _: c.Halt, handle: Handle, __: Gate) -> None:
+def _halt(core: AxisCore, _: c.Halt, ticket: Ticket, __: Gate) -> None:
     if core.state is not AxisState.STOPPING:
-        _stop_if_powered(core, handle, StopKind.HALT, Rung.HALT)
+        _stop_if_powered(core, ticket, StopKind.HALT, Rung.HALT)
     elif core.ladder is not None:
-        core.stopping.join(handle)
+        core.stopping.join(ticket)
     else:
-        core.finish(handle)  # it stands, locked
+        core.finish(ticket)  # it stands, locked
 
 
-def _stop(core: AxisCore, _: c.Stop, handle: Handle, __: Gate) -> None:
-    _stop_if_powered(core, handle, StopKind.STOP, Rung.HALT)
+def _stop(core: AxisCore, _: c.Stop, ticket: Ticket, __: Gate) -> None:
+    _stop_if_powered(core, ticket, StopKind.STOP, Rung.HALT)
 
 
-def _quick_stop(core: AxisCore, _: c.QuickStop, handle: Handle, __: Gate) -> None:
-    _stop_if_powered(core, handle, StopKind.QUICK_STOP, Rung.QUICK_STOP)
+def _quick_stop(core: AxisCore, _: c.QuickStop, ticket: Ticket, __: Gate) -> None:
+    _stop_if_powered(core, ticket, StopKind.QUICK_STOP, Rung.QUICK_STOP)
 
 
-def _stop_if_powered(core: AxisCore, handle: Handle, kind: StopKind, rung: Rung) -> None:
+def _stop_if_powered(core: AxisCore, ticket: Ticket, kind: StopKind, rung: Rung) -> None:
     """Where the motor is not driven there is nothing to stop, and that is success; an enable under way is taken back.
 
     A drive of which nothing is known may be moving: it is stopped. One that has lost its power in motion is watched until it
     stands.
     """
-    reason = f"{handle.name} was asked for"
+    reason = f"{ticket.name} was asked for"
     if core.image.state in ENERGISED or core.image.state is State.UNKNOWN or core.run_down.under_way:
-        core.stop_because(kind, Then.HOLD, rung, reason, handle)
-        if kind is not StopKind.HALT and core.state is not AxisState.ERRORSTOP:
-            core.state = AxisState.STOPPING
+        core.stop_because(kind, Then.HOLD, rung, reason, ticket)
         return
     if isinstance(core.activity, Enable):
-        core.end_command(Stopped(reason))
-        core.order.goal = State.SWITCH_ON_DISABLED
-        core.state = AxisState.DISABLED
-    core.finish(handle)
+        core.take_back_enable(Stopped(reason))
+    core.finish(ticket)
 
 
-def _release(core: AxisCore, _: c.Release, handle: Handle, __: Gate) -> None:
+def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:
     if core.state is not AxisState.STOPPING:
-        core.finish(handle)
+        core.finish(ticket)
         return
     if core.ladder is not None:
-        raise StateError(f"{handle.name}: the axis does not stand yet", remedy="wait for the stop first")
+        raise StateError(f"{ticket.name}: the axis does not stand yet", remedy="wait for the stop first")
     if core.image.state is State.QUICK_STOP_ACTIVE:
         raise StateError(
-            f"{handle.name}: the drive is held in quick stop active",
+            f"{ticket.name}: the drive is held in quick stop active",
             remedy="enable it again (axis.enable()) or disable it (axis.disable())",
         )
-    if core.image.state is State.OPERATION_ENABLED:
-        core.state = AxisState.STANDSTILL
-    core.finish(handle)
+    core.unlock()
+    core.finish(ticket)
 
 
-def _shutdown(core: AxisCore, command: c.Shutdown, handle: Handle, _: Gate) -> None:
+def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> None:
     if not core.touched:
-        core.finish(handle)  # never commanded by us: left as it was found
+        core.finish(ticket)  # never commanded by us: left as it was found
         return
     holds = core.parameters.holds_load is HoldsLoad.TORQUE
     rung = Rung.QUICK_STOP if command.quick else Rung.HALT
     core.stop_because(
-        StopKind.SHUTDOWN, Then.HOLD if holds else Then.DISABLE, rung, f"stopped: {command.reason}", handle
+        StopKind.SHUTDOWN, Then.HOLD if holds else Then.DISABLE, rung, f"stopped: {command.reason}", ticket
     )
 
 
-def _policy_stop(core: AxisCore, command: c.PolicyStop, handle: Handle, __: Gate) -> None:
+def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate) -> None:
     ours = core.touched and core.state in MOVING
     if ours or isinstance(core.activity, Enable):
-        core.stop_because(StopKind.POLICY, Then.HOLD, Rung.HALT, command.reason, handle)
+        core.stop_because(StopKind.POLICY, Then.HOLD, Rung.HALT, command.reason, ticket)
     else:
-        core.finish(handle)
+        core.finish(ticket)
 
 
-_ACCEPT: dict[type, Callable[[AxisCore, Any, Handle, Gate], None]] = {
+_ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Enable: _enable,
     c.Disable: _disable,
     c.Reset: _reset,

@@ -14,7 +14,6 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.handle import Handle
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
@@ -26,72 +25,72 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
+from axisbus.motion.ticket import Ticket
 from axisbus.units import INT32_HALF
 
 _M = ModeOfOperation
 
 
-def move(core: AxisCore, command: c.Move, handle: Handle, gate: Gate) -> None:
+def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
-    require_motion(core, handle)
-    require_watch(core.parameters, command.profile, handle)
-    target = _target(core, command, handle)
+    require_motion(core, ticket)
+    require_watch(core.parameters, command.profile, ticket)
+    target = _target(core, command, ticket)
     profile = command.profile
     leading = leading_path(core) if _leaving(core) is None else None
     if leading is not None and profile.speed and profile.up and profile.down:
-        _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), handle)
-        core.last_target = target
+        _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), ticket)
+        core.aim(target)
         return
-    require_objects(core.parameters, _M.PROFILE_POSITION, handle)
-    _require_braking(core, profile, handle)
+    require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
+    _require_braking(core, profile, ticket)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
     )
     before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
-        PositionMove(target, profile, core.parameters, prepare, before), handle, AxisState.DISCRETE_MOTION
+        PositionMove(target, profile, core.parameters, prepare, before), ticket, AxisState.DISCRETE_MOTION
     )
-    core.running.set_point = None
-    core.last_target = target
+    core.aim(target)
 
 
-def _go_on(core: AxisCore, going_on: GoingOn, handle: Handle) -> None:
+def _go_on(core: AxisCore, going_on: GoingOn, ticket: Ticket) -> None:
     """Let a move begin from the velocity with which a trajectory leads the axis."""
     if core.bounded:
         going_on.require_room(core.image.origin)
-    core.begin(going_on, handle, AxisState.DISCRETE_MOTION)
+    core.begin(going_on, ticket, AxisState.DISCRETE_MOTION)
 
 
-def require_watch(parameters: AxisParameters, profile: Profile, handle: Handle) -> None:
+def require_watch(parameters: AxisParameters, profile: Profile, ticket: Ticket) -> None:
     """Raise StateError where a move has no deadline: without 6064h neither distance nor progress is known."""
     if profile.timeout is None and not parameters.has(objects.POSITION_ACTUAL):
         raise StateError(
-            f"{handle.name}: nothing tells how long it may take",
+            f"{ticket.name}: nothing tells how long it may take",
             observed="the drive has no position actual value (6064h), so neither distance nor progress can be seen",
             remedy="give timeout = ... (seconds) in the call",
         )
 
 
-def _target(core: AxisCore, command: c.Move, handle: Handle) -> int:
+def _target(core: AxisCore, command: c.Move, ticket: Ticket) -> int:
     """Return the absolute target in unwrapped drive increments; the master always sends absolute ones."""
     origin = core.image.origin
     if command.reference is c.Reference.ABSOLUTE:
-        return _within_reach(core, command.value + origin, handle)
+        return _within_reach(core, command.value + origin, ticket)
     actual = require_position(core.image, core.parameters.name, "a relative move")
     base = actual
     if command.reference is c.Reference.ADDITIVE and core.last_target is not None:
         base = core.last_target
     if core.bounded:
-        require_within_limits(core.parameters, base + command.value - origin, handle)
-    return _within_reach(core, base + command.value, handle)
+        require_within_limits(core.parameters, base + command.value - origin, ticket)
+    return _within_reach(core, base + command.value, ticket)
 
 
-def _within_reach(core: AxisCore, target: int, handle: Handle) -> int:
+def _within_reach(core: AxisCore, target: int, ticket: Ticket) -> int:
     """Return ``target``, which a drive that counts in INTEGER32 can tell from one a whole count away."""
     position, units = core.image.position, core.parameters.units.position
     if position is not None and abs(target - position) >= INT32_HALF:
         raise LimitError(
-            f"{handle.name}: farther than half the drive's count of positions (INTEGER32)",
+            f"{ticket.name}: farther than half the drive's count of positions (INTEGER32)",
             observed=f"the way is {abs(units.to_units(target - position)):g} {units.unit}; below "
             f"{abs(units.to_units(INT32_HALF)):g} the drive knows which way round",
             remedy="go there in several moves, or set modulo in cell.toml for an endless axis",
@@ -99,41 +98,41 @@ def _within_reach(core: AxisCore, target: int, handle: Handle) -> int:
     return target
 
 
-def require_within_limits(parameters: AxisParameters, position: int, handle: Handle) -> None:
+def require_within_limits(parameters: AxisParameters, position: int, ticket: Ticket) -> None:
     """Raise LimitError where a position (user increments) lies beyond the axis's limits."""
     limits, units = parameters.limits.position, parameters.units.position
     value = units.to_units(position)
     if limits is not None and not limits[0] <= value <= limits[1]:
         raise LimitError(
-            f"{handle.name}: would end beyond the position limits",
+            f"{ticket.name}: would end beyond the position limits",
             observed=f"at {value:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
             remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
         )
 
 
-def move_velocity(core: AxisCore, command: c.MoveVelocity, handle: Handle, gate: Gate) -> None:
+def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate: Gate) -> None:
     """MC_MoveVelocity, MC_Jog."""
     if isinstance(core.activity, Jog) and core.activity.renew(command, core.image):
-        core.finish(handle)
+        core.finish(ticket)
         return
-    require_motion(core, handle)
-    require_objects(core.parameters, _M.PROFILE_VELOCITY, handle)
+    require_motion(core, ticket)
+    require_objects(core.parameters, _M.PROFILE_VELOCITY, ticket)
     profile = command.profile
     prepare = _prepare(
         core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
     )
-    _require_braking(core, profile, handle)
+    _require_braking(core, profile, ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
-    core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
-    core.last_target = None
+    core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
+    core.aim(None)
 
 
 def _course(core: AxisCore) -> Course | None:
     return None if core.activity is None else core.activity.course
 
 
-def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
+def _require_braking(core: AxisCore, profile: Profile, ticket: Ticket) -> None:
     """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration."""
     before = _course(core)
     if profile.down is None or not core.bounded or core.state not in MOVING:
@@ -146,16 +145,16 @@ def _require_braking(core: AxisCore, profile: Profile, handle: Handle) -> None:
     units, limits = core.parameters.units.position, core.parameters.limits.position
     assert limits is not None
     raise LimitError(
-        f"{handle.name}: could not stop within the position limits with that deceleration",
+        f"{ticket.name}: could not stop within the position limits with that deceleration",
         observed=f"at its present speed it would come to rest at {stop:g} {units.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
         remedy="ask for a harder deceleration, or halt the axis first; what it did before goes on",
     )
 
 
-def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate) -> None:
+def torque(core: AxisCore, command: c.TorqueControl, ticket: Ticket, gate: Gate) -> None:
     """MC_TorqueControl."""
-    require_motion(core, handle)
-    require_objects(core.parameters, _M.PROFILE_TORQUE, handle)
+    require_motion(core, ticket)
+    require_objects(core.parameters, _M.PROFILE_TORQUE, ticket)
     parameters = core.parameters
     writes: list[tuple[int, int, int | None]] = []
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
@@ -163,53 +162,51 @@ def torque(core: AxisCore, command: c.TorqueControl, handle: Handle, gate: Gate)
     writes += slow_ramp_writes(parameters)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate)
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)
-    core.begin(activity, handle, AxisState.CONTINUOUS_MOTION)
-    core.last_target = None
+    core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
+    core.aim(None)
 
 
-def home(core: AxisCore, command: c.Home, handle: Handle, _: Gate) -> None:
+def home(core: AxisCore, command: c.Home, ticket: Ticket, _: Gate) -> None:
     """MC_Home."""
-    require_motion(core, handle)
+    require_motion(core, ticket)
     if core.state is not AxisState.STANDSTILL:
-        raise StateError(f"{handle.name}: the axis moves", remedy="halt it first: axis.halt()")
-    require_objects(core.parameters, _M.HOMING, handle, command.job.method)
-    core.homed = False
-    core.begin(HomingRun(command.job, core.parameters), handle, AxisState.HOMING)
+        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    require_objects(core.parameters, _M.HOMING, ticket, command.job.method)
+    core.begin(HomingRun(command.job, core.parameters), ticket, AxisState.HOMING)
 
 
-def set_position(core: AxisCore, command: c.SetPosition, handle: Handle, _: Gate) -> None:
+def set_position(core: AxisCore, command: c.SetPosition, ticket: Ticket, _: Gate) -> None:
     """MC_SetPosition; where the axis stands now it takes effect at once, else when it does."""
     if core.state in MOVING or core.state is AxisState.STOPPING:
-        raise StateError(f"{handle.name}: the axis moves", remedy="set the position at standstill")
+        raise StateError(f"{ticket.name}: the axis moves", remedy="set the position at standstill")
     require_position(core.image, core.parameters.name, "setting the position")
-    core.at_rest(handle, partial(_call_position, core, command.position))
+    core.at_rest(ticket, partial(_call_position, core, command.position))
 
 
 def _call_position(core: AxisCore, position: int) -> None:
-    core.image.origin = require_position(core.image, core.parameters.name, "setting the position") - position
-    core.last_target = None
-    core.homed = True
+    here = require_position(core.image, core.parameters.name, "setting the position")
+    core.confirm_position(here - position)
 
 
-def follow(core: AxisCore, command: c.FollowTrajectory, handle: Handle, gate: Gate) -> None:
+def follow(core: AxisCore, command: c.FollowTrajectory, ticket: Ticket, gate: Gate) -> None:
     """A trajectory in cyclic synchronous position mode."""
-    begin_follow(core, Follow(command.trajectory, core.parameters, gate), handle)
+    begin_follow(core, Follow(command.trajectory, core.parameters, gate), ticket)
 
 
-def begin_follow(core: AxisCore, follow: Follow, handle: Handle) -> None:
+def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
     """Let a trajectory begin; cyclic modes need standstill and values that travel with SYNC.
 
     Raises:
         StateError: the axis is not at standstill, or its values do not travel with SYNC.
     """
-    require_motion(core, handle)
-    require_cyclic(core, handle)
+    require_motion(core, ticket)
+    require_cyclic(core, ticket)
     if core.state is not AxisState.STANDSTILL:
-        raise StateError(f"{handle.name}: the axis moves", remedy="halt it first: axis.halt()")
-    core.begin(follow, handle, AxisState.SYNCHRONIZED_MOTION)
+        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    core.begin(follow, ticket, AxisState.SYNCHRONIZED_MOTION)
 
 
-def require_cyclic(core: AxisCore, handle: Handle) -> None:
+def require_cyclic(core: AxisCore, ticket: Ticket) -> None:
     """Raise StateError unless statusword, position and target travel in synchronous PDOs (DESIGN: freshness)."""
     how = core.capabilities
     wanted = {
@@ -224,7 +221,7 @@ def require_cyclic(core: AxisCore, handle: Handle) -> None:
     ]
     if wrong:
         raise StateError(
-            f"{handle.name}: a cyclic mode needs 6041h, 6064h and 607Ah in synchronous PDOs",
+            f"{ticket.name}: a cyclic mode needs 6041h, 6064h and 607Ah in synchronous PDOs",
             observed="; ".join(wrong),
             remedy="set sync = true in [bus], and let axisbus map the PDOs (remap) or map them in the drive",
         )
@@ -264,14 +261,14 @@ def _leaving(core: AxisCore) -> ModeSwitch | None:
     return None if core.activity is None else core.activity.leaving
 
 
-def require_motion(core: AxisCore, handle: Handle) -> None:
+def require_motion(core: AxisCore, ticket: Ticket) -> None:
     """Raise StateError unless the axis takes a motion command now."""
     if core.state not in TAKES_MOTION:
-        raise refusal(core, handle, core.state)
-    require_no_stop(core, handle)
+        raise refusal(core, ticket, core.state)
+    require_no_stop(core, ticket)
     if not core.powered:
         raise StateError(
-            f"{handle.name}: {core.parameters.name} was found enabled, not by this program",
+            f"{ticket.name}: {core.parameters.name} was found enabled, not by this program",
             observed=f"drive state {core.image.state.value!r}, mode "
             f"{'unknown' if core.image.mode is None else modes.short(ModeOfOperation(core.image.mode))}",
             remedy="take it over with axis.enable(), or switch it off with axis.disable()",
@@ -279,30 +276,30 @@ def require_motion(core: AxisCore, handle: Handle) -> None:
 
 
 def require_objects(
-    parameters: AxisParameters, mode: ModeOfOperation, handle: Handle, method: int | None = None
+    parameters: AxisParameters, mode: ModeOfOperation, ticket: Ticket, method: int | None = None
 ) -> None:
     """Raise StateError where the drive lacks an object without which ``mode`` cannot be run; ``method``: of 6098h."""
     missing = [index for index in modes.needed(mode, method) if not parameters.has(index)]
     if missing:
         raise StateError(
-            f"{handle.name}: {parameters.name} cannot run {modes.short(mode)} ({mode.text})",
+            f"{ticket.name}: {parameters.name} cannot run {modes.short(mode)} ({mode.text})",
             observed=f"its EDS lacks {', '.join(object_text(index) for index in missing)}",
             remedy="use another command; where the drive does have it, name the drive's own EDS in cell.toml",
         )
 
 
-def require_no_stop(core: AxisCore, handle: Handle) -> None:
+def require_no_stop(core: AxisCore, ticket: Ticket) -> None:
     """Raise StateError where a stop runs that only standstill ends; a mere halt may be interrupted."""
     if not core.stopping.interruptible:
         raise StateError(
-            f"{handle.name}: {core.parameters.name} is being stopped",
+            f"{ticket.name}: {core.parameters.name} is being stopped",
             observed=core.stopping.reason,
             remedy="wait until it stands",
         )
 
 
-def refusal(core: AxisCore, handle: Handle, state: AxisState) -> StateError:
+def refusal(core: AxisCore, ticket: Ticket, state: AxisState) -> StateError:
     """Return why a command is not possible in ``state``, and what to do first."""
     what, todo = REFUSAL[state]
     why = f": {core.error.message}" if core.error is not None else ""
-    return StateError(f"{handle.name}: {core.parameters.name} {what}{why}", remedy=todo)
+    return StateError(f"{ticket.name}: {core.parameters.name} {what}{why}", remedy=todo)

@@ -6,7 +6,7 @@ In each cycle ``step`` does four things, in this order:
 
 1. ``Image`` decodes the inputs; what is too old is unknown.
 2. ``Supervision`` looks for what nobody asked for: node lost, fault, power stage dropped, statusword gone, limits in danger.
-   Each ends in ``fail``: state ErrorStop, stop ladder, the command's handle ends with the reason.
+   Each ends in ``fail``: state ErrorStop, stop ladder, the command's ticket ends with the reason.
 3. The running activity is stepped, or the stop ladder if there is one (also when the activity has just failed); without either
    the last targets hold.
 4. ``Order`` turns the wishes into ``Outputs``.
@@ -30,7 +30,6 @@ from axisbus.motion.axis.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
-from axisbus.motion.handle import Handle
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.arrival import Arrival
 from axisbus.motion.moves.enable import Enable
@@ -46,10 +45,12 @@ from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.stop.stopping import REMEDIES, StopKind, Stopping, stop_error
 from axisbus.motion.stop.supervision import Supervision
+from axisbus.motion.ticket import Ticket
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
 _NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
 _WITHOUT_TARGET_POSITION = WITHOUT_POSITION_DEMAND - {ModeOfOperation.HOMING}
@@ -187,15 +188,15 @@ class AxisCore:
         )
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
-        """End every handle, with the error that ``ended`` makes for its name: the scan has ended."""
-        handles = self.stopping.drop()
-        handles += self._rest_waits.drop()
+        """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
+        tickets = self.stopping.drop()
+        tickets += self._rest_waits.drop()
         if self._story is not None:
-            handles += self._story.handles
-        if self.running.handle is not None:
-            handles.append(self.running.handle)
-        for handle in handles:
-            self.finish(handle, ended(handle.name))
+            tickets += self._story.tickets
+        if self.running.ticket is not None:
+            tickets.append(self.running.ticket)
+        for ticket in tickets:
+            self.finish(ticket, ended(ticket.name))
 
     # -- what nobody asked for ---------------------------------------------------------------------------------------
 
@@ -285,7 +286,7 @@ class AxisCore:
     @property
     def _doing(self) -> str:
         """What moves the axis, for a person."""
-        ran = self.running.handle
+        ran = self.running.ticket
         return ran.name if ran is not None else f"{self.parameters.name}'s motion"
 
     def _trip(self, error: AxisbusError) -> None:
@@ -301,14 +302,14 @@ class AxisCore:
     def _fault(self, image: Image) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
         story = FaultStory(self.parameters, image.now)
-        handle = self.running.drop(self.order)
-        if handle is not None:
-            story.doing = f" during {handle.name}" if handle.busy else ""
-            story.handles.append(handle)
+        ticket = self.running.drop(self.order)
+        if ticket is not None:
+            story.doing = f" during {ticket.name}" if ticket.busy else ""
+            story.tickets.append(ticket)
         self._story = story
         self._stopped_for_sure = False  # an earlier ladder's: the drive itself brakes now, or coasts
         self._trip(story.tell(image, self.history))
-        story.handles += self.stopping.drop()
+        story.tickets += self.stopping.drop()
         self.powered = False
         if self.touched:
             self.order.goal = State.SWITCH_ON_DISABLED
@@ -320,45 +321,75 @@ class AxisCore:
         self._story = None
         if self.state is AxisState.ERRORSTOP:
             self.error = error
-        for handle in story.handles:
-            self.finish(handle, error)
+        for ticket in story.tickets:
+            self.finish(ticket, error)
 
     # -- commands and their ends -------------------------------------------------------------------------------------
 
-    def begin(self, activity: Activity, handle: Handle, state: AxisState | None = None) -> None:
+    def begin(self, activity: Activity, ticket: Ticket, state: AxisState | None = None) -> None:
         """Let ``activity`` take over; the running command, or the halt, ends as replaced."""
-        self.end_command(Replaced(f"{self._doing} was replaced by {handle.name}"))
+        self.end_command(Replaced(f"{self._doing} was replaced by {ticket.name}"))
         if self.ladder is not None:
-            self._end_stop(Replaced(f"{self.stopping.name} was replaced by {handle.name}"))
+            self._end_stop(Replaced(f"{self.stopping.name} was replaced by {ticket.name}"))
         self.touched = True
         self._stopped_for_sure = False
-        self.running.begin(activity, handle)
+        if activity.mode is ModeOfOperation.HOMING:
+            self.homed = False  # until it is done
+        self.running.begin(activity, ticket)
         self._arrival.begin(activity, self.image.now)
         if state is not None:
             self.state = state
 
-    def join(self, handle: Handle) -> None:
-        """Let ``handle`` end as the running command does: the same has been asked for again."""
-        self.running.join(handle)
+    def aim(self, target: int | None) -> None:
+        """Note where the motion that has begun leads, in increments of the drive; None: to no position."""
+        self.last_target = target
+
+    def coast(self, coast: Activity, ticket: Ticket) -> None:
+        """Let ``coast`` take the power away: from now on nothing of ours drives the motor."""
+        self.powered = False
+        self.begin(coast, ticket)
+        if self.state is not AxisState.ERRORSTOP:
+            self.state = AxisState.DISABLED
+
+    def take_back_enable(self, error: AxisbusError) -> None:
+        """End an enable that is under way, with ``error``, before the drive drives its motor."""
+        self.end_command(error)
+        self.order.goal = State.SWITCH_ON_DISABLED
+        self.state = AxisState.DISABLED
+
+    def unlock(self) -> None:
+        """End the lock of a stop, where the drive is in operation."""
+        if self.image.state is _ENABLED:
+            self.state = AxisState.STANDSTILL
+
+    def confirm_position(self, origin: int) -> None:
+        """Count positions from ``origin`` (increments of the drive) on: they are confirmed ones."""
+        self.image.origin = origin
+        self.last_target = None  # it was one in the old count
+        self.homed = True
+
+    def join(self, ticket: Ticket) -> None:
+        """Let ``ticket`` end as the running command does: the same has been asked for again."""
+        self.running.join(ticket)
 
     def end_command(self, error: AxisbusError | None) -> None:
         """End the running command, keeping a set-point handshake that is under way."""
-        handle = self.running.drop(self.order)
-        if handle is not None:
-            self.finish(handle, error)
+        ticket = self.running.drop(self.order)
+        if ticket is not None:
+            self.finish(ticket, error)
 
-    def at_rest(self, handle: Handle, then: Callable[[], None]) -> None:
+    def at_rest(self, ticket: Ticket, then: Callable[[], None]) -> None:
         """Let something be done at rest: now, where the axis is seen to stand now, else as soon as it is."""
         image = self.image
         if image.standstill and image.now - image.position_stamp <= _NOW and not self.run_down.under_way:
             then()
-            self.finish(handle)
+            self.finish(ticket)
         else:
-            self._rest_waits.add(handle, then, image.now)
+            self._rest_waits.add(ticket, then, image.now)
 
-    def finish(self, handle: Handle, error: AxisbusError | None = None) -> None:
-        """End a handle, well (no error) or with the reason."""
-        self.running.finish(handle, error)
+    def finish(self, ticket: Ticket, error: AxisbusError | None = None) -> None:
+        """End a ticket, well (no error) or with the reason."""
+        self.running.finish(ticket, error)
 
     def _step_activity(self, activity: Activity, image: Image, order: Order) -> None:
         if self.running.set_point is not None and not isinstance(activity, PositionMove):
@@ -368,14 +399,14 @@ class AxisCore:
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops this axis
             self._activity_failed(broken(error, self._doing))
             return
-        if done and self.running.handle is not None and self.running.handle.busy:
+        if done and self.running.ticket is not None and self.running.ticket.busy:
             self._completed(activity)
 
     def _completed(self, activity: Activity) -> None:
         """The activity has ended well: set the state that follows it."""
-        handle, self.running.handle = self.running.handle, None
-        if handle is not None:
-            self.finish(handle)
+        ticket, self.running.ticket = self.running.ticket, None
+        if ticket is not None:
+            self.finish(ticket)
         if activity.goes_on:
             return  # until something else is wanted
         self.running.activity = None
@@ -406,10 +437,8 @@ class AxisCore:
             self._settle()
 
     def _homed(self) -> None:
-        self.homed = True
-        self.image.origin = 0
+        self.confirm_position(origin=0)
         self.image.rebase()
-        self.last_target = None  # it was one in the old count
 
     def _activity_failed(self, error: AxisbusError) -> None:
         if isinstance(error, Interrupted):  # it ended by its own rule, as a jog does: the axis halts
@@ -438,12 +467,14 @@ class AxisCore:
     # -- stopping ----------------------------------------------------------------------------------------------------
 
     def stop_because(
-        self, kind: StopKind, then: Then, rung: Rung, reason: str, handle: Handle | None
+        self, kind: StopKind, then: Then, rung: Rung, reason: str, ticket: Ticket | None
     ) -> None:
         """Stop the axis: the running command ends with ``reason``; a trajectory is braked along its path."""
         activity = self.activity
         self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
-        self._stop(kind, then, rung, reason, handle, activity)
+        self._stop(kind, then, rung, reason, ticket, activity)
+        if kind in _LOCKING and self.state is not AxisState.ERRORSTOP:
+            self.state = AxisState.STOPPING
 
     def _stop(
         self,
@@ -451,12 +482,12 @@ class AxisCore:
         then: Then,
         rung: Rung,
         reason: str,
-        handle: Handle | None = None,
+        ticket: Ticket | None = None,
         led_by: Activity | None = None,
     ) -> None:
         """``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked."""
         follow, leaving = (None, None) if led_by is None else (led_by.leading, led_by.leaving)
-        self.stopping.ask(kind, then, rung, reason, handle, follow, leaving)
+        self.stopping.ask(kind, then, rung, reason, ticket, follow, leaving)
         self.touched = True
 
     def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:
@@ -487,6 +518,6 @@ class AxisCore:
 
     def _end_stop(self, error: AxisbusError | None) -> None:
         note = "" if self.ladder is None else self.ladder.witness
-        for handle in self.stopping.drop():
-            handle.note = note
-            self.finish(handle, error)
+        for ticket in self.stopping.drop():
+            ticket.note = note
+            self.finish(ticket, error)

@@ -5,52 +5,59 @@ from __future__ import annotations
 from axisbus.errors import AxisbusError, DriveError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.handle import Handle, Status, end_as
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.setpoint import SetPoint
+from axisbus.motion.ticket import Status, Ticket, end_as
 
 
 class Running:
-    """Holds the activity and its handle (None: nothing runs), and the set-point handshake that an interrupted move has begun.
+    """Holds the activity and its ticket (None: nothing runs), and the set-point handshake that an interrupted move has begun.
 
-    An activity without a handle has ended well and goes on moving the axis. ``has_ended``: one has, since the scan last looked.
+    An activity without a ticket has ended well and goes on moving the axis.
     """
 
-    __slots__ = ("activity", "handle", "has_ended", "set_point")
+    __slots__ = ("_ended", "activity", "set_point", "ticket")
 
     def __init__(self) -> None:
         self.activity: Activity | None = None
-        self.handle: Handle | None = None
+        self.ticket: Ticket | None = None
         self.set_point: SetPoint | None = None
-        self.has_ended = False
+        self._ended = False
 
-    def begin(self, activity: Activity, handle: Handle) -> None:
+    def begin(self, activity: Activity, ticket: Ticket) -> None:
         """Let ``activity`` run; what ran before must have been dropped."""
-        self.activity, self.handle = activity, handle
-        handle.status = Status.ACTIVE
+        self.activity, self.ticket = activity, ticket
+        if isinstance(activity, PositionMove):
+            self.set_point = None  # it goes on with the handshake by itself
+        ticket.begin()
 
-    def join(self, handle: Handle) -> None:
-        """Let ``handle`` end as the running command does: the same has been asked for again."""
-        running = self.handle
+    def join(self, ticket: Ticket) -> None:
+        """Let ``ticket`` end as the running command does: the same has been asked for again."""
+        running = self.ticket
         assert running is not None
-        handle.status = Status.ACTIVE
-        running.add_done_callback(lambda: self.finish(handle, running.error))
+        ticket.begin()
+        running.then(lambda: self.finish(ticket, running.error))
 
-    def drop(self, order: Order) -> Handle | None:
-        """Take the running command away, and return its handle; a handshake that is under way is kept."""
+    def drop(self, order: Order) -> Ticket | None:
+        """Take the running command away, and return its ticket; a handshake that is under way is kept."""
         if isinstance(self.activity, PositionMove):
             self.set_point = self.activity.in_flight
         if self.activity is not None:
             self.activity.cancel(order)
-        handle, self.activity, self.handle = self.handle, None, None
-        return handle
+        ticket, self.activity, self.ticket = self.ticket, None, None
+        return ticket
 
-    def finish(self, handle: Handle, error: AxisbusError | None = None) -> None:
-        """End a handle, well (no error) or with the reason."""
-        if handle.busy:
-            handle.finish(Status.DONE if error is None else end_as(error), error)
-            self.has_ended = True
+    def finish(self, ticket: Ticket, error: AxisbusError | None = None) -> None:
+        """End a ticket, well (no error) or with the reason."""
+        if ticket.busy:
+            ticket.finish(Status.DONE if error is None else end_as(error), error)
+            self._ended = True
+
+    def take_ended(self) -> bool:
+        """Return whether a ticket of the axis has ended since the last call."""
+        ended, self._ended = self._ended, False
+        return ended
 
     def finish_handshake(self, image: Image, order: Order) -> None:
         """Let a set-point handshake that was under way, if any, come to its end."""

@@ -14,8 +14,8 @@ from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
 from axisbus.motion.group.undertaking import Undertaking
-from axisbus.motion.handle import Handle, Status
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status, Ticket
 
 
 class GroupCore:
@@ -28,13 +28,13 @@ class GroupCore:
         self._under_way: list[Undertaking] = []
         self._ended = False
 
-    def accept(self, command: GroupCommand, handle: Handle) -> None:
+    def accept(self, command: GroupCommand, ticket: Ticket) -> None:
         """Let a command take effect. What is under way ends where its axes are told something else."""
         try:
-            _ACCEPT[type(command)](self, command, handle)
+            _ACCEPT[type(command)](self, command, ticket)
         except AxisbusError as error:
-            handle.finish(Status.ERROR, error)
-        self._ended = self._ended or not handle.busy
+            ticket.finish(Status.ERROR, error)
+        self._ended = self._ended or not ticket.busy
 
     def step(self) -> None:
         """Once per cycle, before the axes."""
@@ -46,7 +46,7 @@ class GroupCore:
             self._under_way = [undertaking for undertaking in self._under_way if not undertaking.is_over]
 
     def take_ended(self) -> bool:
-        """Return whether a handle of the group has ended since the last call."""
+        """Return whether a ticket of the group has ended since the last call."""
         ended, self._ended = self._ended, False
         return ended
 
@@ -55,19 +55,19 @@ class GroupCore:
         for undertaking in self._under_way:
             undertaking.abandon(ended(undertaking.name))
 
-    def _for_each(self, command: ForEach, handle: Handle) -> None:
-        undertaking = Undertaking(handle, self.axes, Gate() if command.together else OPEN)
+    def _for_each(self, command: ForEach, ticket: Ticket) -> None:
+        undertaking = Undertaking(ticket, self.axes, Gate() if command.together else OPEN)
         self._undertake(undertaking, lambda: self._tell_each(command, undertaking))
 
     def _tell_each(self, command: ForEach, undertaking: Undertaking) -> None:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
-    def _move_linear(self, command: MoveLinear, handle: Handle) -> None:
-        self._require_rest(command, handle)
+    def _move_linear(self, command: MoveLinear, ticket: Ticket) -> None:
+        self._require_rest(command, ticket)
         gate = Gate()
         line = Line(command, self.axes, gate)
-        undertaking = Undertaking(handle, self.axes, gate, line)
+        undertaking = Undertaking(ticket, self.axes, gate, line)
         self._undertake(undertaking, lambda: self._lead(line, undertaking))
 
     def _lead(self, line: Line, undertaking: Undertaking) -> None:
@@ -87,17 +87,17 @@ class GroupCore:
             undertaking.break_off(broken(error, undertaking.name))
         undertaking.gather()
 
-    def _require_rest(self, command: MoveLinear, handle: Handle) -> None:
+    def _require_rest(self, command: MoveLinear, ticket: Ticket) -> None:
         for name in command.ends:
             state = self.axes[name].state
             if state is not AxisState.STANDSTILL:
                 raise StateError(
-                    f"{handle.name}: {name} is {state.value}",
+                    f"{ticket.name}: {name} is {state.value}",
                     remedy="a straight line starts from Standstill on every axis: enable, or wait for or halt what moves",
                 )
 
 
-_ACCEPT: dict[type, Callable[[GroupCore, Any, Handle], None]] = {
+_ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     ForEach: GroupCore._for_each,
     MoveLinear: GroupCore._move_linear,
 }

@@ -22,31 +22,31 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
-from axisbus.motion.handle import NOBODY, Handle, Status, end_as
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status, Ticket, end_as, unattended
 
 _TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"
 
 
 class Undertaking:
-    """Holds the command's handle, its children by axis, the gate, and the line where it is one."""
+    """Holds the command's ticket, its children by axis, the gate, and the line where it is one."""
 
     def __init__(
-        self, handle: Handle, axes: Mapping[str, AxisCore], gate: Gate = OPEN, line: Line | None = None
+        self, ticket: Ticket, axes: Mapping[str, AxisCore], gate: Gate = OPEN, line: Line | None = None
     ) -> None:
         """``axes``: those of the group, by name."""
         self.gate = gate
-        self._handle = handle
+        self._ticket = ticket
         self._axes = axes
         self._line = line
-        self._children: dict[str, Handle] = {}
+        self._children: dict[str, Ticket] = {}
         self._called_off = False
         self._reason: AxisbusError | None = None  # why, where no axis's own error says it
-        handle.status = Status.ACTIVE
+        ticket.begin()
 
-    def child(self, axis: str) -> Handle:
-        """Return the handle of what ``axis`` is told for this command."""
-        child = Handle(f"{self._handle.name} [{axis}]", NOBODY)
+    def child(self, axis: str) -> Ticket:
+        """Return the ticket of what ``axis`` is told for this command."""
+        child = Ticket(f"{self._ticket.name} [{axis}]")
         self._children[axis] = child
         return child
 
@@ -55,26 +55,26 @@ class Undertaking:
         try:
             self._go_on(period)
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops its axes
-            self.break_off(broken(error, self._handle.name))
+            self.break_off(broken(error, self._ticket.name))
         self.gather()
 
     @property
     def busy(self) -> bool:
-        """Whether the handle has not ended."""
-        return self._handle.busy
+        """Whether the ticket has not ended."""
+        return self._ticket.busy
 
     @property
     def is_over(self) -> bool:
-        """Whether the handle has ended, and no axis is led any more."""
-        return not self._handle.busy and (self._line is None or not self._line.leads())
+        """Whether the ticket has ended, and no axis is led any more."""
+        return not self._ticket.busy and (self._line is None or not self._line.leads())
 
     def gather(self) -> None:
-        """End the handle when every axis has ended."""
-        if not self._handle.busy or any(child.busy for child in self._children.values()):
+        """End the ticket when every axis has ended."""
+        if not self._ticket.busy or any(child.busy for child in self._children.values()):
             return
-        errors = [error for child in self._children.values() if (error := child.exception()) is not None]
+        errors = [error for child in self._children.values() if (error := child.error) is not None]
         error = _worst(errors if self._reason is None else [self._reason, *errors])
-        self._handle.finish(Status.DONE if error is None else end_as(error), error)
+        self._ticket.finish(Status.DONE if error is None else end_as(error), error)
 
     def break_off(self, error: AxisbusError) -> None:
         """End the command with ``error``: what has not begun is not begun, what is led along the line is stopped."""
@@ -88,20 +88,20 @@ class Undertaking:
                 self._stop(axis, error.message)
 
     def abandon(self, error: AxisbusError) -> None:
-        """End the handle with ``error``: the scan has ended."""
-        self._handle.finish(Status.ERROR, error)
+        """End the ticket with ``error``: the scan has ended."""
+        self._ticket.finish(Status.ERROR, error)
 
     @property
     def name(self) -> str:
         """What was asked for."""
-        return self._handle.name
+        return self._ticket.name
 
     def _go_on(self, period: float) -> None:
         self._call_off()
         if not self.gate.is_open:
             self.gate.update(sum(child.busy for child in self._children.values()))
         if self._line is not None:
-            self._line.step(period, self.gate.is_open, self._handle.name)
+            self._line.step(period, self.gate.is_open, self._ticket.name)
 
     def _call_off(self) -> None:
         """Nobody starts alone, and nobody goes on along a line that another has left."""
@@ -111,7 +111,7 @@ class Undertaking:
         if cause is None:
             return
         what = "stopped on its line" if self.gate.is_open else "not started"
-        reason = f"{self._handle.name}: {what}, because {cause.message}"
+        reason = f"{self._ticket.name}: {what}, because {cause.message}"
         if isinstance(cause, Interrupted):
             self._reason = type(cause)(reason, remedy=_TOGETHER)
         self._called_off = True
@@ -123,17 +123,17 @@ class Undertaking:
         """Return why an axis has ended badly, or is about to (a fault is looked into before it is told); None if none has."""
         for axis, child in self._children.items():
             core = self._axes[axis]
-            error = core.error if child.busy and core.state is AxisState.ERRORSTOP else child.exception()
+            error = core.error if child.busy and core.state is AxisState.ERRORSTOP else child.error
             if error is not None:
                 return error
         return None
 
     def _own(self) -> list[str]:
         """The axes that run what they were told by this command; one that was at the same already goes on with that."""
-        return [axis for axis, child in self._children.items() if self._axes[axis].running.handle is child]
+        return [axis for axis, child in self._children.items() if self._axes[axis].running.ticket is child]
 
     def _stop(self, axis: str, reason: str) -> None:
-        accept(self._axes[axis], c.PolicyStop(reason), Handle(f"{axis}.stop", NOBODY))
+        accept(self._axes[axis], c.PolicyStop(reason), unattended(f"{axis}.stop"))
 
 
 def _again(error: AxisbusError) -> AxisbusError:

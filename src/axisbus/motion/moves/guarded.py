@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from axisbus.errors import ArgumentError, in_a_line
-from axisbus.motion.broken import is_own
+from axisbus.interruption import is_own
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
 

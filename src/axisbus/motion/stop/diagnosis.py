@@ -12,9 +12,9 @@ from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusOff, DriveFault, NodeError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.handle import Handle
 from axisbus.motion.moves.activity import Transfers
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.ticket import Ticket
 
 THEN = "\n            then: "  # between what was seen first and what came of it, under the word "observed"
 _LINE = "\n            "  # between two remedies, under the word "remedy"
@@ -83,7 +83,7 @@ class FaultStory:
     ``doing`` says what the fault interrupted, such as ``" during x.home()"``.
     """
 
-    __slots__ = ("_deadline", "_parameters", "_transfers", "doing", "done", "handles")
+    __slots__ = ("_deadline", "_parameters", "_transfers", "doing", "done", "tickets")
 
     def __init__(self, parameters: AxisParameters, now: float) -> None:
         self._parameters = parameters
@@ -93,7 +93,7 @@ class FaultStory:
         self._transfers = Transfers(wanted, parameters)
         self._deadline = now + parameters.timing.diagnosis
         self.doing = ""
-        self.handles: list[Handle] = []
+        self.tickets: list[Ticket] = []
         self.done = False
 
     def step(self, image: Image, order: Order) -> bool:

@@ -17,9 +17,9 @@ from axisbus.errors import AxisbusError, DriveError, DriveFault, in_a_line
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.commands import Shutdown
-from axisbus.motion.handle import NOBODY, Handle
 from axisbus.motion.parameters import StopTimes
 from axisbus.motion.stop.diagnosis import join_remedies
+from axisbus.motion.ticket import Ticket
 
 _MAY_MOVE = ENERGISED | {State.UNKNOWN}
 _ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive"
@@ -31,23 +31,23 @@ def ladder_time(times: StopTimes) -> float:
 
 
 class AxisLeaving:
-    """One axis on its way out; holds its handle, until when it is looked at, and what is to be told of it."""
+    """One axis on its way out; holds its ticket, until when it is looked at, and what is to be told of it."""
 
     def __init__(self, core: AxisCore, command: Shutdown, now: float) -> None:
         """Ask the axis to stop."""
         self.over = False
         self.error: AxisbusError | None = None
         self._core = core
-        self._handle = Handle(f"{core.parameters.name}.stop ({command.reason})", NOBODY)
+        self._ticket = Ticket(f"{core.parameters.name}.stop ({command.reason})")
         self._since = now
         self._until = now + ladder_time(core.parameters.stop_times)
-        accept(core, command, self._handle)
+        accept(core, command, self._ticket)
 
     def step(self, now: float) -> None:
         """See whether it is at rest, or its time is over."""
-        if self.over or self._handle.busy:
+        if self.over or self._ticket.busy:
             return
-        error = self._handle.exception()
+        error = self._ticket.error
         if self._unsure(error) or self._seen_at_rest:
             self._end(error)
         elif now > self._until:
@@ -56,12 +56,12 @@ class AxisLeaving:
     @property
     def told(self) -> AxisbusError | None:
         """What is to be told of it so far."""
-        return self.error if self.over else self._handle.exception()
+        return self.error if self.over else self._ticket.error
 
     @property
     def verdict(self) -> AxisbusError | None:
         """What is to be told of it when nobody looks any longer."""
-        return self.error if self.over or self._handle.busy else self._moving(self._handle.exception())
+        return self.error if self.over or self._ticket.busy else self._moving(self._ticket.error)
 
     def _unsure(self, error: AxisbusError | None) -> bool:
         """Whether the ladder itself says that nobody knows, or the scan has ended: looking on brings no more."""

@@ -6,24 +6,24 @@ from collections.abc import Callable
 
 from axisbus.errors import AxisbusError, StateError
 from axisbus.motion.axis.image import Image
-from axisbus.motion.handle import Handle, Status
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.standing import Standing
+from axisbus.motion.ticket import Ticket
 
 
 class RestWait:
     """One command that takes effect at rest; holds its look for standstill, and until when it may take."""
 
-    __slots__ = ("_deadline", "_parameters", "_standing", "handle", "then")
+    __slots__ = ("_deadline", "_parameters", "_standing", "then", "ticket")
 
     def __init__(
-        self, parameters: AxisParameters, handle: Handle, then: Callable[[], None], now: float
+        self, parameters: AxisParameters, ticket: Ticket, then: Callable[[], None], now: float
     ) -> None:
         """``then`` is done once the axis stands."""
         self._parameters = parameters
         self._standing = Standing(parameters, now)
         self._deadline = now + parameters.timing.transition
-        self.handle = handle
+        self.ticket = ticket
         self.then = then
 
     def step(self, image: Image) -> bool:
@@ -36,7 +36,7 @@ class RestWait:
             return True
         if image.now > self._deadline:
             raise StateError(
-                f"{self.handle.name}: the axis does not stand",
+                f"{self.ticket.name}: the axis does not stand",
                 observed=self._standing.why_not(image),
                 remedy="wait until it stands; what is turned by hand or by its load counts as moving, too",
             )
@@ -52,24 +52,24 @@ class RestWaits:
         self._parameters = parameters
         self.waiting: list[RestWait] = []
 
-    def add(self, handle: Handle, then: Callable[[], None], now: float) -> None:
-        """Let ``then`` be done once the axis stands; its handle ends with that."""
-        self.waiting.append(RestWait(self._parameters, handle, then, now))
-        handle.status = Status.ACTIVE
+    def add(self, ticket: Ticket, then: Callable[[], None], now: float) -> None:
+        """Let ``then`` be done once the axis stands; its ticket ends with that."""
+        self.waiting.append(RestWait(self._parameters, ticket, then, now))
+        ticket.begin()
 
-    def step(self, image: Image, finish: Callable[[Handle, AxisbusError | None], None]) -> None:
-        """Do what may be done in this cycle; ``finish`` ends a handle."""
+    def step(self, image: Image, finish: Callable[[Ticket, AxisbusError | None], None]) -> None:
+        """Do what may be done in this cycle; ``finish`` ends a ticket."""
         for waiting in list(self.waiting):
             try:
                 if not waiting.step(image):
                     continue
                 waiting.then()
-                finish(waiting.handle, None)
+                finish(waiting.ticket, None)
             except AxisbusError as error:
-                finish(waiting.handle, error)
+                finish(waiting.ticket, error)
             self.waiting.remove(waiting)
 
-    def drop(self) -> list[Handle]:
-        """Forget them all; return their handles."""
-        handles, self.waiting = [waiting.handle for waiting in self.waiting], []
-        return handles
+    def drop(self) -> list[Ticket]:
+        """Forget them all; return their tickets."""
+        tickets, self.waiting = [waiting.ticket for waiting in self.waiting], []
+        return tickets

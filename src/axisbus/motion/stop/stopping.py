@@ -6,11 +6,11 @@ from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError
-from axisbus.motion.handle import Handle, Status
 from axisbus.motion.moves.activity import ModeSwitch
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
+from axisbus.motion.ticket import Ticket
 
 _MAYBE_ENERGISED = ENERGISED | {State.UNKNOWN}
 
@@ -42,11 +42,11 @@ _TOO_SLOW = {
 
 
 class Stopping:
-    """Holds the ladder of the stop that is under way (None: there is none), its kind and reason, and the handles that wait."""
+    """Holds the ladder of the stop that is under way (None: there is none), its kind and reason, and the tickets that wait."""
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._handles: list[Handle] = []
+        self._tickets: list[Ticket] = []
         self.ladder: StopLadder | None = None
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
@@ -55,7 +55,7 @@ class Stopping:
     @property
     def name(self) -> str:
         """What is under way, for a person."""
-        return self._handles[0].name if self._handles else f"{self._parameters.name}'s stop"
+        return self._tickets[0].name if self._tickets else f"{self._parameters.name}'s stop"
 
     @property
     def interruptible(self) -> bool:
@@ -68,7 +68,7 @@ class Stopping:
         then: Then,
         rung: Rung,
         reason: str,
-        handle: Handle | None,
+        ticket: Ticket | None,
         follow: Follow | None,
         leaving: ModeSwitch | None = None,
     ) -> None:
@@ -76,8 +76,8 @@ class Stopping:
 
         ``follow`` is the trajectory to be braked along, ``leaving`` the change out of its mode that has been asked for.
         """
-        if handle is not None:
-            self.join(handle)
+        if ticket is not None:
+            self.join(ticket)
         self.locks = self.locks or kind is StopKind.STOP
         if self.ladder is None:
             self.ladder = StopLadder(self._parameters, then, start=rung, follow=follow, leaving=leaving)
@@ -87,16 +87,16 @@ class Stopping:
         if kind >= self.kind:
             self.kind, self.reason = kind, reason
 
-    def join(self, handle: Handle) -> None:
-        """Let ``handle`` end when the stop ends."""
-        self._handles.append(handle)
-        handle.status = Status.ACTIVE
+    def join(self, ticket: Ticket) -> None:
+        """Let ``ticket`` end when the stop ends."""
+        self._tickets.append(ticket)
+        ticket.begin()
 
-    def drop(self) -> list[Handle]:
-        """Forget the stop; return the handles that waited for it."""
-        handles, self._handles = self._handles, []
+    def drop(self) -> list[Ticket]:
+        """Forget the stop; return the tickets that waited for it."""
+        tickets, self._tickets = self._tickets, []
         self.ladder, self.locks = None, False
-        return handles
+        return tickets
 
 
 def stop_error(ladder: StopLadder, name: str) -> AxisbusError | None:

@@ -1,0 +1,173 @@
+"""The owner of a bus: it runs the scan over the booted nodes, takes in optional ones that come later, and leaves all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from axisbus.boot.node import Booted
+from axisbus.bus.node.events import BAD, NodeEvent
+from axisbus.cell.model import CellConfig
+from axisbus.cia402.port import Port, Waiter
+from axisbus.core.inprocess import InProcess
+from axisbus.core.parting import Stopped, lost_without_axes, scan_failure
+from axisbus.core.pickup import Pickup
+from axisbus.core.runtime import Runtime
+from axisbus.core.scan import Scan
+from axisbus.core.scanthread import ScanThread
+from axisbus.core.waiting import PumpWaiter, ThreadWaiter
+from axisbus.errors import AxisbusError
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.stop.leaving import ladder_time
+from axisbus.motion.stop.policy import LostNode
+
+_CLOSE_MARGIN = 2.0  # seconds
+_FIRST_VALUES = (
+    1.0  # seconds that beginning waits for the first answers to SYNC; later ones are the axes' own matter
+)
+_JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+
+
+def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
+    """Return the groups of the cell, each with those of its axes that are there."""
+    present = set(there)
+    found = {name: [axis for axis in group.axes if axis in present] for name, group in cell.groups.items()}
+    return {name: axes for name, axes in found.items() if axes}
+
+
+class Core:
+    """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
+
+    def __init__(
+        self,
+        cell: CellConfig,
+        runtime: Runtime,
+        realtime: bool,
+        joined: Callable[[Booted], None],
+        after_cycle: Callable[[], None],
+    ) -> None:
+        """``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time."""
+        self.cell = cell
+        self.runtime = runtime
+        self._joined = joined
+        self._after_cycle = after_cycle
+        cores = {
+            name: AxisCore(parameters, runtime.ports[name].capabilities)
+            for name, parameters in runtime.parameters.items()
+        }
+        self.scan = Scan(
+            runtime.cycle,
+            runtime.ports,
+            cores,
+            cell.bus.scan_period,
+            members(cell, cores),
+            LostNode(cell.bus.on_lost_node),
+        )
+        self._pickup = Pickup(runtime.late, self._join)
+        self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)
+        self._threads = ThreadWaiter()
+        self._waiter: Waiter = self._threads if self._pump is None else self._pump
+        self._thread: ScanThread | None = None
+        self.session = InProcess(self.scan, self._waiter)
+        for node_id in runtime.nodes:
+            self._watch_node(node_id)
+
+    @property
+    def realtime(self) -> bool:
+        """Whether it runs by itself, in threads of its own."""
+        return self._pump is None
+
+    @property
+    def in_cycle(self) -> Callable[[], bool] | None:
+        """In virtual time: what tells whether the caller is within a cycle."""
+        return None if self._pump is None else self._pump.is_pumping
+
+    def begin(self) -> None:
+        """Let the scan run."""
+        if self._pump is not None:
+            self._pump.pump()
+            return
+        self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
+        self._thread.start()
+        self._pickup.start()
+
+    def await_values(self) -> None:
+        """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
+        self._waiter.wait(self._has_values, _FIRST_VALUES)
+
+    def leave(self, reason: str) -> list[AxisbusError]:
+        """Stop every axis that was commanded, end the scan, leave the nodes as is right for each, and return what went wrong.
+
+        Blocks until all stand, at most the times of the stop ladders.
+        """
+        rescued: list[Stopped] = []
+        try:
+            self._stop_axes(reason)
+        finally:
+            self._pickup.stop()
+            self._end_scan()
+            if self.scan.failure is not None:
+                rescued = self.runtime.rescue([name for name, core in self.scan.axes.items() if core.touched])
+            self.runtime.leave(self.scan.axes, rescued)
+        if self.scan.failure is not None:
+            return [scan_failure(self.scan.failure, rescued)]
+        return self.scan.stop_failures()
+
+    def disown(self) -> None:
+        """Be of no use in a forked child, which must neither command nor close what its parent has."""
+        self.scan.disown()
+        self._threads.disown()
+
+    def _has_values(self) -> bool:
+        scan = self.scan
+        heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in scan.axes]
+        return scan.ended or all(heard)
+
+    def _stop_axes(self, reason: str) -> None:
+        """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
+        scan = self.scan
+        times = [ladder_time(core.parameters.stop_times) for core in scan.axes.values()]
+        until = scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
+        scan.request_stop(reason)
+        interruption: BaseException | None = None
+        while not scan.has_stopped and scan.cycle.now() < until:
+            try:
+                self._waiter.wait(lambda: scan.has_stopped, until - scan.cycle.now())
+            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
+                interruption = error
+        if interruption is not None:
+            raise interruption
+
+    def _end_scan(self) -> None:
+        self.scan.quit()
+        if self._thread is not None:
+            self._thread.stop()
+        elif self._pump is not None and not self.scan.ended:
+            self.scan.end()
+
+    def _between_cycles(self, now: float) -> None:
+        """What threads do in real time."""
+        self._pickup.look(now)
+        self._after_cycle()
+
+    def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
+        """Take in an optional node that has come later; what it has to say stands in ``booted``. Blocks for a cycle."""
+        self.runtime.booted[node_id] = booted
+        self._watch_node(node_id)
+        if not booted.report.ok:
+            return
+        scan, names = self.scan, list(self.scan.axes)
+        for name, parameters in booted.parameters.items():
+            names.append(name)
+            core = AxisCore(parameters, ports[name].capabilities)
+            scan.add_axis(name, ports[name], core, members(self.cell, names))
+        self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in names), _JOIN_TIME)
+        self._joined(booted)
+
+    def _watch_node(self, node_id: int) -> None:
+        """A node without axes has nobody else who acts when it is lost."""
+        if not any(self.cell.axes_of(node_id)):
+            self.runtime.nodes[node_id].on_event(self._node_event)
+
+    def _node_event(self, event: NodeEvent) -> None:
+        if event.kind in BAD:
+            self.scan.trip(lost_without_axes(event, self.scan.starvation.text(self.scan.cycle.now())))

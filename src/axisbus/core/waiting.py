@@ -1,0 +1,97 @@
+"""How a program waits for the core: by a condition in real time, by letting time pass in virtual time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from axisbus.core.inherited import inherited
+from axisbus.errors import AxisbusError, StateError
+
+if TYPE_CHECKING:
+    from axisbus.core.scan import Scan
+
+
+class ThreadWaiter:
+    """Waiting in real time: a condition that the scan signals after each cycle in which a command ended.
+
+    It sleeps in slices, so that a signal handler runs in time on every platform.
+    """
+
+    def __init__(self) -> None:
+        self._condition = threading.Condition()
+        self.scan_thread: int | None = None
+        self._inherited = False
+
+    def disown(self) -> None:
+        """Wait for nothing any more: this is a forked child, where no scan runs."""
+        self._condition = threading.Condition()
+        self._inherited = True
+
+    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
+        """Block until ``done()``; see ``Waiter``.
+
+        Raises:
+            StateError: called in the scan's own thread, which would wait for itself, or in a forked child.
+        """
+        if self._inherited:
+            raise inherited("waiting")
+        if threading.get_ident() == self.scan_thread:
+            raise StateError("a command cannot be waited for in the scan's own thread")
+        deadline = None if timeout is None else time.monotonic() + timeout
+        with self._condition:
+            while not done():
+                left = 0.1 if deadline is None else min(0.1, deadline - time.monotonic())
+                if left <= 0:
+                    break
+                self._condition.wait(left)
+        return done()
+
+    def notify(self) -> None:
+        """Wake everybody who waits."""
+        with self._condition:
+            self._condition.notify_all()
+
+
+class PumpWaiter:
+    """Waiting in virtual time: the scan is pumped by whoever waits."""
+
+    def __init__(self, scan: Scan, then: Callable[[float], None] | None = None) -> None:
+        """``then`` is called with the virtual time after each cycle; it may wait itself."""
+        self._scan = scan
+        self._then = then
+        self._pumping: int | None = None
+
+    def is_pumping(self) -> bool:
+        """Whether the caller runs within a cycle, as a handle's callback does."""
+        return self._pumping == threading.get_ident()
+
+    def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
+        """Pump the scan until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
+        until = None if timeout is None else self._scan.cycle.now() + timeout
+        while not done() and not self._scan.ended:
+            if until is not None and self._scan.cycle.now() >= until:
+                break
+            self.pump()
+        return done()
+
+    def pump(self) -> None:
+        """Do one cycle; a failing scan ends every handle and raises here."""
+        scan = self._scan
+        if scan.ended:
+            return
+        outer, self._pumping = self._pumping, threading.get_ident()
+        try:
+            scan.once()
+        except BaseException as error:
+            scan.failure = error
+            scan.end()
+            if not isinstance(error, AxisbusError):
+                raise
+            return
+        finally:
+            self._pumping = outer
+        if self._then is not None:
+            self._then(scan.cycle.now())

@@ -1,0 +1,115 @@
+"""What crosses between a user's program and the core that owns its bus: commands and questions in; the image, ends and samples out.
+
+Theory of operation
+-------------------
+``Axis``, ``Group``, ``Machine``, ``Recorder`` and the command line know the core by this alone. A command goes in with a number
+that its owner chose, and comes back as ``CommandEvent``s with that number: one when it has control of its axis, one when it has
+ended. Values come as whole images of a cycle, so that they are consistent with each other. Nothing here blocks but ``waiter``.
+``core.inprocess`` runs the core in the process of the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+from axisbus.cia402.port import Capabilities, Waiter
+from axisbus.errors import AxisbusError
+from axisbus.motion.commands import Command
+from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.ticket import Status
+
+Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
+Observer = Callable[[float, Mapping[str, Snapshot]], None]
+
+
+class CommandEvent(NamedTuple):
+    """How a command goes on: ``status`` and, at its end, the error that ended it and what else is to be known of it."""
+
+    number: int
+    status: Status
+    error: AxisbusError | None
+    note: str
+
+
+class AxisFacts(NamedTuple):
+    """What is known of an axis before anything moves: its parameters, and how its values travel."""
+
+    parameters: AxisParameters
+    capabilities: Capabilities
+
+
+class Lateness(Protocol):
+    """How late the cycles were so far, in seconds, and how many were done and skipped."""
+
+    cycles: int
+    skipped: int
+    last: float
+    worst: float
+    total: float
+
+
+class Session(Protocol):
+    """A program's way to the core. Each property may be read, and each method called, in any thread."""
+
+    @property
+    def axes(self) -> Mapping[str, AxisFacts]:
+        """The axes that are there, by name; those of optional nodes may come later."""
+
+    @property
+    def snapshots(self) -> Mapping[str, Snapshot]:
+        """The image of the last cycle: every axis by name, in increments."""
+
+    @property
+    def dead(self) -> str | None:
+        """Why nothing is known of any axis, and will not be; None while the core lives, and after it was ended well."""
+
+    @property
+    def silent(self) -> str | None:
+        """Why the image is no longer of now, None while it is."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether no cycle will come any more."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether the core has ended by a failure."""
+
+    @property
+    def leaving_because(self) -> str | None:
+        """Why no command is taken any more; None while they are."""
+
+    @property
+    def lateness(self) -> Lateness:
+        """How late the cycles were."""
+
+    @property
+    def waiter(self) -> Waiter:
+        """How a program waits: in real time, or in virtual time by letting it pass."""
+
+    def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
+        """Let a command for an axis or group wait for the next cycles; ``name`` is for people.
+
+        Return its number: that of the same command where it waits already. A command that is not taken ends by an event.
+
+        Raises:
+            StateError: this is a forked child, in which no core runs.
+        """
+
+    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
+        """Let ``hear`` have every event of a command; it is called in the core's threads, so it must be quick and not raise."""
+
+    def add_group(self, key: Target, members: Sequence[str]) -> None:
+        """Make a group of axes that cell.toml does not name, once."""
+
+    def request_stop(self, reason: str, quick: bool = False) -> None:
+        """Ask for the stop of all that this program has commanded, and take no command any more; safe in a signal handler."""
+
+    def observe(self, observer: Observer) -> None:
+        """Let ``observer`` have the time and the image after each cycle, in the core's thread."""
+
+    def forget(self, observer: Observer) -> None:
+        """Let ``observer`` have no more."""
