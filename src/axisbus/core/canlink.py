@@ -1,11 +1,12 @@
-"""A cell on a CAN bus: the channel, its nodes, their boot-up and their ports; with ``interface = "sim"`` also the stand-ins."""
+"""The link over a CAN bus: the channel, its nodes, their boot-up and ports; with ``interface = "sim"`` also the stand-ins."""
 
 from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from datetime import datetime
 from functools import partial
 
 from axisbus.boot.comms import CanComms
@@ -13,23 +14,25 @@ from axisbus.boot.node import Booted, NodeBoot
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.node.node import Node
+from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
-from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
+from axisbus.cell.model import SIMULATED, AxisConfig, BusConfig, CellConfig
+from axisbus.cia301.drops import Drop
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.node_access import NodeAccess
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.parting import Parting, Stopped, in_parallel
-from axisbus.core.pickup import Late
-from axisbus.core.runtime import Runtime
+from axisbus.core.parting import in_parallel
 from axisbus.core.simulated import devices
 from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
+from axisbus.link import Parting, Stopped
 from axisbus.sim.node.network import StandIns
 
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
@@ -37,75 +40,144 @@ _CHANNELS = itertools.count(1)
 OnProgram = Callable[[int, int, int | None], None]
 
 
-def build_on_bus(
-    cell: CellConfig,
-    dictionaries: Mapping[int, Eds],
-    on_report: Callable[[Booted], None] | None = None,
-    on_program: OnProgram | None = None,
-) -> Runtime:
-    """Open the bus, boot all nodes in parallel, and return the runtime; blocks for as long as that takes.
+class CanLink:
+    """A ``Link`` over a CAN bus with CANopen; holds the channel, its nodes, and what booting each has made."""
 
-    ``on_report`` is called with each node that is through, ``on_program`` with a node's ID and the bytes of its program that have
-    arrived and that there are; both in the threads of the nodes.
+    in_threads = True
 
-    Raises:
-        AdapterError: the channel cannot be opened, or failed.
-        SecondMasterError: another master is heard on it; then nothing was sent.
-    """
-    with ExitStack() as stack:
-        channel, stand_ins = open_channel(cell, dictionaries, stack)
-        if not stand_ins and not cell.bus.beside:  # on a private bus there is nobody but our stand-ins
-            require_alone(channel, cast_of(cell, dictionaries), listening_time(cell.bus))
-        nodes = {
-            node_id: stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()
+    def __init__(
+        self, cell: CellConfig, dictionaries: Mapping[int, Eds], on_program: OnProgram | None = None
+    ) -> None:
+        """Open the bus; nothing is sent where another master is heard on it.
+
+        ``on_program`` is called with a node's ID and the bytes of its program that have arrived and that there are, in the thread
+        that boots it.
+
+        Raises:
+            AdapterError: the channel cannot be opened.
+            SecondMasterError: another master is heard.
+        """
+        self._cell = cell
+        self._dictionaries = dictionaries
+        self._on_program = on_program
+        self._comms: dict[int, CanComms] = {}
+        self._booted: dict[int, Booted] = {}
+        self._access: dict[int, NodeAccess] = {}
+        self._cycle: CanCycle | None = None
+        self._consumer: SyncConsumer | None = None
+        with ExitStack() as stack:
+            self._channel, self.stand_ins = open_channel(cell, dictionaries, stack)
+            if (
+                not self.stand_ins and not cell.bus.beside
+            ):  # on a private bus there is nobody but our stand-ins
+                require_alone(self._channel, cast_of(cell, dictionaries), listening_time(cell.bus))
+            self._nodes = {
+                node_id: stack.enter_context(Node(self._channel, node_id, eds))
+                for node_id, eds in dictionaries.items()
+            }
+            self._stack = stack.pop_all()
+
+    def boot(self, node_id: int) -> Booted:
+        """As ``Link.boot``; one that is booted while the scan runs is served by its cycle from then on."""
+        node, late = self._nodes[node_id], self._cycle is not None
+        comms = CanComms(self._cell, node, FIND_TIME)
+        progress = None if self._on_program is None else partial(self._on_program, node_id)
+        booted = NodeBoot(
+            self._cell, node_id, self._dictionaries[node_id], node.sdo, comms, progress, late=late
+        ).run()
+        self._comms[node_id], self._booted[node_id] = comms, booted
+        if self._cycle is not None and booted.report.ok:
+            events = NodeEvents(node.nmt)
+            self._cycle.add(list(comms.ports.values()), node_id, events, comms.guarding)
+            self._access[node_id] = self._make_access(node_id, events)
+        return booted
+
+    def begin(self) -> None:
+        """As ``Link.begin``; listens to another device's SYNC and TIME, where the cell says so."""
+        bus = self._cell.bus
+        events = {
+            node_id: NodeEvents(self._nodes[node_id].nmt)
+            for node_id, one in self._booted.items()
+            if one.report.ok
         }
-        comms = {node_id: CanComms(cell, node, FIND_TIME) for node_id, node in nodes.items()}
-        booted = _boot_all(cell, dictionaries, nodes, comms, on_report, on_program)
-        ports = {name: comms[axis.node].ports.get(name) for name, axis in cell.axes.items()}
-        there = {name: port for name, port in ports.items() if port is not None}
-        events = {node_id: NodeEvents(nodes[node_id].nmt) for node_id, one in booted.items() if one.report.ok}
-        consumer = _sync_consumer(cell.bus, channel)
-        cycle = CanCycle(
-            channel,
-            list(there.values()),
-            sync_cob_id=cell.bus.sync_cob_id if cell.bus.sync and consumer is None else None,
-            sync_counter=cell.bus.sync_counter,
-            sync_consumer=consumer,
-            time_producer=_time_producer(cell.bus, channel),
-            master_id=cell.bus.master_id,
-            heartbeat=cell.bus.heartbeat or 0.0,
-            guarded={node_id: one.guarding for node_id, one in comms.items() if one.guarding is not None},
+        self._consumer = _sync_consumer(bus, self._channel)
+        self._cycle = CanCycle(
+            self._channel,
+            [port for axis in self._cell.axes.values() for port in self._port(axis)],
+            sync_cob_id=bus.sync_cob_id if bus.sync and self._consumer is None else None,
+            sync_counter=bus.sync_counter,
+            sync_consumer=self._consumer,
+            time_producer=_time_producer(bus, self._channel),
+            master_id=bus.master_id,
+            heartbeat=bus.heartbeat or 0.0,
+            guarded={
+                node_id: one.guarding for node_id, one in self._comms.items() if one.guarding is not None
+            },
             events=list(events.values()),
         )
-        access = {
-            node_id: _access(nodes[node_id], dictionaries[node_id], comms[node_id], events.get(node_id))
-            for node_id in nodes
-        }
-        late = {
-            node_id: Late(
-                node_id,
-                nodes[node_id].answers_sdo,
-                partial(_boot_late, cell, nodes[node_id], dictionaries[node_id], cycle, access),
-            )
-            for node_id, one in booted.items()
-            if one.report.absent
-        }
-        return Runtime(
-            cycle,
-            dict[str, Port](there),
-            booted,
-            access,
-            partial(_rescue, cell, nodes),
-            partial(_let_all_go, nodes, booted),
-            [cycle.close, stack.pop_all().close],
-            stand_ins,
-            late,
-            ready=_nothing if consumer is None else consumer.await_steady,
-            bus_time=TimeConsumer(channel, cell.bus.time_cob_id).at,
-            bus_events=lambda: tuple(channel.controller.events),
-            drops=lambda: channel.drops.found,
+        self._stack.callback(self._cycle.close)
+        self._access = {node_id: self._make_access(node_id, events.get(node_id)) for node_id in self._nodes}
+        self._time = TimeConsumer(self._channel, bus.time_cob_id)
+
+    @property
+    def cycle(self) -> CanCycle:
+        """As ``Link.cycle``."""
+        assert self._cycle is not None
+        return self._cycle
+
+    def ports(self, node_id: int) -> Mapping[str, Port]:
+        """As ``Link.ports``."""
+        return dict[str, Port](self._comms[node_id].ports)
+
+    def access(self, node_id: int) -> NodeAccess:
+        """As ``Link.access``."""
+        return self._access[node_id]
+
+    def answers(self, node_id: int) -> bool:
+        """As ``Link.answers``: an SDO upload of 1000h."""
+        return self._nodes[node_id].answers_sdo()
+
+    def ready(self) -> None:
+        """As ``Link.ready``; raises SyncError where another device is to send SYNC and does not."""
+        if self._consumer is not None:
+            self._consumer.await_steady()
+
+    def rescue(self, names: Collection[str]) -> list[Stopped]:
+        """As ``Link.rescue``, by SDO; blocks as ``NodeStop.run``."""
+        axes = [
+            [axis for axis in self._cell.axes_of(node_id) if axis.name in names] for node_id in self._nodes
+        ]
+        results = in_parallel(lambda node, own: NodeStop(node, own).run(), self._nodes.values(), axes)
+        return [result for node in results for result in node]
+
+    def leave(self, how: Mapping[int, Parting]) -> None:
+        """As ``Link.leave``."""
+        in_parallel(
+            lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]), self._booted
         )
-    raise AssertionError("unreachable")  # ExitStack suppresses nothing
+
+    def close(self) -> None:
+        """As ``Link.close``."""
+        self._stack.close()
+
+    def bus_time(self, now: float) -> datetime | None:
+        """As ``Link.bus_time``."""
+        return self._time.at(now)
+
+    def incidents(self) -> Sequence[ControllerEvent]:
+        """What the CAN controller has told."""
+        return tuple(self._channel.controller.events)
+
+    def drops(self) -> Sequence[Drop]:
+        """As ``Link.drops``."""
+        return self._channel.drops.found
+
+    def _port(self, axis: AxisConfig) -> list[CanPort]:
+        port = self._comms[axis.node].ports.get(axis.name)
+        return [] if port is None else [port]
+
+    def _make_access(self, node_id: int, events: NodeEvents | None) -> NodeAccess:
+        return _access(self._nodes[node_id], self._dictionaries[node_id], self._comms[node_id], events)
 
 
 def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:
@@ -113,10 +185,6 @@ def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:
     if not bus.hears_sync:
         return None
     return SyncConsumer(channel, bus.sync_cob_id, bus.scan_period, bus.sync_timeout)
-
-
-def _nothing() -> None:
-    """The scan needs nothing but our own clock."""
 
 
 def _time_producer(bus: BusConfig, channel: Channel) -> TimeProducer | None:
@@ -141,38 +209,6 @@ def open_channel(
     return stack.enter_context(Channel.open("virtual", name)), stand_ins
 
 
-def _boot_all(
-    cell: CellConfig,
-    dictionaries: Mapping[int, Eds],
-    nodes: Mapping[int, Node],
-    comms: Mapping[int, CanComms],
-    on_report: Callable[[Booted], None] | None,
-    on_program: OnProgram | None,
-) -> dict[int, Booted]:
-    def boot(node_id: int) -> Booted:
-        progress = None if on_program is None else partial(on_program, node_id)
-        sdo = nodes[node_id].sdo
-        booted = NodeBoot(cell, node_id, dictionaries[node_id], sdo, comms[node_id], progress).run()
-        if on_report is not None:
-            on_report(booted)
-        return booted
-
-    return dict(zip(nodes, in_parallel(boot, nodes), strict=True))
-
-
-def _boot_late(
-    cell: CellConfig, node: Node, eds: Eds, cycle: CanCycle, access: dict[int, NodeAccess]
-) -> tuple[Booted, Mapping[str, Port]]:
-    """Boot an optional node that has appeared while the scan runs, and let the scan's cycle serve it."""
-    comms = CanComms(cell, node, FIND_TIME)
-    booted = NodeBoot(cell, node.node_id, eds, node.sdo, comms, late=True).run()
-    if booted.report.ok:
-        events = NodeEvents(node.nmt)
-        cycle.add(list(comms.ports.values()), node.node_id, events, comms.guarding)
-        access[node.node_id] = _access(node, eds, comms, events)
-    return booted, dict[str, Port](comms.ports)
-
-
 def _access(node: Node, eds: Eds, comms: CanComms, events: NodeEvents | None) -> NodeAccess:
     plans = tuple(port.plan for port in comms.ports.values())
     access = NodeAccess(node.node_id, eds, node.sdo, node, plans, events)
@@ -184,17 +220,6 @@ def _access(node: Node, eds: Eds, comms: CanComms, events: NodeEvents | None) ->
         for mapped in pdo.target.mapping
     )
     return access
-
-
-def _rescue(cell: CellConfig, nodes: Mapping[int, Node], names: Collection[str]) -> list[Stopped]:
-    """Stop axes without the scan, by SDO; blocks as ``NodeStop.run``."""
-    axes = [[axis for axis in cell.axes_of(node_id) if axis.name in names] for node_id in nodes]
-    results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes.values(), axes)
-    return [result for node in results for result in node]
-
-
-def _let_all_go(nodes: Mapping[int, Node], booted: Mapping[int, Booted], how: Mapping[int, Parting]) -> None:
-    in_parallel(lambda node_id: _let_go(nodes[node_id], booted[node_id], how[node_id]), booted)
 
 
 def _let_go(node: Node, booted: Booted, how: Parting) -> None:

@@ -1,27 +1,27 @@
-"""A cell of stand-ins without a bus, in virtual time."""
+"""The link to simulated drives in virtual time, without a bus."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from functools import partial
+from datetime import datetime
 
 from axisbus.boot.node import Booted, NodeBoot
 from axisbus.boot.objects import DeviceObjects
+from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.model import AxisConfig, CellConfig
+from axisbus.cia301.drops import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.directnode import DirectNode
 from axisbus.core.node_access import NodeAccess
-from axisbus.core.parting import Parting, Stopped
-from axisbus.core.pickup import Late
-from axisbus.core.runtime import Runtime
 from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError
+from axisbus.link import Parting, Stopped
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
@@ -125,74 +125,106 @@ class DirectComms:
         return self._device.nmt.text
 
 
-def build_direct(
-    cell: CellConfig, dictionaries: Mapping[int, Eds], devices: Mapping[int, Device] | None = None
-) -> Runtime:
-    """Make the stand-ins of a cell (or take ``devices``), boot them, and return the runtime in virtual time.
+class DirectLink:
+    """A ``Link`` to stand-ins in virtual time, without a bus; holds them, and what booting each has made."""
 
-    An optional one whose dial ``dead`` is on is absent, until it is turned off.
-    """
-    devices = devices or {
-        node_id: device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()
-    }
-    ports = {name: _port(cell, axis, devices[axis.node]) for name, axis in cell.axes.items()}
-    cycle = DirectCycle(
-        list(ports.values()),
-        master_id=cell.bus.master_id,
-        heartbeat=cell.bus.heartbeat or 0.0,
-        devices=[device for node_id, device in devices.items() if not any(cell.axes_of(node_id))],
-    )
-    booted: dict[int, Booted] = {}
-    nodes: dict[int, NodeAccess] = {}
-    boots = {
-        node_id: partial(_boot, cell, eds, devices[node_id], ports, cycle, nodes)
-        for node_id, eds in dictionaries.items()
-    }
-    for node_id, boot in boots.items():
-        booted[node_id], _ = boot()
-    stand_ins = {node_id: StandIn(device, nullcontext()) for node_id, device in devices.items()}
-    return Runtime(
-        cycle,
-        dict[str, Port](ports),
-        booted,
-        nodes,
-        _rescue,
-        partial(_let_all_go, devices, booted),
-        [cycle.close],
-        stand_ins,
-        {
-            node_id: Late(node_id, partial(_answers, devices[node_id]), boots[node_id])
-            for node_id, one in booted.items()
-            if one.report.absent
-        },
-    )
+    in_threads = False
 
+    def __init__(
+        self, cell: CellConfig, dictionaries: Mapping[int, Eds], devices: Mapping[int, Device] | None = None
+    ) -> None:
+        """Make the stand-ins of a cell, or take ``devices``.
 
-def _boot(
-    cell: CellConfig,
-    eds: Eds,
-    device: Device,
-    ports: Mapping[str, DirectPort],
-    cycle: DirectCycle,
-    nodes: dict[int, NodeAccess],
-) -> tuple[Booted, Mapping[str, Port]]:
-    """Boot a stand-in, at first or when it has appeared, and enter what direct access to it needs."""
-    node_id, objects = device.node_id, DeviceObjects(device)
-    booted = NodeBoot(cell, node_id, eds, objects, DirectComms(device, ports)).run()
-    own = {axis.name: ports[axis.name] for axis in cell.axes_of(node_id)}
-    node = DirectNode(device, cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
-    nodes[node_id] = NodeAccess(
-        node_id, eds, objects, node, events=node.events if booted.report.ok else None, clock=cycle.now
-    )
-    if booted.report.ok:
-        cycle.listeners.append(lambda now, emcys: node.listen(now, emcys[node_id]))
-        for port in own.values():
-            port.know_state(cycle.now())
-    return booted, dict[str, Port](own)
+        An optional one whose dial ``dead`` is on is absent, until it is turned off.
+        """
+        self._cell = cell
+        self._dictionaries = dictionaries
+        self._devices = devices or {
+            node_id: device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()
+        }
+        self._ports = {name: _port(cell, axis, self._devices[axis.node]) for name, axis in cell.axes.items()}
+        self._booted: dict[int, Booted] = {}
+        self._access: dict[int, NodeAccess] = {}
+        self.cycle = DirectCycle(
+            list(self._ports.values()),
+            master_id=cell.bus.master_id,
+            heartbeat=cell.bus.heartbeat or 0.0,
+            devices=[device for node_id, device in self._devices.items() if not any(cell.axes_of(node_id))],
+        )
+        self.stand_ins = {
+            node_id: StandIn(device, nullcontext()) for node_id, device in self._devices.items()
+        }
 
+    def boot(self, node_id: int) -> Booted:
+        """As ``Link.boot``, at first or when it has appeared."""
+        cell, eds, device = self._cell, self._dictionaries[node_id], self._devices[node_id]
+        objects = DeviceObjects(device)
+        booted = NodeBoot(cell, node_id, eds, objects, DirectComms(device, self._ports)).run()
+        node = DirectNode(device, self.cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
+        self._booted[node_id] = booted
+        self._access[node_id] = NodeAccess(
+            node_id,
+            eds,
+            objects,
+            node,
+            events=node.events if booted.report.ok else None,
+            clock=self.cycle.now,
+        )
+        if booted.report.ok:
+            self.cycle.listeners.append(lambda now, emcys: node.listen(now, emcys[node_id]))
+            for port in self._own(node_id).values():
+                port.know_state(self.cycle.now())
+        return booted
 
-def _answers(device: Device) -> bool:
-    return device.answers_sdo
+    def begin(self) -> None:
+        """Nothing to do: its cycle is there from the beginning."""
+
+    def ports(self, node_id: int) -> Mapping[str, Port]:
+        """As ``Link.ports``."""
+        return dict[str, Port](self._own(node_id))
+
+    def access(self, node_id: int) -> NodeAccess:
+        """As ``Link.access``."""
+        return self._access[node_id]
+
+    def answers(self, node_id: int) -> bool:
+        """As ``Link.answers``."""
+        return self._devices[node_id].answers_sdo
+
+    def ready(self) -> None:
+        """Nothing to wait for."""
+
+    def rescue(self, names: Collection[str]) -> list[Stopped]:
+        """Without the scan no virtual time passes, so nothing more can be done or seen here."""
+        return [Stopped(name, False, "NOT CONFIRMED as stopped: virtual time stands still") for name in names]
+
+    def leave(self, how: Mapping[int, Parting]) -> None:
+        """As ``Link.leave``."""
+        for node_id, node in self._booted.items():
+            if how[node_id] is not Parting.ARMED and node.watch is not None:
+                with suppress(SdoError):  # a node that is gone cannot be let go
+                    node.watch.restore()
+            if how[node_id] is Parting.REST and node.report.ok:
+                self._devices[node_id].nmt_command(NmtCommand.ENTER_PRE_OPERATIONAL)
+
+    def close(self) -> None:
+        """As ``Link.close``."""
+        self.cycle.close()
+
+    def bus_time(self, now: float) -> datetime | None:  # noqa: ARG002  # there is no TIME
+        """None: nobody sends TIME."""
+        return None
+
+    def incidents(self) -> Sequence[ControllerEvent]:
+        """None: there is no adapter."""
+        return ()
+
+    def drops(self) -> Sequence[Drop]:
+        """None: there are no frames."""
+        return ()
+
+    def _own(self, node_id: int) -> dict[str, DirectPort]:
+        return {axis.name: self._ports[axis.name] for axis in self._cell.axes_of(node_id)}
 
 
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
@@ -209,19 +241,3 @@ def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:
         event_timer=_EVENT_TIMER,
         node_heartbeat=heartbeat,
     )
-
-
-def _rescue(names: Collection[str]) -> list[Stopped]:
-    """Without the scan no virtual time passes, so nothing more can be done or seen here."""
-    return [Stopped(name, False, "NOT CONFIRMED as stopped: virtual time stands still") for name in names]
-
-
-def _let_all_go(
-    devices: Mapping[int, Device], booted: Mapping[int, Booted], how: Mapping[int, Parting]
-) -> None:
-    for node_id, node in booted.items():
-        if how[node_id] is not Parting.ARMED and node.watch is not None:
-            with suppress(SdoError):  # a node that is gone cannot be let go
-                node.watch.restore()
-        if how[node_id] is Parting.REST and node.report.ok:
-            devices[node_id].nmt_command(NmtCommand.ENTER_PRE_OPERATIONAL)

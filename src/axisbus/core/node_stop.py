@@ -23,8 +23,8 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402 import objects as o
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.state import ENERGISED, State, decode
-from axisbus.core.parting import Stopped
 from axisbus.errors import BusError, SdoTimeout
+from axisbus.link import Stopped
 from axisbus.motion.parameters import pull_window
 from axisbus.motion.stop.still import Still
 from axisbus.units import wrap

@@ -9,13 +9,14 @@ from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
-from axisbus.core.parting import Stopped, lost_without_axes, scan_failure
+from axisbus.core.parting import lost_without_axes, scan_failure
 from axisbus.core.pickup import Pickup
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scanthread import ScanThread
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
+from axisbus.link import Stopped
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.leaving import ladder_time
 from axisbus.motion.stop.policy import LostNode
@@ -55,7 +56,7 @@ class Core:
             for name, parameters in runtime.parameters.items()
         }
         self.scan = Scan(
-            runtime.cycle,
+            runtime.link.cycle,
             runtime.ports,
             cores,
             cell.bus.scan_period,
@@ -106,7 +107,9 @@ class Core:
             self._pickup.stop()
             self._end_scan()
             if self.scan.failure is not None:
-                rescued = self.runtime.rescue([name for name, core in self.scan.axes.items() if core.touched])
+                rescued = self.runtime.link.rescue(
+                    [name for name, core in self.scan.axes.items() if core.touched]
+                )
             self.runtime.leave(self.scan.axes, rescued)
         if self.scan.failure is not None:
             return [scan_failure(self.scan.failure, rescued)]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
-from enum import Enum
 from typing import TypeVar
 
 from axisbus.boot.node import Booted
@@ -13,27 +11,11 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.cia402.starvation import REMEDY
 from axisbus.core.ending import remedy_of
 from axisbus.errors import NodeError, ScanError, in_a_line
+from axisbus.link import Parting, Stopped
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
 
 _T = TypeVar("_T")
-
-
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """How a stop without the scan left an axis: ``ok`` when it stands or is off, ``text`` in words."""
-
-    axis: str
-    ok: bool
-    text: str
-
-
-class Parting(Enum):
-    """What is done to a node at the end."""
-
-    REST = "it no longer waits for our heartbeat, and goes to pre-operational"
-    AS_FOUND = "it no longer waits for our heartbeat, and keeps its NMT state: its drive was found enabled and is not ours"
-    ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
 
 
 def partings(

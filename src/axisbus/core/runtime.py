@@ -1,63 +1,69 @@
-"""What a machine runs on: the scan's cycle and ports, the booted nodes, and how to let all of it go."""
+"""What a machine runs on: a link, the nodes booted over it, and how to let all of it go."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
-from datetime import datetime
 from functools import partial
 
 from axisbus.boot.node import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.cell.model import CellConfig
-from axisbus.cia301.drops import Drop
-from axisbus.cia402.port import Cycle, Port
+from axisbus.cia402.port import Port
 from axisbus.core.node_access import NodeAccess
-from axisbus.core.parting import Parting, Stopped, partings
+from axisbus.core.parting import in_parallel, partings
 from axisbus.core.pickup import Late
 from axisbus.core.stand_in import StandIn
 from axisbus.eds import load
 from axisbus.eds.builtin import resolve
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
+from axisbus.link import Link, Stopped
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
-
-def _nothing() -> None:
-    """Nothing to wait for."""
+CellLink = Link[Booted, NodeAccess, ControllerEvent]
 
 
-def _no_time(_now: float) -> datetime | None:
-    """TIME is not heard."""
-    return None
-
-
-@dataclass(slots=True)
 class Runtime:
-    """A cell on its bus, booted but not yet scanned.
+    """A cell on its link, booted but not yet scanned; holds what booting each node has come to.
 
-    ``ready`` waits for what the scan needs before its first cycle (SYNC of another producer). ``bus_time`` returns what TIME of
-    another producer says at a monotonic time, None where none was heard; ``bus_events`` what the CAN controller has told, ``drops``
-    which frames were dropped. At the end, each called once: ``rescue`` stops the axes with these names where the scan has failed,
-    ``let_go`` leaves the nodes, ``release`` closes the rest. ``late`` are optional nodes that may still come.
+    ``late`` are optional nodes that may still come, ``stand_ins`` the drives where they are simulated.
     """
 
-    cycle: Cycle
-    ports: dict[str, Port]
-    booted: dict[int, Booted]
-    nodes: dict[int, NodeAccess]
-    rescue: Callable[[Collection[str]], list[Stopped]]
-    let_go: Callable[[Mapping[int, Parting]], None]
-    release: list[Callable[[], None]] = field(default_factory=list)
-    stand_ins: dict[int, StandIn] = field(default_factory=dict)
-    late: dict[int, Late] = field(default_factory=dict)
-    ready: Callable[[], object] = _nothing
-    bus_time: Callable[[float], datetime | None] = _no_time
-    bus_events: Callable[[], Sequence[ControllerEvent]] = tuple
-    drops: Callable[[], Sequence[Drop]] = tuple
+    def __init__(
+        self,
+        link: CellLink,
+        nodes: Iterable[int],
+        stand_ins: Mapping[int, StandIn],
+        on_report: Callable[[Booted], None] | None = None,
+    ) -> None:
+        """Boot ``nodes``; blocks for as long as that takes. ``on_report`` is called with each that is through, where it was booted.
+
+        Raises:
+            AdapterError: the channel failed; the link is closed then.
+        """
+        self.link = link
+        self.stand_ins = dict(stand_ins)
+        try:
+            self.booted = self._boot_all(list(nodes), on_report)
+            link.begin()
+        except BaseException:
+            link.close()
+            raise
+        self.nodes = {node_id: link.access(node_id) for node_id in self.booted}
+        self.late = {
+            node_id: Late(node_id, partial(link.answers, node_id), partial(self._boot_late, node_id))
+            for node_id, one in self.booted.items()
+            if one.report.absent
+        }
+
+    @property
+    def ports(self) -> dict[str, Port]:
+        """The ports of every axis whose node came up, by name."""
+        up = [node_id for node_id, booted in self.booted.items() if booted.report.ok]
+        return {name: port for node_id in up for name, port in self.link.ports(node_id).items()}
 
     @property
     def parameters(self) -> dict[str, AxisParameters]:
@@ -67,13 +73,25 @@ class Runtime:
 
     def leave(self, cores: Mapping[str, AxisCore] | None = None, rescued: Iterable[Stopped] = ()) -> None:
         """Leave the nodes as is right for each, and release everything, whatever fails on the way; as ``parting.partings``."""
-        works: list[Callable[[], None]] = [
-            partial(self.let_go, partings(self.booted, cores or {}, rescued)),
-            *self.release,
-        ]
-        for work in works:
+        for work in (partial(self.link.leave, partings(self.booted, cores or {}, rescued)), self.link.close):
             with suppress(AxisbusError, OSError):
                 work()
+
+    def _boot_all(self, nodes: list[int], on_report: Callable[[Booted], None] | None) -> dict[int, Booted]:
+        def boot(node_id: int) -> Booted:
+            booted = self.link.boot(node_id)
+            if on_report is not None:
+                on_report(booted)
+            return booted
+
+        results = in_parallel(boot, nodes) if self.link.in_threads else [boot(node_id) for node_id in nodes]
+        return dict(zip(nodes, results, strict=True))
+
+    def _boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:
+        """Boot an optional node that has appeared while the scan runs."""
+        booted = self.link.boot(node_id)
+        self.nodes[node_id] = self.link.access(node_id)
+        return booted, self.link.ports(node_id)
 
 
 def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:

@@ -11,11 +11,12 @@ from axisbus.bus.node import nmt
 from axisbus.bus.node.node import Node
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.core.canlink import open_channel
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.parting import Stopped, in_parallel
+from axisbus.core.parting import in_parallel
 from axisbus.core.runtime import load_dictionaries
-from axisbus.core.wire import open_channel
 from axisbus.errors import BusError
+from axisbus.link import Stopped
 
 
 def stop_beside(cell: CellConfig) -> list[Stopped]:

@@ -22,7 +22,7 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.cell.model import CellConfig
 from axisbus.check.checked import checked
 from axisbus.cia301.drops import Drop
-from axisbus.core.direct import build_direct
+from axisbus.core.direct import DirectLink
 from axisbus.core.node_access import NodeAccess
 from axisbus.core.owner import Core
 from axisbus.core.runtime import Runtime, load_dictionaries, require_all
@@ -76,12 +76,13 @@ class Machine:
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
-        from axisbus.core.wire import build_on_bus
+        from axisbus.core.canlink import CanLink
 
         cell = checked(path, beside)
         dictionaries = load_dictionaries(cell)
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
-        return cls._start(cell, build_on_bus(cell, dictionaries), realtime=True)
+        link = CanLink(cell, dictionaries)
+        return cls._start(cell, Runtime(link, dictionaries, link.stand_ins), realtime=True)
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
@@ -90,13 +91,14 @@ class Machine:
         ``devices`` replaces the stand-ins, by node ID. Raises as ``open``.
         """
         cell = checked(path)
-        return cls._start(cell, build_direct(cell, load_dictionaries(cell), devices), realtime=False)
+        link = DirectLink(cell, dictionaries := load_dictionaries(cell), devices)
+        return cls._start(cell, Runtime(link, dictionaries, link.stand_ins), realtime=False)
 
     @classmethod
     def _start(cls, cell: CellConfig, runtime: Runtime, realtime: bool) -> Machine:
         try:
             require_all(runtime.booted)
-            runtime.ready()
+            runtime.link.ready()
             machine = cls(cell, runtime, realtime)
         except BaseException:
             runtime.leave()
@@ -201,7 +203,7 @@ class Machine:
         While it is bus-off nothing is sent; every axis is in ErrorStop, and stays there after the restart until it is reset.
         Empty without a bus, and with adapters that tell nothing.
         """
-        return list(self._runtime.bus_events())
+        return list(self._runtime.link.incidents())
 
     @property
     def dropped(self) -> tuple[Drop, ...]:
@@ -211,13 +213,13 @@ class Machine:
         the cell does not take, such as PDOs that are not configured, is among them. Empty without a bus.
         """
         return tuple(
-            drop for drop in self._runtime.drops() if drop.node is None or drop.node in self.cell.nodes
+            drop for drop in self._runtime.link.drops() if drop.node is None or drop.node in self.cell.nodes
         )
 
     @property
     def bus_time(self) -> datetime | None:
         """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None where none was heard."""
-        return self._runtime.bus_time(time.monotonic())
+        return self._runtime.link.bus_time(time.monotonic())
 
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
@@ -343,7 +345,7 @@ def boot(
     Raises:
         ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
     """
-    from axisbus.core.wire import build_on_bus
+    from axisbus.core.canlink import CanLink
 
     cell = checked(path, beside)
     lock, through = threading.Lock(), itertools.count(1)
@@ -353,7 +355,8 @@ def boot(
             with lock:  # the nodes are booted in parallel
                 progress(next(through), len(cell.nodes))
 
-    runtime = build_on_bus(cell, load_dictionaries(cell), told, on_program)
+    link = CanLink(cell, dictionaries := load_dictionaries(cell), on_program)
+    runtime = Runtime(link, dictionaries, link.stand_ins, told)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:

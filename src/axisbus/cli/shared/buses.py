@@ -71,8 +71,8 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
 
 
 def _stand_ins(stack: ExitStack, cell: CellConfig) -> Channel:
+    from axisbus.core.canlink import open_channel
     from axisbus.core.runtime import load_dictionaries
-    from axisbus.core.wire import open_channel
 
     dictionaries = load_dictionaries(cell) if cell.bus.interface == SIMULATED else {}
     return open_channel(cell, dictionaries, stack)[0]

@@ -1,0 +1,89 @@
+"""A link: what a kind of connection to drives has to offer, so that the core can boot, cycle, rescue and leave them.
+
+Theory of operation
+-------------------
+A link is opened by whoever makes it, and then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports``
+by the scan; ``access`` for everything beside the scan; ``rescue`` only where the scan has failed; ``leave``, and ``close`` at the end.
+A node that was not there may be booted later, while the scan runs: the cycle serves it from then on. CAN with CANopen is
+``core.canlink``; simulated drives in virtual time, without a bus, are ``core.direct``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from enum import Enum
+from typing import Protocol, TypeVar
+
+from axisbus.cia301.drops import Drop
+from axisbus.cia402.port import Cycle, Port
+
+Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
+Access = TypeVar("Access", covariant=True)  # direct access to a node's objects and network state
+Incident = TypeVar("Incident", covariant=True)  # what the adapter has told
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """How a stop without the scan left an axis: ``ok`` when it stands or is off, ``text`` in words."""
+
+    axis: str
+    ok: bool
+    text: str
+
+
+class Parting(Enum):
+    """What is done to a node at the end."""
+
+    REST = "it no longer waits for our heartbeat, and goes to pre-operational"
+    AS_FOUND = "it no longer waits for our heartbeat, and keeps its NMT state: its drive was found enabled and is not ours"
+    ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
+
+
+class Link(Protocol[Booted, Access, Incident]):
+    """An opened connection to the nodes of a cell, which are known by their node IDs."""
+
+    @property
+    def in_threads(self) -> bool:
+        """Whether several nodes may be booted at a time, each in a thread."""
+
+    def boot(self, node_id: int) -> Booted:
+        """Bring a node up and configure it, and return what that came to, an error included; blocks."""
+
+    def begin(self) -> None:
+        """Make the cycle, over the nodes that have come up."""
+
+    @property
+    def cycle(self) -> Cycle:
+        """What paces the scan and carries its frames; there after ``begin``."""
+
+    def ports(self, node_id: int) -> Mapping[str, Port]:
+        """Return the ports of a node's axes, by name; none where it has not come up."""
+
+    def access(self, node_id: int) -> Access:
+        """Return direct access to a node, which is there even where it has not come up."""
+
+    def answers(self, node_id: int) -> bool:
+        """Whether a node answers now; blocks for one request."""
+
+    def ready(self) -> None:
+        """Block until the scan may do its first cycle, such as for the SYNC of another device; raises what ``Cycle`` raises."""
+
+    def rescue(self, names: Collection[str]) -> list[Stopped]:
+        """Stop the axes of these names without the scan, and return how each was left; blocks."""
+
+    def leave(self, how: Mapping[int, Parting]) -> None:
+        """Leave each node as ``how`` says; blocks. A node that is gone is passed over."""
+
+    def close(self) -> None:
+        """Release everything."""
+
+    def bus_time(self, now: float) -> datetime | None:
+        """Return what another device's TIME says at ``now`` (monotonic seconds), None where none was heard."""
+
+    def incidents(self) -> Sequence[Incident]:
+        """Return what the adapter has told of the bus, oldest first."""
+
+    def drops(self) -> Sequence[Drop]:
+        """Return which frames were dropped."""
