@@ -3,8 +3,8 @@
 Theory of operation
 -------------------
 A link is opened by whoever makes it, and then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports``
-by the scan; ``access`` for everything beside the scan; ``rescue`` only where the scan has failed; ``leave``, and ``close`` at the end.
-A node that was not there may be booted later, while the scan runs: the cycle serves it from then on. CAN with CANopen is
+by the scan; ``access`` for everything beside the scan; ``rescue`` only where the scan has failed; ``leave``, and ``close`` at the
+end. A node that was not there may be booted later, while the scan runs: the cycle serves it from then on. CAN with CANopen is
 ``core.canlink``; simulated drives in virtual time, without a bus, are ``core.direct``.
 """
 
