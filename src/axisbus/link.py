@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 A link is opened by whoever makes it, and then used in this order: ``boot`` for each node, ``begin`` once, ``cycle`` and ``ports``
-by the scan; ``access`` for everything beside the scan; ``rescue`` only where the scan has failed; ``leave``, and ``close`` at the
+by the scan; ``parts`` for everything beside the scan; ``rescue`` only where the scan has failed; ``leave``, and ``close`` at the
 end. A node that was not there may be booted later, while the scan runs: the cycle serves it from then on. CAN with CANopen is
 ``core.canlink``; simulated drives in virtual time, without a bus, are ``core.direct``.
 """
@@ -20,7 +20,7 @@ from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Cycle, Port
 
 Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
-Access = TypeVar("Access", covariant=True)  # direct access to a node's objects and network state
+Parts = TypeVar("Parts", covariant=True)  # what direct access to a node is made of
 Incident = TypeVar("Incident", covariant=True)  # what the adapter has told
 
 
@@ -41,7 +41,7 @@ class Parting(Enum):
     ARMED = "nothing: nobody knows that it stands, and its watch over our heartbeat is left to stop it"
 
 
-class Link(Protocol[Booted, Access, Incident]):
+class Link(Protocol[Booted, Parts, Incident]):
     """An opened connection to the nodes of a cell, which are known by their node IDs."""
 
     @property
@@ -61,8 +61,8 @@ class Link(Protocol[Booted, Access, Incident]):
     def ports(self, node_id: int) -> Mapping[str, Port]:
         """Return the ports of a node's axes, by name; none where it has not come up."""
 
-    def access(self, node_id: int) -> Access:
-        """Return direct access to a node, which is there even where it has not come up."""
+    def parts(self, node_id: int) -> Parts:
+        """Return what direct access to a node is made of; it is there even where the node has not come up."""
 
     def answers(self, node_id: int) -> bool:
         """Whether a node answers now; blocks for one request."""

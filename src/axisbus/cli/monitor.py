@@ -17,9 +17,9 @@ from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.speech import in_commands
 from axisbus.cli.shared.terminal import coloured
-from axisbus.core.node_access import NodeAccess
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
+from axisbus.machine.node_access import NodeAccess
 
 _SHOWN = 3  # of each node and sort, in one look
 

@@ -25,7 +25,7 @@ from axisbus.cia301.drops import Drop
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
-from axisbus.core.node_access import NodeAccess
+from axisbus.core.node_parts import NodeParts
 from axisbus.core.node_stop import NodeStop
 from axisbus.core.parting import in_parallel
 from axisbus.core.simulated import devices
@@ -62,7 +62,7 @@ class CanLink:
         self._on_program = on_program
         self._comms: dict[int, CanComms] = {}
         self._booted: dict[int, Booted] = {}
-        self._access: dict[int, NodeAccess] = {}
+        self._parts: dict[int, NodeParts] = {}
         self._cycle: CanCycle | None = None
         self._consumer: SyncConsumer | None = None
         with ExitStack() as stack:
@@ -89,7 +89,7 @@ class CanLink:
         if self._cycle is not None and booted.report.ok:
             events = NodeEvents(node.nmt)
             self._cycle.add(list(comms.ports.values()), node_id, events, comms.guarding)
-            self._access[node_id] = self._make_access(node_id, events)
+            self._parts[node_id] = self._make_parts(node_id, events)
         return booted
 
     def begin(self) -> None:
@@ -116,7 +116,7 @@ class CanLink:
             events=list(events.values()),
         )
         self._stack.callback(self._cycle.close)
-        self._access = {node_id: self._make_access(node_id, events.get(node_id)) for node_id in self._nodes}
+        self._parts = {node_id: self._make_parts(node_id, events.get(node_id)) for node_id in self._nodes}
         self._time = TimeConsumer(self._channel, bus.time_cob_id)
 
     @property
@@ -129,9 +129,9 @@ class CanLink:
         """As ``Link.ports``."""
         return dict[str, Port](self._comms[node_id].ports)
 
-    def access(self, node_id: int) -> NodeAccess:
-        """As ``Link.access``."""
-        return self._access[node_id]
+    def parts(self, node_id: int) -> NodeParts:
+        """As ``Link.parts``."""
+        return self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
         """As ``Link.answers``: an SDO upload of 1000h."""
@@ -176,8 +176,10 @@ class CanLink:
         port = self._comms[axis.node].ports.get(axis.name)
         return [] if port is None else [port]
 
-    def _make_access(self, node_id: int, events: NodeEvents | None) -> NodeAccess:
-        return _access(self._nodes[node_id], self._dictionaries[node_id], self._comms[node_id], events)
+    def _make_parts(self, node_id: int, events: NodeEvents | None) -> NodeParts:
+        node, ports = self._nodes[node_id], self._comms[node_id].ports.values()
+        plans = tuple(port.plan for port in ports)
+        return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, plans, events)
 
 
 def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:
@@ -207,19 +209,6 @@ def open_channel(
     network = stack.enter_context(StandIns(name, list(made.values())))
     stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
     return stack.enter_context(Channel.open("virtual", name)), stand_ins
-
-
-def _access(node: Node, eds: Eds, comms: CanComms, events: NodeEvents | None) -> NodeAccess:
-    plans = tuple(port.plan for port in comms.ports.values())
-    access = NodeAccess(node.node_id, eds, node.sdo, node, plans, events)
-    access.sdo.cyclic = frozenset(
-        (mapped.index, mapped.subindex)
-        for plan in plans
-        for pdo in plan.active
-        if pdo.receive
-        for mapped in pdo.target.mapping
-    )
-    return access
 
 
 def _let_go(node: Node, booted: Booted, how: Parting) -> None:

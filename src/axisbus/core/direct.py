@@ -17,7 +17,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.directnode import DirectNode
-from axisbus.core.node_access import NodeAccess
+from axisbus.core.node_parts import NodeParts
 from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError
@@ -144,7 +144,7 @@ class DirectLink:
         }
         self._ports = {name: _port(cell, axis, self._devices[axis.node]) for name, axis in cell.axes.items()}
         self._booted: dict[int, Booted] = {}
-        self._access: dict[int, NodeAccess] = {}
+        self._parts: dict[int, NodeParts] = {}
         self.cycle = DirectCycle(
             list(self._ports.values()),
             master_id=cell.bus.master_id,
@@ -162,7 +162,7 @@ class DirectLink:
         booted = NodeBoot(cell, node_id, eds, objects, DirectComms(device, self._ports)).run()
         node = DirectNode(device, self.cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
         self._booted[node_id] = booted
-        self._access[node_id] = NodeAccess(
+        self._parts[node_id] = NodeParts(
             node_id,
             eds,
             objects,
@@ -183,9 +183,9 @@ class DirectLink:
         """As ``Link.ports``."""
         return dict[str, Port](self._own(node_id))
 
-    def access(self, node_id: int) -> NodeAccess:
-        """As ``Link.access``."""
-        return self._access[node_id]
+    def parts(self, node_id: int) -> NodeParts:
+        """As ``Link.parts``."""
+        return self._parts[node_id]
 
     def answers(self, node_id: int) -> bool:
         """As ``Link.answers``."""

@@ -168,8 +168,9 @@ class Core:
 
     def _watch_node(self, node_id: int) -> None:
         """A node without axes has nobody else who acts when it is lost."""
-        if not any(self.cell.axes_of(node_id)):
-            self.runtime.nodes[node_id].on_event(self._node_event)
+        events = self.runtime.nodes[node_id].events
+        if events is not None and not any(self.cell.axes_of(node_id)):
+            events.on_event = self._node_event
 
     def _node_event(self, event: NodeEvent) -> None:
         if event.kind in BAD:

@@ -10,7 +10,7 @@ from axisbus.boot.node import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
-from axisbus.core.node_access import NodeAccess
+from axisbus.core.node_parts import NodeParts
 from axisbus.core.parting import in_parallel, partings
 from axisbus.core.pickup import Late
 from axisbus.core.stand_in import StandIn
@@ -23,7 +23,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
-CellLink = Link[Booted, NodeAccess, ControllerEvent]
+CellLink = Link[Booted, NodeParts, ControllerEvent]
 
 
 class Runtime:
@@ -52,7 +52,7 @@ class Runtime:
         except BaseException:
             link.close()
             raise
-        self.nodes = {node_id: link.access(node_id) for node_id in self.booted}
+        self.nodes = {node_id: link.parts(node_id) for node_id in self.booted}
         self.late = {
             node_id: Late(node_id, partial(link.answers, node_id), partial(self._boot_late, node_id))
             for node_id, one in self.booted.items()
@@ -90,7 +90,7 @@ class Runtime:
     def _boot_late(self, node_id: int) -> tuple[Booted, Mapping[str, Port]]:
         """Boot an optional node that has appeared while the scan runs."""
         booted = self.link.boot(node_id)
-        self.nodes[node_id] = self.link.access(node_id)
+        self.nodes[node_id] = self.link.parts(node_id)
         return booted, self.link.ports(node_id)
 
 

@@ -23,7 +23,6 @@ from axisbus.cell.model import CellConfig
 from axisbus.check.checked import checked
 from axisbus.cia301.drops import Drop
 from axisbus.core.direct import DirectLink
-from axisbus.core.node_access import NodeAccess
 from axisbus.core.owner import Core
 from axisbus.core.runtime import Runtime, load_dictionaries, require_all
 from axisbus.core.stand_in import StandIn
@@ -33,6 +32,7 @@ from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
+from axisbus.machine.node_access import NodeAccess
 from axisbus.machine.roster import Roster
 from axisbus.session import Session
 from axisbus.sim.device import Device
@@ -53,7 +53,8 @@ class Machine:
         self._runtime = runtime
         self._core = Core(cell, runtime, realtime, self._joined, self._after_cycle)
         self._commanding = Commanding(self.session)
-        self._roster = Roster(cell, runtime.booted, self._commanding, runtime.nodes)
+        self._nodes: dict[int, NodeAccess] = {}
+        self._roster = Roster(cell, runtime.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._inherited = False  # by a forked child
 
@@ -156,12 +157,17 @@ class Machine:
 
     def node(self, node_id: int) -> NodeAccess:
         """Return direct access to a node; raises StateError where the cell has no such node."""
-        if node_id not in self._runtime.nodes:
+        parts = self._runtime.nodes.get(node_id)
+        if parts is None:
             raise StateError(
                 f"the cell has no node {node_id}",
                 observed=f"it has {', '.join(map(str, self._runtime.nodes))}",
             )
-        return self._runtime.nodes[node_id]
+        if (
+            node_id not in self._nodes or self._nodes[node_id].parts is not parts
+        ):  # one that came late has new ones
+            self._nodes[node_id] = NodeAccess(parts)
+        return self._nodes[node_id]
 
     def stand_in(self, node_id: int) -> StandIn:
         """Return the stand-in of a simulated node: its plant, its dials, and faults on demand.
@@ -189,7 +195,7 @@ class Machine:
     def events(self) -> list[NodeEvent | Leaving]:
         """What error control has told of all nodes since the scan began, and why the machine was left; in the order of time."""
         found: list[NodeEvent | Leaving] = [
-            event for node in self._runtime.nodes.values() for event in node.events
+            event for node_id in self._runtime.nodes for event in self.node(node_id).events
         ]
         scan = self._core.scan
         if scan.leaving_because is not None:

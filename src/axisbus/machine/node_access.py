@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from axisbus.boot import error_state as errorstate
 from axisbus.boot.objects import Objects, read_int
-from axisbus.bus.node.events import NodeEvent, NodeEvents
+from axisbus.bus.node.events import NodeEvent
+from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.reception import PdoEvent
 from axisbus.cia301 import errorfield
 from axisbus.cia301 import objects as o
@@ -19,12 +19,13 @@ from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.core.directnode import DirectNode
-from axisbus.core.measuring import measure
+from axisbus.core.node_parts import NodeParts
 from axisbus.drives.emergency import history_words, incident_words
 from axisbus.drives.registry import find
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, StateError
+from axisbus.machine.measuring import measure
 
 Key = int | str | tuple[int | str, int]
 
@@ -35,10 +36,13 @@ class SdoAccess:
     Each look and each assignment is one transfer; it blocks until the node has answered.
     """
 
-    def __init__(self, objects: Objects, dictionary: Dictionary) -> None:
+    def __init__(
+        self, objects: Objects, dictionary: Dictionary, cyclic: frozenset[tuple[int, int]] = frozenset()
+    ) -> None:
+        """``cyclic``: what the scan sends in every cycle."""
         self._objects = objects
         self._dictionary = dictionary
-        self.cyclic: frozenset[tuple[int, int]] = frozenset()  # what the scan sends in every cycle
+        self.cyclic = cyclic
 
     def __getitem__(self, key: Key) -> Value:
         """Read an object as its data type says.
@@ -76,25 +80,17 @@ class SdoAccess:
 class NodeAccess:
     """One node: ``sdo``, its NMT state and commands, its emergency messages, and the PDOs that are in use."""
 
-    def __init__(
-        self,
-        node_id: int,
-        eds: Eds,
-        objects: Objects,
-        node: Any,
-        plans: tuple[Any, ...] = (),
-        events: NodeEvents | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """``node`` is a ``bus.node.Node``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages."""
-        self.node_id = node_id
-        self.eds = eds
-        self.sdo = SdoAccess(objects, Dictionary(eds, node_id))
-        self.plans = plans
-        self._objects = objects
-        self._node = node
-        self._clock = clock
-        self._events = events
+    def __init__(self, parts: NodeParts) -> None:
+        """``parts``: those that its link has of it."""
+        self.parts = parts
+        self.node_id = node_id = parts.node_id
+        self.eds = eds = parts.eds
+        self.plans = parts.plans
+        self.sdo = SdoAccess(parts.objects, Dictionary(eds, node_id), _cyclic(parts.plans))
+        self._objects = parts.objects
+        self._node = parts.node
+        self._clock = parts.clock
+        self._events = parts.events
         self._make = find(*(_number(eds, node_id, subindex) for subindex in (o.VENDOR_ID, o.PRODUCT_CODE)))
 
     def __repr__(self) -> str:
@@ -215,6 +211,12 @@ class NodeAccess:
                 remedy='open the machine with Machine.open and interface = "sim" instead of Machine.simulated',
             )
         return self._node
+
+
+def _cyclic(plans: tuple[Plan, ...]) -> frozenset[tuple[int, int]]:
+    """The objects that the scan sends by PDO, as index and sub-index."""
+    sent = [pdo for plan in plans for pdo in plan.active if pdo.receive]
+    return frozenset((mapped.index, mapped.subindex) for pdo in sent for mapped in pdo.target.mapping)
 
 
 def _number(eds: Eds, node_id: int, subindex: int) -> int | None:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from axisbus.boot.node import Booted
 from axisbus.cell.model import CellConfig
-from axisbus.core.node_access import NodeAccess
 from axisbus.core.pickup import absent_axis
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.groups import Group
+from axisbus.machine.node_access import NodeAccess
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -23,10 +23,10 @@ class Roster:
         cell: CellConfig,
         booted: Mapping[int, Booted],
         commanding: Commanding,
-        nodes: Mapping[int, NodeAccess],
+        node: Callable[[int], NodeAccess],
     ) -> None:
-        """Begin with the axes that the core has."""
-        self._nodes = nodes
+        """Begin with the axes that the core has; ``node`` returns direct access by node ID."""
+        self._node = node
         self._groups: dict[str, Group] = {}  # of cell.toml
         self._chosen: dict[tuple[str, ...], Group] = {}  # by their axes
         self._cell = cell
@@ -84,7 +84,7 @@ class Roster:
 
     def _measure(self, name: str, what: str) -> float:
         axis = self._cell.axes[name]
-        return self._nodes[axis.node].measure(what, axis.drive_axis)
+        return self._node(axis.node).measure(what, axis.drive_axis)
 
     def _make_groups(self) -> None:
         """Make the groups of the cell whose axes are all there."""

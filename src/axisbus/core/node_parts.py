@@ -1,0 +1,29 @@
+"""What direct access to a node is made of, as its link has it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from axisbus.boot.objects import Objects
+from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.pdo.plan import Plan
+from axisbus.eds.model import Eds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NodeParts:
+    """``node`` is a ``bus.node.Node``, or a ``DirectNode`` where there is no bus; ``clock`` (s) is that of its messages.
+
+    ``plans`` are its PDOs, axis by axis; ``events`` is None where the node did not come up.
+    """
+
+    node_id: int
+    eds: Eds
+    objects: Objects
+    node: Any
+    plans: tuple[Plan, ...] = ()
+    events: NodeEvents | None = None
+    clock: Callable[[], float] = time.monotonic
