@@ -10,7 +10,7 @@ from axisbus import Machine, Recorder, eds
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.cell.proposal import compare
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.core import wire
+from axisbus.core import canlink
 from axisbus.errors import ArgumentError, BootError, LimitError, SdoAbort, StateError
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.sim.build import device_from_eds
@@ -152,7 +152,7 @@ def reports_of(path, *, timer, enabled=False, **dials):
     for name, value in dials.items():
         setattr(made.dials, name, value)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(wire, "devices", lambda *_: {3: made})
+        patch.setattr(canlink, "devices", lambda *_: {3: made})
         with Machine.open(path) as machine:
             return machine.reports, made.read(0x1800, 5)
 

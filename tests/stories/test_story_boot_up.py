@@ -17,7 +17,7 @@ from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.core import pickup, wire
+from axisbus.core import canlink, pickup
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, DriveError, NodeError, NodeTimeout, StateError
 from axisbus.machine.machine import Machine, boot
@@ -31,7 +31,7 @@ from lossy_line import LossyLine
 @pytest.fixture
 def impatient(monkeypatch):
     """Nodes that are not there are given up soon, and asked for again soon."""
-    monkeypatch.setattr(wire, "FIND_TIME", 0.8)
+    monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
     monkeypatch.setattr(pickup, "ASK_EVERY", 0.2)
 
 
@@ -416,10 +416,10 @@ def test_sixteen_nodes_come_up_though_two_percent_of_the_frames_are_lost(tmp_pat
 
 def test_nothing_holds_the_process_up_once_heartbeats_are_expected(tmp_path, monkeypatch):
     """A collection over a large program's heap takes longer than a drive waits for its master."""
-    order, opening = [], wire.open_channel
+    order, opening = [], canlink.open_channel
     monkeypatch.setattr(gc, "collect", lambda: order.append("heap"))
     with Line(tmp_path) as line:
-        monkeypatch.setattr(wire, "open_channel", lambda *given: order.append("bus") or opening(*given))
+        monkeypatch.setattr(canlink, "open_channel", lambda *given: order.append("bus") or opening(*given))
         with line.open():
             pass
     assert order == ["heap", "bus"]

@@ -14,7 +14,7 @@ from axisbus.cia302.vocabulary import Letter
 from axisbus.cli import boot as boot_command
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.core import pickup, wire
+from axisbus.core import canlink, pickup
 from axisbus.errors import BootError
 from axisbus.machine.machine import Machine, boot
 from axisbus.sim.build import device_from_eds
@@ -284,7 +284,7 @@ def test_a_drive_found_enabled_keeps_its_program_and_it_is_told(tmp_path):
 def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program(
     tmp_path, monkeypatch, golden
 ):
-    monkeypatch.setattr(wire, "FIND_TIME", 0.8)
+    monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
     monkeypatch.setattr(pickup, "ASK_EVERY", 0.2)
     (tmp_path / "firmware.bin").write_bytes(program(NEW))
     more = DOWNLOAD.format(deadline=PATIENT).replace("nodes.1", "nodes.2")

@@ -10,7 +10,7 @@ import pytest
 from story_bus import Line, enable
 
 from axisbus import eds
-from axisbus.core import wire
+from axisbus.core import canlink
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, ConfigError
 from axisbus.machine.machine import Machine
@@ -36,7 +36,7 @@ OPENERS = {"open": Machine.open, "simulated": Machine.simulated}
 @pytest.fixture
 def impatient(monkeypatch):
     """Nodes that are not there are given up soon."""
-    monkeypatch.setattr(wire, "FIND_TIME", 0.8)
+    monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
 
 
 # -- files ---------------------------------------------------------------------------------------------------------------

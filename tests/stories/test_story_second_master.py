@@ -17,7 +17,7 @@ from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Cast, Signs
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.core import wire
+from axisbus.core import canlink
 from axisbus.core.alone import LONGEST, listening_time
 from axisbus.errors import BusError, SecondMasterError
 from axisbus.machine.machine import Machine
@@ -196,7 +196,7 @@ def test_beside_opens_all_the_same(tmp_path, way):
 
 
 def test_a_private_bus_with_our_own_stand_ins_is_not_listened_to(story, monkeypatch):
-    monkeypatch.setattr(wire, "require_alone", lambda *_: pytest.fail("listened"))
+    monkeypatch.setattr(canlink, "require_alone", lambda *_: pytest.fail("listened"))
     cell = story.real("x").enabled()
     cell.must_be(ENABLED)
 
