@@ -10,9 +10,9 @@ import pytest
 from story_bus import Line, enable, turning, until
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.core.owner import Core
 from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
-from axisbus.machine.roster import Roster
 from axisbus.motion.ticket import Ticket
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
 
@@ -115,11 +115,11 @@ def test_a_machine_whose_opening_is_interrupted_lets_its_drives_go_again(tmp_pat
     """Nobody has the machine yet who could close it."""
     machines, begin = [], Machine._begin
 
-    def interrupted(_: Roster) -> bool:
+    def interrupted(_: Core) -> bool:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Machine, "_begin", lambda machine: machines.append(machine) or begin(machine))
-    monkeypatch.setattr(Roster, "has_values", interrupted)
+    monkeypatch.setattr(Core, "_has_values", interrupted)
     with Line(tmp_path) as line:
         with pytest.raises(KeyboardInterrupt):
             line.open()

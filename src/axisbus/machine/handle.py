@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
@@ -166,7 +167,7 @@ class Handle:
             except BaseException as error:
                 if not is_own(error):
                     raise
-                log.exception("a callback of %s failed", self.name)
+                _log_aside("a callback of %s failed", self.name, error)
 
     def _ended(self) -> bool:
         return self.status in ENDED
@@ -179,6 +180,18 @@ class Handle:
     def __del__(self) -> None:
         if self.status is Status.ERROR and not self._looked:
             log.error("%s failed, and nobody looked at its handle:\n%s", self.name, self.error)
+
+
+def _log_aside(text: str, name: str, error: BaseException) -> None:
+    """Log a failure with its traceback, for which source files are read: no thread of ours, such as the scan, waits for that."""
+    tell = partial(log.error, text, name, exc_info=error)
+    if not threading.current_thread().name.startswith("axisbus "):
+        tell()
+        return
+    try:
+        threading.Thread(target=tell, name="log of axisbus", daemon=True).start()
+    except RuntimeError:  # the interpreter is ending and makes no more threads
+        tell()
 
 
 def _task() -> int:
