@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from steps import Drive, T
 
-from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.errors import (
     AxisbusError,
@@ -17,7 +17,8 @@ from axisbus.errors import (
     UncommandedMotion,
 )
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.moves.enable import RESTING_MODES, Enable
+from axisbus.motion.modes import CONDUCT, RESTING_MODES
+from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.walk import StateWalk
 from axisbus.motion.parameters import StopTimes
 
@@ -373,3 +374,7 @@ def test_a_drive_found_moving_is_halted_and_given_up_after_the_time_of_a_halt():
     for _ in range(40):
         done = activity.step(*braked.cycle(statusword=ENABLED, position=900, demand=900))
     assert done
+
+
+def test_every_mode_of_the_standard_has_its_conduct():
+    assert CONDUCT.keys() == FACTS.keys()

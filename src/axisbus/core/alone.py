@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell import pdo_tables
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.mastersigns import Cast
@@ -35,6 +35,6 @@ def cast_of(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> Cast:
         pdo.cob_id
         for node_id, node in cell.nodes.items()
         if node_id in dictionaries
-        for pdo in pdomodel.device_pdos(node, dictionaries[node_id]).tpdos
+        for pdo in pdo_tables.device_pdos(node, dictionaries[node_id]).tpdos
     )
     return Cast(nodes, frozenset({_MASTER, bus.master_id}) - nodes, syncs, sent - {0})

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from axisbus.boot import error_state as errorstate
+from axisbus.boot import error_state
 from axisbus.boot.objects import Objects, read_int
 from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import Plan
@@ -132,7 +132,7 @@ class NodeAccess:
     def _errors(self) -> str:
         last = self.emcy[-1] if self.emcy else None
         ago = 0.0 if last is None else self._clock() - last.stamp
-        return errorstate.read(self._objects, last, ago).words(self._make)
+        return error_state.read(self._objects, last, ago).words(self._make)
 
     @property
     def emcy(self) -> deque[Emcy]:

@@ -24,7 +24,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import NOBODY
 from axisbus.motion import commands as c
-from axisbus.motion.axis import accept_motion as motion
+from axisbus.motion.axis import accept_motion
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
@@ -129,21 +129,21 @@ class _Stage:
 
     def _home(self, name: str, command: c.Home, ticket: Ticket) -> None:
         method = command.job.method
-        motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, ticket, method)
+        accept_motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, ticket, method)
         at_home = method in homing.IN_PLACE and not self._cell.axes[name].homing.offset
         self._places[name] = 0 if at_home else _ANYWHERE
         self.snapshots[name] = self.snapshots[name]._replace(homed=True)
 
     def _move(self, name: str, command: c.Move, ticket: Ticket) -> None:
         parameters = self._parameters[name]
-        motion.require_watch(parameters, command.profile, ticket)
-        motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, ticket)
+        accept_motion.require_watch(parameters, command.profile, ticket)
+        accept_motion.require_objects(parameters, ModeOfOperation.PROFILE_POSITION, ticket)
         bounded = self.snapshots[name].homed or not parameters.homing.required
         if command.reference is c.Reference.ABSOLUTE or not bounded:
             return
         place = self._places[name]
         if place is not None:
-            motion.require_within_limits(parameters, place + command.value, ticket)
+            accept_motion.require_within_limits(parameters, place + command.value, ticket)
         else:
             _require_room(parameters, command.value, ticket)
 

@@ -9,13 +9,14 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.axis import accept_motion as motion
+from axisbus.motion.axis import accept_motion
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
 from axisbus.motion.moves.activity import Activity
-from axisbus.motion.moves.enable import KEPT_MODES, RESTING_MODES, Enable
+from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.power import Coast, Reset
-from axisbus.motion.moves.takeover import FOLLOWS_TARGETS, Takeover
+from axisbus.motion.moves.takeover import Takeover
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
@@ -41,8 +42,8 @@ def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN
 
 def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
-        raise motion.refusal(core, ticket, AxisState.ERRORSTOP)
-    motion.require_no_stop(core, ticket)
+        raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
+    accept_motion.require_no_stop(core, ticket)
     if core.powered and core.image.state is State.OPERATION_ENABLED:
         core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
         return
@@ -107,7 +108,7 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     if _runs(core, Coast):
         core.join(ticket)
         return
-    core.coast(Coast(core.parameters, motion.leading_path(core)), ticket)
+    core.coast(Coast(core.parameters, accept_motion.leading_path(core)), ticket)
 
 
 def _reset(core: AxisCore, _: c.Reset, ticket: Ticket, __: Gate) -> None:
@@ -217,12 +218,12 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Stop: _stop,
     c.Release: _release,
     c.QuickStop: _quick_stop,
-    c.Move: motion.move,
-    c.MoveVelocity: motion.move_velocity,
-    c.TorqueControl: motion.torque,
-    c.Home: motion.home,
-    c.SetPosition: motion.set_position,
-    c.FollowTrajectory: motion.follow,
+    c.Move: accept_motion.move,
+    c.MoveVelocity: accept_motion.move_velocity,
+    c.TorqueControl: accept_motion.torque,
+    c.Home: accept_motion.home,
+    c.SetPosition: accept_motion.set_position,
+    c.FollowTrajectory: accept_motion.follow,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
 }

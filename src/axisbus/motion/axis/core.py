@@ -26,10 +26,10 @@ from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
+from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.arrival import Arrival
 from axisbus.motion.moves.enable import Enable
@@ -53,7 +53,6 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
 _NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
-_WITHOUT_TARGET_POSITION = WITHOUT_POSITION_DEMAND - {ModeOfOperation.HOMING}
 
 
 class AxisCore:
@@ -150,7 +149,7 @@ class AxisCore:
             self._step_ladder(stopping.ladder, image, order)
         self.halted = order.halt
         if order.target_position is None:
-            if image.mode in _WITHOUT_TARGET_POSITION:
+            if image.mode in WITHOUT_TARGET_POSITION:
                 self._leave_no_old_target(image, order)
         elif self.state is _SYNCHRONIZED:
             self.last_target = order.target_position

@@ -18,23 +18,9 @@ import math
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
+from axisbus.motion.modes import POSITION_MODES, WITHOUT_POSITION_DEMAND
 
 _M = ModeOfOperation
-# In these 6062h need not be what leads the motor (velocity, torque), or is not anything that the master could judge (homing).
-WITHOUT_POSITION_DEMAND = frozenset(
-    {
-        _M.VELOCITY,
-        _M.PROFILE_VELOCITY,
-        _M.PROFILE_TORQUE,
-        _M.HOMING,
-        _M.CYCLIC_SYNC_VELOCITY,
-        _M.CYCLIC_SYNC_TORQUE,
-        _M.CYCLIC_SYNC_TORQUE_ANGLE,
-    }
-)
-_POSITION_MODES = frozenset(
-    {_M.PROFILE_POSITION, _M.HOMING, _M.INTERPOLATED_POSITION, _M.CYCLIC_SYNC_POSITION}
-)
 _CSP, _HOMING, _PP = int(_M.CYCLIC_SYNC_POSITION), int(_M.HOMING), int(_M.PROFILE_POSITION)
 _ENABLED = State.OPERATION_ENABLED
 _MOVED = 20  # increments: more than a quiet value wanders
@@ -101,7 +87,7 @@ class Led:
         if demand is None or demand != position:
             self._same = 0
             return False
-        leads = state is _ENABLED and mode in _POSITION_MODES
+        leads = state is _ENABLED and mode in POSITION_MODES
         if not leads or abs(demand - self._same_at) <= _MOVED:
             return False
         self._same_at = demand

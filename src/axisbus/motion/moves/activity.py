@@ -12,9 +12,9 @@ from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
 from axisbus.motion.axis.image import Image
-from axisbus.motion.axis.led import WITHOUT_POSITION_DEMAND
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
+from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 if TYPE_CHECKING:

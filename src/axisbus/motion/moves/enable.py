@@ -12,35 +12,13 @@ from axisbus.errors import DriveError, ModeError, StateError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import OPEN, Gate
+from axisbus.motion.modes import ADDS_OFFSETS, WAITS_FOR_COMMAND
 from axisbus.motion.moves.activity import Activity, preload, require_position
 from axisbus.motion.moves.enablerest import EnableRest
 from axisbus.motion.moves.interpolation import no_offsets
 from axisbus.motion.moves.takeover import Takeover
 from axisbus.motion.moves.walk import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
-
-# The mode that a drive is enabled in: the first that it has, from the one that stands still most surely.
-RESTING_MODES = (
-    ModeOfOperation.PROFILE_POSITION,
-    ModeOfOperation.CYCLIC_SYNC_POSITION,
-    ModeOfOperation.PROFILE_VELOCITY,
-    ModeOfOperation.CYCLIC_SYNC_VELOCITY,
-    ModeOfOperation.PROFILE_TORQUE,
-)
-# Those that a drive found energised stays in; one that was driven by a torque is brought into one that holds it.
-KEPT_MODES = frozenset(RESTING_MODES) - {ModeOfOperation.PROFILE_TORQUE}
-
-# In these the drive stands until a set-point, velocity or torque is given to it.
-_WAITS_FOR_COMMAND = frozenset(
-    {ModeOfOperation.PROFILE_POSITION, ModeOfOperation.PROFILE_VELOCITY, ModeOfOperation.PROFILE_TORQUE}
-)
-_ADDS_OFFSETS = frozenset(
-    {
-        ModeOfOperation.CYCLIC_SYNC_POSITION,
-        ModeOfOperation.CYCLIC_SYNC_VELOCITY,
-        ModeOfOperation.CYCLIC_SYNC_TORQUE,
-    }
-)
 
 
 class _EnableStep(Enum):
@@ -201,7 +179,7 @@ class Enable(Activity):
     @property
     def _needs_position(self) -> bool:
         """A drive that has no 6064h at all is enabled in a mode that takes no position by itself."""
-        return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in _WAITS_FOR_COMMAND
+        return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in WAITS_FOR_COMMAND
 
     def _mode_settled(self, image: Image) -> bool:
         """A drive may show its mode only when enabled (6061h = 0 until then); any other mode must have gone."""
@@ -226,7 +204,7 @@ class Enable(Activity):
         """
         if image.state is State.OPERATION_ENABLED:
             return self._offsets.step(image, order) if self._left else True
-        if self._mode not in _ADDS_OFFSETS:
+        if self._mode not in ADDS_OFFSETS:
             return True
         return self._offsets.step(image, order)
 

@@ -18,16 +18,12 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import StateError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.modes import ON_RAMPS, TORQUE_MODES
 from axisbus.motion.moves.activity import Transfers
 from axisbus.motion.moves.interpolation import OFFSETS
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
 _M = ModeOfOperation
-_TORQUE_MODES = frozenset({_M.PROFILE_TORQUE, _M.CYCLIC_SYNC_TORQUE})
-# The modes whose targets act from the first frame on.
-FOLLOWS_TARGETS = _TORQUE_MODES | {_M.CYCLIC_SYNC_POSITION, _M.CYCLIC_SYNC_VELOCITY}
-# In these no offset acts, and a target is reached on a ramp.
-_ON_RAMPS = frozenset({_M.PROFILE_POSITION, _M.PROFILE_VELOCITY})
 _ADDED = {
     _M.CYCLIC_SYNC_POSITION: OFFSETS,
     _M.CYCLIC_SYNC_VELOCITY: frozenset({objects.VELOCITY_OFFSET, objects.TORQUE_OFFSET}),
@@ -65,7 +61,7 @@ class Takeover:
         Raises:
             StateError: there is none.
         """
-        by_torque = self.mode in _TORQUE_MODES
+        by_torque = self.mode in TORQUE_MODES
         offsets = [
             index for index in sorted(OFFSETS if by_torque else _ADDED[self.mode]) if self._value(index)
         ]
@@ -74,9 +70,9 @@ class Takeover:
         )  # its target is a step, with no ramp
         if not offsets and not by_torque and not brakes:
             return [self.mode]
-        usable = [mode for mode in candidates if mode not in _TORQUE_MODES]
+        usable = [mode for mode in candidates if mode not in TORQUE_MODES]
         if offsets or brakes:
-            usable = [mode for mode in usable if mode in _ON_RAMPS]
+            usable = [mode for mode in usable if mode in ON_RAMPS]
         if usable:
             return usable
         if self.mode is _M.PROFILE_TORQUE or (brakes and not offsets):
@@ -88,7 +84,7 @@ class Takeover:
 
         A drive that has profile torque alone stays in it: its torque goes to 0 on the drive's slope, unless a load hangs on it.
         """
-        loaded = self._parameters.holds_load is not HoldsLoad.NO and self.mode in _TORQUE_MODES
+        loaded = self._parameters.holds_load is not HoldsLoad.NO and self.mode in TORQUE_MODES
         return mode is not self.mode or mode is _M.CYCLIC_SYNC_POSITION or loaded
 
     def hold(self, image: Image, order: Order) -> None:

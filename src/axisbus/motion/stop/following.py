@@ -16,11 +16,11 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import FollowingError
 from axisbus.motion.axis.image import Image
+from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
 
 _M = ModeOfOperation
-_LED = frozenset({_M.PROFILE_POSITION, _M.CYCLIC_SYNC_POSITION})
 _SPEED_TIME = 0.5  # seconds that a commanded speed counts for the lag that it excuses
 _TWICE = 2  # samples in a row
 
@@ -70,7 +70,7 @@ class Following:
 
     def _forget(self, activity: Activity | None) -> None:
         self._activity = activity
-        self._mode = None if activity is None or activity.mode not in _LED else activity.mode
+        self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
         self._peak = Peak()
         self._led: int | None = None
         self._led_stamp = -math.inf

@@ -24,6 +24,7 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.modes import HOLDING_MODES, TORQUE_MODES
 from axisbus.motion.moves.activity import ModeSwitch, preload
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
@@ -54,12 +55,6 @@ class Then(Enum):
     DISABLE = "disable"
 
 
-TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
-_HOLDING_MODES = (
-    ModeOfOperation.PROFILE_POSITION,
-    ModeOfOperation.CYCLIC_SYNC_POSITION,
-    ModeOfOperation.PROFILE_VELOCITY,
-)
 _UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
 _UNSEEN_PUSH = "it pushes with all its rated torque (6077h), and 6062h does not say where to"
 _NOT_RELIEVED = "it takes no new target while it is halted, and without 6062h nobody sees whether its drive pulls it to the old one"
@@ -279,7 +274,7 @@ class StopLadder:
 
     def _hold_load(self, image: Image, order: Order) -> None:
         """A torque of 0 would drop the load: a mode that holds takes over."""
-        modes = [mode for mode in _HOLDING_MODES if mode in self._parameters.modes] or list(_HOLDING_MODES)
+        modes = [mode for mode in HOLDING_MODES if mode in self._parameters.modes] or list(HOLDING_MODES)
         order.mode = modes[0]
         preload(order, image.reference)
         order.target_torque = None

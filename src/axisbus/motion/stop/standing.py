@@ -21,13 +21,12 @@ from __future__ import annotations
 import math
 
 from axisbus.cia402 import statusword as sw
-from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.motion.axis.image import Image
+from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.stop.still import Still
 
-_TORQUE_MODES = frozenset({ModeOfOperation.PROFILE_TORQUE, ModeOfOperation.CYCLIC_SYNC_TORQUE})
 _PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
 
 
@@ -77,7 +76,7 @@ class Standing:
     def _pushes(self, image: Image) -> bool:
         """Whether a torque is left that has not come down yet, or never will (6087h is 0); one that holds a load is to stay."""
         if (
-            image.mode not in _TORQUE_MODES
+            image.mode not in TORQUE_MODES
             or image.state is not State.OPERATION_ENABLED
             or image.torque is None
         ):

@@ -12,13 +12,14 @@ from axisbus.cia402.state import State
 from axisbus.errors import AxisbusError, BusError, BusOff, DriveError, NodeError, StaleError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.braking import Course
+from axisbus.motion.modes import TORQUE_MODES
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.stop.following import Following
-from axisbus.motion.stop.ladder import TORQUE_MODES, Rung
+from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
 from axisbus.motion.stop.lost import SILENT, remedy_for_silence
 from axisbus.motion.stop.resting import Resting
