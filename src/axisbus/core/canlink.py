@@ -17,6 +17,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.node.node import Node
+from axisbus.bus.parallel import in_parallel
 from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
@@ -27,7 +28,6 @@ from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.parting import in_parallel
 from axisbus.core.simulated import devices
 from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds

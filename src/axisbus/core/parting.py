@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TypeVar
+from collections.abc import Iterable, Mapping
 
 from axisbus.boot.node import Booted
 from axisbus.bus.node.events import NodeEvent
@@ -14,8 +12,6 @@ from axisbus.errors import NodeError, ScanError, in_a_line
 from axisbus.link import Parting, Stopped
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
-
-_T = TypeVar("_T")
 
 
 def partings(
@@ -65,19 +61,3 @@ def scan_failure(failure: BaseException, rescued: Iterable[Stopped]) -> ScanErro
         observed="\n            ".join(texts),
         remedy=join_remedies(alarm, remedy_of(failure)),
     )
-
-
-def in_parallel(work: Callable[..., _T], *items: Iterable[object]) -> list[_T]:
-    """Call ``work`` with the items of each place, a thread for each; one after the other where there are no more threads.
-
-    There are none at the end of the interpreter, when ``atexit`` closes a machine that was left open.
-    """
-    places = list(zip(*items, strict=True))
-    pool = ThreadPoolExecutor(max_workers=max(1, len(places)), thread_name_prefix="axisbus nodes")
-    begun: list[Future[_T]] = []
-    try:
-        with pool:
-            begun += [pool.submit(work, *place) for place in places]
-    except RuntimeError:
-        pass  # the interpreter is ending
-    return [future.result() for future in begun] + [work(*place) for place in places[len(begun) :]]

@@ -8,10 +8,11 @@ from functools import partial
 
 from axisbus.boot.node import Booted
 from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
 from axisbus.core.node_parts import NodeParts
-from axisbus.core.parting import in_parallel, partings
+from axisbus.core.parting import partings
 from axisbus.core.pickup import Late
 from axisbus.core.stand_in import StandIn
 from axisbus.eds import load

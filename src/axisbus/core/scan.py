@@ -238,6 +238,11 @@ class Scan:
         for observer in self.observers:
             observer(now, self.snapshots)
 
+    def fail(self, error: BaseException) -> None:
+        """End because of ``error``, which was found outside of a cycle."""
+        self.failure = error
+        self.end()
+
     def end(self) -> None:
         """End every command; quick-stop all drives first if the scan failed. When repeated, only the quick stop is."""
         if self.failure is not None:

@@ -64,8 +64,7 @@ class Supervisor:
 
     def _take_over(self, silent: float, missing: float) -> None:
         place = whereabouts(self._watched.ident) if self._watched.is_alive() else None
-        self._scan.failure = _failure(place, silent, missing)
-        self._scan.end()
+        self._scan.fail(_failure(place, silent, missing))
 
 
 def _failure(place: Whereabouts | None, silent: float, missing: float) -> ScanError:

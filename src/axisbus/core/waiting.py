@@ -86,8 +86,7 @@ class PumpWaiter:
         try:
             scan.once()
         except BaseException as error:
-            scan.failure = error
-            scan.end()
+            scan.fail(error)
             if not isinstance(error, AxisbusError):
                 raise
             return

@@ -9,11 +9,11 @@ from contextlib import ExitStack
 
 from axisbus.bus.node import nmt
 from axisbus.bus.node.node import Node
+from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.core.canlink import open_channel
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.parting import in_parallel
 from axisbus.core.runtime import load_dictionaries
 from axisbus.errors import BusError
 from axisbus.link import Stopped

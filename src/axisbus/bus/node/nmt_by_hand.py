@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
 from axisbus.bus.node.nmt import Confirmation
 from axisbus.bus.node.node import Node
+from axisbus.bus.parallel import in_parallel
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
@@ -31,7 +30,6 @@ BOOT_PATIENCE = 5.0  # seconds that a node may take to restart
 _GUARD_WAIT = 0.1
 _SDO_TIMEOUT = 0.4
 _SLICE = 0.02
-_T = TypeVar("_T")
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 
@@ -99,7 +97,7 @@ def ways(nodes: Iterable[Node]) -> dict[int, Way]:
     end = time.monotonic() + LISTEN
     while any(node.nmt.reports == 0 for node in listed) and time.monotonic() < end:
         time.sleep(_SLICE)
-    return dict(zip((node.node_id for node in listed), _side_by_side(_way, listed), strict=True))
+    return dict(zip((node.node_id for node in listed), in_parallel(_way, listed), strict=True))
 
 
 def command(
@@ -120,7 +118,7 @@ def command(
     def look(node: Node) -> Outcome:
         return _look(node, wanted, found[node.node_id], marks[node.node_id], begin)
 
-    return _side_by_side(look, nodes)
+    return in_parallel(look, nodes)
 
 
 def _way(node: Node) -> Way:
@@ -179,10 +177,3 @@ def _until(done: Callable[[], bool], deadline: float) -> bool:
             return False
         time.sleep(_SLICE)
     return True
-
-
-def _side_by_side(work: Callable[[Node], _T], nodes: Sequence[Node]) -> list[_T]:
-    if not nodes:
-        return []
-    with ThreadPoolExecutor(len(nodes), thread_name_prefix="axisbus nmt") as pool:
-        return list(pool.map(work, nodes))
