@@ -17,31 +17,29 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import canopen
+
+from axisbus import eds
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.lss import LssMaster
+from axisbus.bus.node import remote
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.parallel import on_each
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.pdo import MappedObject, PdoCodec
+from axisbus.cia301.sdo import Way
+from axisbus.eds import fix
+from axisbus.eds.builtin import resolve
+from axisbus.eds.io import reader
+from axisbus.eds.model import Eds, Object, ObjectType, Variable
+from axisbus.machine.machine import Machine
+from axisbus.sim.build import device_from_eds
+from axisbus.sim.device import Device
+from axisbus.sim.node.network import StandIns
+from kit.corpus import CORPUS
+from kit.motion.rig import rig
+
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "motion"))
-
-import canopen  # noqa: E402
-from rig import rig  # noqa: E402
-
-from axisbus import eds  # noqa: E402
-from axisbus.bus.link.channel import Channel  # noqa: E402
-from axisbus.bus.lss import LssMaster  # noqa: E402
-from axisbus.bus.node import remote  # noqa: E402
-from axisbus.bus.sdo.client import SdoClient  # noqa: E402
-from axisbus.bus.sdo.parallel import on_each  # noqa: E402
-from axisbus.cia301.datatypes import DataType  # noqa: E402
-from axisbus.cia301.pdo import MappedObject, PdoCodec  # noqa: E402
-from axisbus.cia301.sdo import Way  # noqa: E402
-from axisbus.eds import fix  # noqa: E402
-from axisbus.eds.builtin import resolve  # noqa: E402
-from axisbus.eds.io import reader  # noqa: E402
-from axisbus.eds.model import Eds, Object, ObjectType, Variable  # noqa: E402
-from axisbus.machine.machine import Machine  # noqa: E402
-from axisbus.sim.build import device_from_eds  # noqa: E402
-from axisbus.sim.device import Device  # noqa: E402
-from axisbus.sim.node.network import StandIns  # noqa: E402
-from kit.corpus import CORPUS  # noqa: E402
-
 missed: list[str] = []
 
 

@@ -1,17 +1,16 @@
-"""What the stand-in costs, printed: run it by hand with ``python tests/sim/bench_drive.py``."""
+"""What the stand-in costs, printed: run it by hand with ``python tests/bench_drive.py``."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
-from sim_eds import drive_eds
-
 from axisbus.cia402.port import Outputs
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.drive import Drive
 from axisbus.sim.node.slave import Slave
+from kit.sim.eds import drive_eds
 
 PERIOD = 0.01
 

@@ -21,8 +21,6 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from kit.campaign.events import Script
 from kit.campaign.play import Played, run, shrink, told
 from kit.campaign.scenes import NotHere

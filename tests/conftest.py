@@ -1,4 +1,4 @@
-"""What all tests share: the folder itself on the path (for ``can_line``), which examples are tried, how much memory a test may
+"""What all tests share: which examples are tried, how much memory a test may
 take, and what only the end of a shared-out run can tell."""
 
 from __future__ import annotations
@@ -8,13 +8,22 @@ import sys
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from kit import undisturbed
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("fresh", print_blob=True, deadline=None)
+# ``--hypothesis-profile=deep``: a long random search.
+settings.register_profile(
+    "deep",
+    max_examples=5000,
+    stateful_step_count=80,
+    deadline=None,
+    derandomize=False,
+    suppress_health_check=list(HealthCheck),
+)
 settings.load_profile(os.environ.get("AXISBUS_EXAMPLES", "same"))
 
 _MEMORY = (

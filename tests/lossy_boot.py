@@ -17,7 +17,7 @@ from axisbus.eds.builtin import resolve
 from axisbus.machine.machine import boot
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
-from lossy_line import LossyLine
+from kit.lossy_line import LossyLine
 
 EDS = "builtin:generic-cia402"
 BUS = '[bus]\ninterface = "virtual"\nchannel = "{channel}"\nscan_period = "10ms"\nheartbeat = "100ms"\n'

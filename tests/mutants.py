@@ -9,15 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from mutation import choosing, equivalent, linemap
+from mutation.cold import OPTIONS
+from mutation.mutant import Mutant
+from mutation.report import Report
+from mutation.trial import Trial
+
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tests")]
-
-from mutation import choosing, equivalent, linemap  # noqa: E402
-from mutation.cold import OPTIONS  # noqa: E402
-from mutation.mutant import Mutant  # noqa: E402
-from mutation.report import Report  # noqa: E402
-from mutation.trial import Trial  # noqa: E402
-
 SOURCE = ROOT / "src" / "axisbus"
 TRIED = tuple(SOURCE / name for name in ("motion", "cia402", "bus"))
 MEASURED = (

@@ -6,10 +6,10 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from bus_peer import FakeBus, Slave, eventually
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
+from kit.bus.peer import FakeBus, Slave, eventually
 
 
 @pytest.fixture

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 
 import can
 import pytest
-from bus_peer import FakeBus, eventually
 
 from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.mastersigns import Cast
 from axisbus.errors import AdapterError, SecondMasterError, StateError
+from kit.bus.peer import FakeBus, eventually
 
 CAST = Cast(frozenset({5}), frozenset({127}))
 

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from pathlib import Path
 
 import pytest
-from bus_peer import FakeBus, Frame
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "cia301"))
-
-from lss_line import HandSlave
 
 from axisbus.bus.link import changeover
 from axisbus.bus.link.changeover import Opening, OwnRate, change_over
@@ -22,6 +15,8 @@ from axisbus.bus.lss import LssMaster
 from axisbus.cia305.dialogue import Timing
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import AdapterError, LssTimeout
+from kit.bus.peer import FakeBus, Frame
+from kit.lss_line import HandSlave
 
 ONE, OTHER = LssAddress(0xC0B00, 8, 1, 1), LssAddress(0xC0B00, 8, 1, 2)
 DELAY = 0.05

@@ -7,10 +7,10 @@ import time
 
 import can
 import pytest
-from bus_peer import FakeBus, eventually
 
 from axisbus.bus.link.channel import Channel
 from axisbus.errors import AdapterError, BusError
+from kit.bus.peer import FakeBus, eventually
 
 
 def test_a_frame_comes_with_its_monotonic_reception_time(channel: Channel, fake: FakeBus) -> None:

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import can
 import pytest
-from bus_clock import SleepingClock as Clock
-from bus_peer import FakeBus, eventually
 
 from axisbus.bus.link import channel as module
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.errorframe import Condition, ErrorCounters
 from axisbus.errors import AdapterError, BusOff
+from kit.bus.clock import SleepingClock as Clock
+from kit.bus.peer import FakeBus, eventually
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import time
 from itertools import pairwise
 
 import pytest
-from bus_peer import FakeBus, Slave
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.discover import scan
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError
+from kit.bus.peer import FakeBus, Slave
 
 
 def drive(node_id: int) -> Slave:

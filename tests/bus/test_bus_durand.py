@@ -10,7 +10,6 @@ from collections.abc import Iterator
 import can
 import durand
 import pytest
-from bus_peer import eventually
 from durand.datatypes import DatatypeEnum
 from durand.node import NodeCapabilities
 from durand.scheduler import VirtualScheduler
@@ -25,6 +24,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia301.sdo import Way
 from axisbus.errors import SdoAbort, StateError
+from kit.bus.peer import eventually
 
 NODE = 5
 BIG = random.Random(402).randbytes(65536)

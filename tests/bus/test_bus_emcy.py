@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from bus_peer import FakeBus, eventually
-
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.emcy import EmcyMonitor
 from axisbus.cia301.incident import Outcome
+from kit.bus.peer import FakeBus, eventually
 
 
 def test_a_message_of_three_bytes_is_read(channel: Channel, fake: FakeBus) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 
 import pytest
-from bus_peer import FakeBus, Slave, eventually
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.nmt import guarding_answer
 from axisbus.bus.node.node import Node
 from axisbus.cia301.nmt import NmtState
+from kit.bus.peer import FakeBus, Slave, eventually
 
 
 def hear(fake: FakeBus, node: Node, data: str) -> float:

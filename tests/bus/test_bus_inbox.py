@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from bus_peer import FakeBus
 
 import axisbus
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.inbox import Inbox
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.sdo.transfer import Line
+from kit.bus.peer import FakeBus
 
 WAITS = 100_000
 SHORT = [step * 1e-7 for step in range(1, 101)]  # seconds: 0.1 to 10 us

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
-from bus_peer import FakeBus, Frame, Slave
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "cia301"))
-
-from lss_line import AnswersOnSelected, HandSlave
 
 from axisbus.bus import lss as bus_lss
 from axisbus.bus.link.channel import Channel
@@ -28,6 +21,8 @@ from axisbus.errors import (
     LssTimeout,
     StateError,
 )
+from kit.bus.peer import FakeBus, Frame, Slave
+from kit.lss_line import AnswersOnSelected, HandSlave
 
 ADDRESS = LssAddress(0xC0B00, 8, 1, 4711)
 PATIENT = Timing(floor=0.05, first=0.5)  # the machine may be busy

@@ -6,7 +6,6 @@ import threading
 import time
 
 import pytest
-from bus_peer import FakeBus, Frame, Slave, eventually
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
@@ -14,6 +13,7 @@ from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.bus.node.node import Node
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AdapterError, ArgumentError, NodeTimeout, StateError
+from kit.bus.peer import FakeBus, Frame, Slave, eventually
 
 
 def beat(fake: FakeBus, slave: Slave, node: Node) -> None:

@@ -11,7 +11,6 @@ import time
 
 import can
 import pytest
-from bus_peer import FakeBus, Slave, eventually
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link import errorframe
@@ -23,6 +22,7 @@ from axisbus.bus.node.node import Node
 from axisbus.bus.sync import SyncConsumer
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff
+from kit.bus.peer import FakeBus, Slave, eventually
 
 CRTL, BUSOFF, RESTARTED, CNT = 0x04, 0x40, 0x100, 0x200
 ZEROS = "00 00 00 00 00 00 00 00"

@@ -6,7 +6,6 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from test_bus_plan import CIA402, objects, rpdo, tpdo
 
 from axisbus.bus.lateness import EDGES, Lateness
 from axisbus.bus.node.emcy import FEED, EmcyFeed
@@ -24,6 +23,7 @@ from axisbus.cia402.port import Sample, Source
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError
+from kit.bus.plan import CIA402, objects, rpdo, tpdo
 
 INPUTS = ("statusword", "mode", "position", "velocity", "torque", "demand")
 OUTPUTS = ("controlword", "mode", "target_position", "target_velocity", "target_torque")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from bus_peer import FakeBus, Slave, pdo_objects
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.pdo.configure import configure
@@ -13,6 +12,7 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402.port import Source
 from axisbus.errors import BootError
+from kit.bus.peer import FakeBus, Slave, pdo_objects
 
 NODE = 5
 OFF = 1 << 31

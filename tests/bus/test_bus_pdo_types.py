@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from bus_peer import FakeBus, Slave, eventually, pdo_objects
-from test_bus_plan import objects, rpdo, tpdo
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
@@ -24,6 +22,8 @@ from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import MappedObject, PdoCodec
 from axisbus.cia402.port import Outputs, Source
 from axisbus.errors import BootError
+from kit.bus.peer import FakeBus, Slave, eventually, pdo_objects
+from kit.bus.plan import objects, rpdo, tpdo
 
 NODE = 5
 NO_RTR = 1 << 30

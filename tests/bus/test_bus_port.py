@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterator
 
 import can
 import pytest
-from bus_peer import FakeBus, Slave, eventually
-from test_bus_plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
@@ -21,6 +19,8 @@ from axisbus.bus.port import CanPort
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.port import Outputs, Sample, SdoReply, SdoRequest, Source
 from axisbus.errors import BootError
+from kit.bus.peer import FakeBus, Slave, eventually
+from kit.bus.plan import EMPTY, GENERIC, NO_TORQUE, objects, rpdo, tpdo
 
 NODE = 5
 PERIOD = 0.004

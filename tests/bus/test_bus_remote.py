@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from bus_peer import FakeBus, Slave, eventually
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
@@ -17,6 +16,7 @@ from axisbus.bus.node.node import Node
 from axisbus.bus.node.remote import canopen_dictionary, remote_node
 from axisbus.eds import Eds, canopen_text, load, loads
 from axisbus.errors import StateError
+from kit.bus.peer import FakeBus, Slave, eventually
 
 EDS = load(Path(__file__).parents[2] / "eds" / "generic-cia402.eds")
 

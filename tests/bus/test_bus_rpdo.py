@@ -5,12 +5,12 @@ from __future__ import annotations
 import struct
 
 import pytest
-from test_bus_plan import GENERIC, NO_TORQUE, mapped, objects, rpdo
 
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
 from axisbus.bus.pdo.rpdo import RpdoImage, arrange
 from axisbus.errors import StateError
+from kit.bus.plan import GENERIC, NO_TORQUE, mapped, objects, rpdo
 
 
 def images(

@@ -8,12 +8,12 @@ import struct
 from dataclasses import replace
 
 import pytest
-from test_bus_plan import NO_TORQUE, objects, rpdo
 
 from axisbus.bus.pdo.mapping import DevicePdos
 from axisbus.bus.pdo.plan import Plan, Policy, make_plan
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage, arrange
 from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
+from kit.bus.plan import NO_TORQUE, objects, rpdo
 
 PERIOD = 0.004
 ONE = ("6060/8 607A/32 6040/16", "60FF/32")

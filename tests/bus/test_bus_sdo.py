@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable
 
 import pytest
-from bus_peer import FakeBus, Frame, Slave, eventually
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.errors import AdapterError, AxisbusError, Interrupted, SdoAbort, SdoError, SdoTimeout, StateError
+from kit.bus.peer import FakeBus, Frame, Slave, eventually
 
 NODE = 5
 SHORT = 0.05  # an answer time that tests of silence can afford

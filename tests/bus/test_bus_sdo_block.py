@@ -7,7 +7,6 @@ import threading
 from collections.abc import Iterable
 
 import pytest
-from bus_peer import FakeBus, Frame
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_client, set_server
@@ -18,6 +17,7 @@ from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import ArgumentError, Interrupted, SdoError, SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.node.slave import Slave
+from kit.bus.peer import FakeBus, Frame
 
 NODE = 5
 FILE = 0x2100

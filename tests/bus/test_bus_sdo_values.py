@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import pytest
-from bus_peer import FakeBus, Slave
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
@@ -13,6 +12,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.dictionary import Dictionary, merged_type
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import ArgumentError, LimitError
+from kit.bus.peer import FakeBus, Slave
 
 T = DataType
 

@@ -7,7 +7,6 @@ from datetime import datetime, timedelta, timezone
 from types import SimpleNamespace
 
 import pytest
-from bus_clock import SleepingClock as Clock
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link import candump
@@ -21,6 +20,7 @@ from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import BusOff, SdoTimeout, SyncError
+from kit.bus.clock import SleepingClock as Clock
 
 OPERATIONAL, STOPPED, UNKNOWN = NmtState.OPERATIONAL, NmtState.STOPPED, NmtState.UNKNOWN
 UTC = timezone.utc  # noqa: UP017 - one name for what is compared

@@ -6,28 +6,24 @@ import itertools
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.discover import scan
 from axisbus.bus.node.node import Node
-from axisbus.bus.pdo.configure import configure, set_pdo
-from axisbus.bus.pdo.plan import Policy, Wanted
-from axisbus.bus.port import CanPort
+from axisbus.bus.pdo.configure import set_pdo
+from axisbus.bus.pdo.plan import Policy
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia402.port import Inputs, Outputs, Source
+from axisbus.cia402.port import Outputs, Source
 from axisbus.eds import load
-from can_line import line
+from kit.bus.master import EDS, Master
+from kit.can_line import line
 
 sim_network = pytest.importorskip("axisbus.sim.node.network")
 sim_build = pytest.importorskip("axisbus.sim.build")
 
-EDS = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
-PERIOD = 0.005
 NODES = (3, 4)
 _channels = itertools.count()
 _stand_ins: list[Any] = []
@@ -50,39 +46,6 @@ def nodes() -> Iterator[list[Node]]:
 @pytest.fixture
 def channel(nodes: list[Node]) -> Channel:
     return nodes[0].channel
-
-
-class Master:
-    """A scan of a few lines: the same outputs for all ports in every cycle."""
-
-    def __init__(self, channel: Channel, nodes: list[Node], policy: Policy) -> None:
-        self.ports = []
-        for node in nodes:
-            node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-            plan = configure(node.sdo, Wanted(), policy)
-            self.ports.append(CanPort(node, plan, scan_period=PERIOD))
-            node.command(NmtCommand.START)
-            self.ports[-1].prime()
-        self.cycle = CanCycle(
-            channel, self.ports, sync_cob_id=0x80 if policy.sync else None, master_id=127, heartbeat=0.05
-        )
-        self._next = self.cycle.now()
-
-    def until(self, statusword: int, mask: int, outputs: Outputs, seconds: float = 10.0) -> list[Inputs]:
-        """Cycle until every drive shows the statusword; return the last inputs."""
-        deadline = time.monotonic() + seconds
-        while True:
-            self.cycle.wait_until(self._next)
-            self._next = max(self._next + PERIOD, self.cycle.now())
-            seen = [port.read(self.cycle.now()) for port in self.ports]
-            if all(i.statusword is not None and i.statusword.value & mask == statusword for i in seen):
-                return seen
-            assert time.monotonic() < deadline, seen
-            for port in self.ports:
-                port.write(outputs)
-            self.cycle.commit()
-            self.cycle.sync()
-            self.cycle.heartbeat()
 
 
 def test_the_stand_ins_are_found(channel: Channel, nodes: list[Node]) -> None:

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 import pytest
-from bus_peer import FakeBus, Slave, eventually
-from test_bus_cycle import port_of, slave_of
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
@@ -19,6 +17,8 @@ from axisbus.cia301.sync import SyncWatch, fits, measured_period
 from axisbus.cia402.port import Outputs
 from axisbus.core.scan import Scan
 from axisbus.errors import SyncError
+from kit.bus.peer import FakeBus, Slave, eventually
+from kit.bus.ports import port_of, slave_of
 
 PERIOD = 0.004
 

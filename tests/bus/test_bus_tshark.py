@@ -14,8 +14,6 @@ from datetime import UTC, datetime
 
 import can
 import pytest
-from bus_peer import eventually
-from test_bus_stand_in import EDS, Master
 
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link.channel import Channel
@@ -31,6 +29,8 @@ from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
+from kit.bus.master import EDS, Master
+from kit.bus.peer import eventually
 
 TSHARK = shutil.which("tshark")
 pytestmark = pytest.mark.skipif(TSHARK is None, reason="tshark is not installed (package tshark)")

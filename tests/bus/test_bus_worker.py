@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from bus_peer import FakeBus, Slave, eventually
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.bus.sdo.worker import QUEUE_LIMIT, Job, SdoWorker
 from axisbus.errors import BusError, Interrupted
+from kit.bus.peer import FakeBus, Slave, eventually
 
 TIMED_OUT = 0x0504_0000
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from cells import kit
 
 from axisbus import eds
 from axisbus.cell import reader as config
@@ -14,12 +13,13 @@ from axisbus.cia402.modes import ModeOfOperation as Mode
 from axisbus.drives.make import Make
 from axisbus.eds import builtin
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
+from kit import cells
 
-BENCH = eds.loads(kit.DRIVE.encode(), "drive.eds")
+BENCH = eds.loads(cells.DRIVE.encode(), "drive.eds")
 
 
 def cell_with(*changes: tuple[str, str]) -> config.CellConfig:
-    cell, problems = config.loads(kit.changed(kit.CLEAN, *changes))
+    cell, problems = config.loads(cells.changed(cells.CLEAN, *changes))
     assert cell is not None
     assert problems == []
     return cell
@@ -171,7 +171,7 @@ def test_modes_are_those_with_all_their_objects_and_those_that_6502_claims() -> 
 
 
 def test_a_mode_that_is_claimed_is_kept_though_an_object_is_missing() -> None:
-    file = eds.loads(kit.without("6087")(kit.DRIVE).encode(), "drive.eds")
+    file = eds.loads(cells.without("6087")(cells.DRIVE).encode(), "drive.eds")
     assert Mode.PROFILE_TORQUE in parameters("x", file=file).modes
 
 
@@ -203,7 +203,7 @@ def two_axes() -> eds.Eds:
             ("6D02", "Supported drive modes 2", "0x7", "ro", "1"),
         )
     )
-    return eds.loads((kit.DRIVE + more).encode(), "two.eds")
+    return eds.loads((cells.DRIVE + more).encode(), "two.eds")
 
 
 def test_objects_of_the_second_axis_lie_800h_further() -> None:

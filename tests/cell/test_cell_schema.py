@@ -12,8 +12,6 @@ from typing import Any
 
 import jsonschema
 import pytest
-import test_config
-from cells import kit
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,10 +20,12 @@ from axisbus.cell import schema, values
 from axisbus.cell import words as cellwords
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
+from kit import cells
+from kit.cells.slips import MINIMAL, SLIPS
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = schema_of_cells()
-CELLS = sorted([*(ROOT / "examples").glob("*.toml"), kit.HERE / "clean.toml"])
+CELLS = sorted([*(ROOT / "examples").glob("*.toml"), cells.HERE / "clean.toml"])
 VALIDATOR = jsonschema.Draft7Validator(SCHEMA)
 TABLES = {
     "BUS": schema.BUS,
@@ -63,19 +63,8 @@ def wrong(text: str) -> list[str]:
     return [f"{each.message}; {each.remedy}" for each in problems if each.severity is Severity.ERROR]
 
 
-def planted() -> list[tuple[str, str]]:
-    """The clean cell with each defect that the tests of the reader plant in it."""
-    (mark,) = (
-        mark
-        for name in dir(test_config)
-        if name.startswith("test_")
-        for mark in getattr(getattr(test_config, name), "pytestmark", ())
-        if mark.args[0] == ("old", "new", "line", "message", "remedy")
-    )
-    return [(row[0], row[1]) for row in mark.args[1]]
-
-
-PLANTED = planted()
+# The clean cell with each defect that the tests of the reader plant in it.
+PLANTED = [(old, new) for old, new, *_ in SLIPS]
 
 
 def test_it_is_a_schema() -> None:
@@ -102,7 +91,7 @@ def test_there_are_planted_mistakes() -> None:
 
 @pytest.mark.parametrize(("old", "new"), PLANTED, ids=[new[:40] for _, new in PLANTED])
 def test_a_planted_mistake_is_refused_by_both(old: str, new: str) -> None:
-    text = kit.changed(kit.CLEAN, (old, new))
+    text = cells.changed(cells.CLEAN, (old, new))
     found = wrong(text)
     assert found
     if not all(BEYOND.search(each) for each in found):
@@ -112,15 +101,15 @@ def test_a_planted_mistake_is_refused_by_both(old: str, new: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        test_config.MINIMAL.replace('unit = "deg"', 'unit = "banana"'),
-        test_config.MINIMAL.replace("scale = 364.0888888888889\n", ""),
-        test_config.MINIMAL.replace('eds = "builtin:gim6010-8"', ""),
-        test_config.MINIMAL.replace("scan_period", "period"),
-        test_config.MINIMAL + "[nodes.1.program]\ndownload = true\n",
-        test_config.MINIMAL + '[axes."a.b"]\nnode = 1\nunit = "increments"\n',
-        test_config.MINIMAL + "[nodes.1.pdo.rpdo513]\n",
-        test_config.MINIMAL + "[nodes.0]\neds = 'x'\n",
-        test_config.MINIMAL + "[[groups]]\naxes = ['x']\n",
+        MINIMAL.replace('unit = "deg"', 'unit = "banana"'),
+        MINIMAL.replace("scale = 364.0888888888889\n", ""),
+        MINIMAL.replace('eds = "builtin:gim6010-8"', ""),
+        MINIMAL.replace("scan_period", "period"),
+        MINIMAL + "[nodes.1.program]\ndownload = true\n",
+        MINIMAL + '[axes."a.b"]\nnode = 1\nunit = "increments"\n',
+        MINIMAL + "[nodes.1.pdo.rpdo513]\n",
+        MINIMAL + "[nodes.0]\neds = 'x'\n",
+        MINIMAL + "[[groups]]\naxes = ['x']\n",
         "",
     ],
     ids=["unit", "scale", "eds", "period", "program", "name", "pdo", "node", "brackets", "empty"],
@@ -132,7 +121,7 @@ def test_structure(text: str) -> None:
 
 @pytest.mark.parametrize("name", ["x", "X-1_y", "é", "\u03b1", "9", "x" * 64])
 def test_names_of_any_language_are_taken(name: str) -> None:
-    text = test_config.MINIMAL.replace("[axes.x]", f'[axes."{name}"]')
+    text = MINIMAL.replace("[axes.x]", f'[axes."{name}"]')
     assert wrong(text) == refused(text) == []
 
 

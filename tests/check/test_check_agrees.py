@@ -12,7 +12,6 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from cells import kit
 
 from axisbus.check.run import check
 from axisbus.errors import AxisbusError, StaleError, UserError
@@ -20,6 +19,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.trajectory import Trapezoid
+from kit import cells
 from kit.corpus import CORPUS
 
 CHECKOUT = Path(__file__).parents[2]
@@ -162,7 +162,7 @@ def test_check_and_machine_agree_on_the_files_that_come_with_axisbus(tmp_path: P
 @pytest.mark.parametrize("index", ["607A", "6081", "6083", "60FF", "6087", "6071", "6098", "6099", "6064"])
 def test_check_and_machine_agree_on_a_drive_that_lacks_an_object(tmp_path: Path, index: str) -> None:
     file = tmp_path / "drive.eds"
-    file.write_text(kit.without(index)(kit.DRIVE), encoding="ascii")
+    file.write_text(cells.without(index)(cells.DRIVE), encoding="ascii")
     seen: Counter[str] = Counter()
     assert disagreements(tmp_path, file, seen) == []
     assert seen["no machine"] == 0

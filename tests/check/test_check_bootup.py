@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cells import kit
 
 from axisbus.cell.reader import loads
+from kit import cells
 
 NODE = "[nodes.1]\n"
 
@@ -60,23 +60,23 @@ def test_a_word_that_is_none_is_told_with_those_that_are():
 
 
 def test_a_date_without_a_time(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, (NODE, NODE + "configuration_date = 2026-03-31\n"))
-    problem = kit.only(path, "error", "configuration_date")
+    path = cells.write(tmp_path, (NODE, NODE + "configuration_date = 2026-03-31\n"))
+    problem = cells.only(path, "error", "configuration_date")
     assert "configuration_date stands alone" in problem.message
 
 
 def test_a_drive_without_1020_is_configured_each_time(tmp_path: Path) -> None:
     lines = "configuration_date = 2026-03-31\nconfiguration_time = 14:30:00\n"
-    problem = kit.only(kit.write(tmp_path, (NODE, NODE + lines)), "warning", "configuration_date")
+    problem = cells.only(cells.write(tmp_path, (NODE, NODE + lines)), "warning", "configuration_date")
     assert "lacks 1020h" in problem.observed
 
 
 def test_a_drive_without_1011_cannot_restore_its_defaults(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, (NODE, NODE + "restore_defaults = true\n"))
-    assert "1011h:01" in kit.only(path, "error", "restore_defaults").observed
+    path = cells.write(tmp_path, (NODE, NODE + "restore_defaults = true\n"))
+    assert "1011h:01" in cells.only(path, "error", "restore_defaults").observed
 
 
 def test_a_group_with_an_optional_node_is_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("[nodes.2]\n", "[nodes.2]\noptional = true\n"))
-    assert kit.serious(path) == []
-    assert "cannot be used while node 2 is not there" in kit.note(path, "cannot be used while").message
+    path = cells.write(tmp_path, ("[nodes.2]\n", "[nodes.2]\noptional = true\n"))
+    assert cells.serious(path) == []
+    assert "cannot be used while node 2 is not there" in cells.note(path, "cannot be used while").message

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cells import kit
 
 from axisbus.check.bus_load import nearest_period, worst_bits
+from kit import cells
 
 NO_GROUP = ('\n[groups.xy]\naxes = ["x", "y"]', "")
 NO_MODES = ('modes = ["pp", "pv", "hm", "csp"]\n', "")
@@ -28,7 +28,7 @@ def test_the_longest_frames_are_those_of_the_standard() -> None:
 def test_the_arithmetic_of_the_bus_load_is_shown(tmp_path: Path) -> None:
     # Node 1: its PDOs as they are (6 bytes, 6 bytes; 7 bytes, 6 bytes). Node 2: 6060h is in no PDO of its, so boot maps RPDO1 to
     # 6040, 6060, 607A (7 bytes) and RPDO2 to 60FF, 6071 (6 bytes). Three heartbeats in 100 ms, each 65 bits.
-    told = kit.note(kit.write(tmp_path), "the bus load is")
+    told = cells.note(cells.write(tmp_path), "the bus load is")
     bits = 55 + 2 * 115 + 125 + 115 + 2 * (125 + 115) + 3 * 65 * 4 / 100
     assert told.message == f"the bus load is {bits / 4000:.0%} at worst"
     assert told.observed.endswith(f"= {bits:.0f} bits, of 1000 kbit/s x 4 ms = 4000 bits")
@@ -46,8 +46,8 @@ def test_the_arithmetic_of_the_bus_load_is_shown(tmp_path: Path) -> None:
 def test_a_bus_that_is_too_full_is_told_with_the_period_that_would_fit(
     tmp_path: Path, bitrate: str, period: str, severity: str, load: str
 ) -> None:
-    path = kit.write(tmp_path, ("bitrate = 1_000_000", f"bitrate = {bitrate}"), ('"4ms"', f'"{period}"'))
-    problem = kit.only(path, severity, "scan_period")
+    path = cells.write(tmp_path, ("bitrate = 1_000_000", f"bitrate = {bitrate}"), ('"4ms"', f'"{period}"'))
+    problem = cells.only(path, severity, "scan_period")
     assert problem.message == f"the bus load is {load} at worst"
     assert "SYNC x 55" in problem.observed
     assert 'a scan_period from "' in problem.remedy
@@ -55,14 +55,14 @@ def test_a_bus_that_is_too_full_is_told_with_the_period_that_would_fit(
 
 def test_the_period_in_the_remedy_fits(tmp_path: Path) -> None:
     slow = ("bitrate = 1_000_000", "bitrate = 250_000")
-    (problem,) = kit.serious(kit.write(tmp_path, slow))
+    (problem,) = cells.serious(cells.write(tmp_path, slow))
     proposed = problem.remedy.split('"')[1]
-    assert kit.serious(kit.write(tmp_path, slow, ('"4ms"', f'"{proposed}"'))) == []
+    assert cells.serious(cells.write(tmp_path, slow, ('"4ms"', f'"{proposed}"'))) == []
 
 
 def test_event_driven_pdos_count_as_often_as_their_inhibit_time_lets_them(tmp_path: Path) -> None:
     # Without SYNC boot gives TPDOs an inhibit time of 5 ms where they have none: 0.8 in a cycle of 4 ms; one is set to 40 ms.
-    path = kit.write(
+    path = cells.write(
         tmp_path,
         ("transmission = 1", 'transmission = 255\ninhibit_time = "40ms"'),
         ("sync = true", "sync = false"),
@@ -70,33 +70,33 @@ def test_event_driven_pdos_count_as_often_as_their_inhibit_time_lets_them(tmp_pa
         NO_MODES,
     )
     bits = 3 * 115 + 125 + 0.8 * (125 + 125 + 115) + 0.1 * 115 + 3 * 65 * 4 / 100
-    assert f"= {bits:.0f} bits" in kit.note(path, "the bus load is").observed
+    assert f"= {bits:.0f} bits" in cells.note(path, "the bus load is").observed
 
 
 def test_a_tpdo_with_every_fourth_sync_counts_a_quarter(tmp_path: Path) -> None:
     # Planned again for every SYNC where it carries a value of motion's; a PDO of something else keeps its own rate.
     other = ('map = ["606C", "6077:00"]\ntransmission = 1', 'map = ["603F"]\ntransmission = 4')
-    told = kit.note(kit.write(tmp_path, other), "the bus load is")
+    told = cells.note(cells.write(tmp_path, other), "the bus load is")
     assert "0.25 TPDO x 75" in told.observed
 
 
 def test_an_unknown_bitrate_is_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("bitrate = 1_000_000\n", ""))
-    assert kit.serious(path) == []
-    assert kit.note(path, "the bus load cannot be worked out").line == kit.line_of(path, "[bus]")
+    path = cells.write(tmp_path, ("bitrate = 1_000_000\n", ""))
+    assert cells.serious(path) == []
+    assert cells.note(path, "the bus load cannot be worked out").line == cells.line_of(path, "[bus]")
 
 
 def test_the_simulation_needs_no_bitrate(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("bitrate = 1_000_000\n", ""), ('"pcan"', '"sim"'))
-    assert not [each for each in kit.notes(path) if "bus load" in each.message]
+    path = cells.write(tmp_path, ("bitrate = 1_000_000\n", ""), ('"pcan"', '"sim"'))
+    assert not [each for each in cells.notes(path) if "bus load" in each.message]
 
 
 # -- the period ------------------------------------------------------------------------------------------------------
 
 
 def test_a_period_that_60c2_cannot_hold_is_told_with_the_nearest(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('"4ms"', '"3.333ms"'))
-    problem = kit.only(path, "warning", '"3.333ms"')
+    path = cells.write(tmp_path, ('"4ms"', '"3.333ms"'))
+    problem = cells.only(path, "warning", '"3.333ms"')
     assert "cyclic modes will be refused on x, y" in problem.message
     assert 'scan_period = "3.3ms"' in problem.remedy
 
@@ -109,12 +109,12 @@ def test_the_nearest_period_is_1_to_255_times_a_power_of_ten(period: float, near
 
 
 def test_any_period_serves_without_cyclic_modes(tmp_path: Path) -> None:
-    assert kit.serious(kit.write(tmp_path, ('"4ms"', '"3.333ms"'), NO_GROUP, NO_MODES)) == []
+    assert cells.serious(cells.write(tmp_path, ('"4ms"', '"3.333ms"'), NO_GROUP, NO_MODES)) == []
 
 
 def test_a_very_short_period_is_only_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('"4ms"', '"900us"'), ("bitrate = 1_000_000\n", ""))
-    problem = kit.only(path, "warning", '"900us"')
+    path = cells.write(tmp_path, ('"4ms"', '"900us"'), ("bitrate = 1_000_000\n", ""))
+    problem = cells.only(path, "warning", '"900us"')
     assert "a scan_period of 0.9 ms is shorter than an ordinary computer keeps" in problem.message
 
 
@@ -122,10 +122,13 @@ def test_a_very_short_period_is_only_warned_of(tmp_path: Path) -> None:
 
 
 def test_a_drive_that_cannot_notice_a_dead_master_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("1016"))
-    found = kit.serious(path)
+    path = cells.write(tmp_path, eds=cells.without("1016"))
+    found = cells.serious(path)
     assert [each.severity.value for each in found] == ["warning", "warning"]
-    assert [each.line for each in found] == [kit.line_of(path, "[nodes.1]"), kit.line_of(path, "[nodes.2]")]
+    assert [each.line for each in found] == [
+        cells.line_of(path, "[nodes.1]"),
+        cells.line_of(path, "[nodes.2]"),
+    ]
     assert "node 1: nothing on this drive notices a dead master" in found[0].message
     assert "neither 1016h" in found[0].observed
 
@@ -135,21 +138,21 @@ def test_node_guarding_is_a_watchdog_too(tmp_path: Path) -> None:
         f"[{index}]\nParameterName={name}\nDataType={kind}\nAccessType=rw\nDefaultValue=0\nPDOMapping=0\n"
         for index, name, kind in (("100C", "Guard time", "0x6"), ("100D", "Life time factor", "0x5"))
     )
-    path = kit.write(tmp_path, eds=kit.both(kit.without("1016"), lambda text: text + guarding))
-    assert kit.serious(path) == []
+    path = cells.write(tmp_path, eds=cells.both(cells.without("1016"), lambda text: text + guarding))
+    assert cells.serious(path) == []
 
 
 def test_a_drive_whose_reaction_is_unknown_is_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("6007"))
-    assert kit.serious(path) == []
-    told = kit.note(path, "axis x: what the drive does when it notices a dead master is unknown")
+    path = cells.write(tmp_path, eds=cells.without("6007"))
+    assert cells.serious(path) == []
+    told = cells.note(path, "axis x: what the drive does when it notices a dead master is unknown")
     assert "has 1016h (consumer heartbeat) but no 6007h" in told.observed
     assert "low speed" in told.remedy
 
 
 def test_a_heartbeat_that_is_off_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('heartbeat = "100ms"', 'heartbeat = "off"'))
-    assert "no drive can notice a dead master" in kit.only(path, "warning", '"off"').message
+    path = cells.write(tmp_path, ('heartbeat = "100ms"', 'heartbeat = "off"'))
+    assert "no drive can notice a dead master" in cells.only(path, "warning", '"off"').message
 
 
 @pytest.mark.parametrize(
@@ -161,13 +164,13 @@ def test_a_heartbeat_that_is_off_is_warned_of(tmp_path: Path) -> None:
     ],
 )
 def test_a_heartbeat_that_cannot_be_is_refused(tmp_path: Path, written: str, words: str, remedy: str) -> None:
-    path = kit.write(tmp_path, ('heartbeat = "100ms"', f'heartbeat = "{written}"'))
-    problem = kit.only(path, "error", f'"{written}"')
+    path = cells.write(tmp_path, ('heartbeat = "100ms"', f'heartbeat = "{written}"'))
+    problem = cells.only(path, "error", f'"{written}"')
     assert words in problem.message
     assert remedy in problem.remedy
 
 
 def test_a_node_without_heartbeat_is_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("1017"))
-    assert kit.serious(path) == []
-    assert "lacks 1017h" in kit.note(path, "node 1 sends no heartbeat").observed
+    path = cells.write(tmp_path, eds=cells.without("1017"))
+    assert cells.serious(path) == []
+    assert "lacks 1017h" in cells.note(path, "node 1 sends no heartbeat").observed

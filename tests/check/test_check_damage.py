@@ -6,7 +6,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from cells import kit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -17,11 +16,12 @@ from axisbus.check import devices
 from axisbus.check.run import check, check_cell
 from axisbus.eds.model import Severity
 from axisbus.errors import ConfigError
+from kit import cells
 
-LINES = kit.CLEAN.split("\n")
+LINES = cells.CLEAN.split("\n")
 # A busy computer is no failure.
 PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
-FILE = str(kit.HERE / "cell.toml")  # beside the EDS that it names
+FILE = str(cells.HERE / "cell.toml")  # beside the EDS that it names
 
 VALUES = st.one_of(
     st.integers(-(2**70), 2**70).map(str),
@@ -136,12 +136,12 @@ def test_any_bytes(data: bytes) -> None:
         raise AssertionError("200 bytes are no cell")
 
 
-@given(st.integers(0, len(kit.CLEAN)), st.integers(0, 20))
+@given(st.integers(0, len(cells.CLEAN)), st.integers(0, 20))
 @settings(PATIENT, max_examples=200)
 def test_a_file_cut_short_or_with_a_hole(start: int, length: int) -> None:
-    examine(kit.CLEAN[:start] + kit.CLEAN[start + length :])
-    examine(kit.CLEAN[:start])
+    examine(cells.CLEAN[:start] + cells.CLEAN[start + length :])
+    examine(cells.CLEAN[:start])
 
 
 def test_the_clean_cell_itself_is_clean() -> None:
-    assert {problem.severity for problem in examine(kit.CLEAN)} == {Severity.NOTE}
+    assert {problem.severity for problem in examine(cells.CLEAN)} == {Severity.NOTE}

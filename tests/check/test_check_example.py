@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cells import kit
 
 from axisbus import eds
 from axisbus.cell import reader as config
@@ -14,6 +13,7 @@ from axisbus.check.run import check
 from axisbus.eds import builtin
 from axisbus.eds.model import Severity
 from axisbus.errors import EdsError
+from kit import cells
 from kit.corpus import CORPUS
 
 CHECKOUT = Path(__file__).parents[2]
@@ -94,7 +94,7 @@ def test_a_short_cell_is_told_that_its_drives_would_coast(tmp_path: Path) -> Non
 def test_any_makers_file_can_be_checked_and_turned_into_parameters(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     for file in FILES:
-        path.write_text(kit.CLEAN.replace('"drive.eds"', f"'{file}'"))
+        path.write_text(cells.CLEAN.replace('"drive.eds"', f"'{file}'"))
         problems = check(path)
         assert problems
         cell, _ = config.read(path)

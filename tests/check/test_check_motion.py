@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cells import kit
+
+from kit import cells
 
 NO_MODES = ('modes = ["pp", "pv", "hm", "csp"]\n', "")
 
@@ -13,11 +14,11 @@ NO_MODES = ('modes = ["pp", "pv", "hm", "csp"]\n', "")
 
 
 def test_each_axis_is_told_what_it_can_run(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("6071", "6087"))
-    told = kit.note(path, "axis x can run")
+    path = cells.write(tmp_path, eds=cells.without("6071", "6087"))
+    told = cells.note(path, "axis x can run")
     assert told.message == "axis x can run pp, pv, hm, csp"
     assert told.observed.startswith("6502h claims tq, but 6071h is missing; ")
-    assert told.line == kit.line_of(path, "[axes.x]")
+    assert told.line == cells.line_of(path, "[axes.x]")
 
 
 @pytest.mark.parametrize(
@@ -31,9 +32,9 @@ def test_a_mode_that_is_asked_for_has_its_objects(
     tmp_path: Path, change: tuple[str, str], marker: str, reason: str
 ) -> None:
     without_x = ("method = 17\nspeed_switch = 20.0\nspeed_zero = 2.0\nacceleration = 500.0\n", "")
-    path = kit.write(tmp_path, change, without_x, ('"609A" = 500000', ""), eds=kit.without("6098"))
-    errors = [each for each in kit.serious(path) if each.severity.value == "error"]
-    assert [each.line for each in errors] == [kit.line_of(path, marker)]
+    path = cells.write(tmp_path, change, without_x, ('"609A" = 500000', ""), eds=cells.without("6098"))
+    errors = [each for each in cells.serious(path) if each.severity.value == "error"]
+    assert [each.line for each in errors] == [cells.line_of(path, marker)]
     assert f"axis y: hm (homing) is asked for by {reason}, but cannot be run" in errors[0].message
     assert "lacks 6098h (homing method)" in errors[0].observed
     assert "home will not be there" in errors[0].remedy
@@ -42,11 +43,11 @@ def test_a_mode_that_is_asked_for_has_its_objects(
 def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
     """Where csp is left, they serve its trajectories, and only move_absolute and the like are missed."""
     for gone, severity in ((("6083",), "warning"), (("6083", "6064"), "error")):
-        path = kit.write(tmp_path, NO_MODES, eds=kit.without(*gone))
-        told = [each for each in kit.serious(path) if "is asked for by velocity in" in each.message]
+        path = cells.write(tmp_path, NO_MODES, eds=cells.without(*gone))
+        told = [each for each in cells.serious(path) if "is asked for by velocity in" in each.message]
         assert [each.line for each in told] == [
-            kit.line_of(path, "velocity = 100.0"),
-            kit.line_of(path, "velocity = 90.0"),
+            cells.line_of(path, "velocity = 100.0"),
+            cells.line_of(path, "velocity = 90.0"),
         ]
         assert {each.severity.value for each in told} == {severity}
         assert "lacks 6083h (profile acceleration)" in told[0].observed
@@ -67,9 +68,9 @@ def test_modes_are_those_that_objects_and_6502h_show(
     tmp_path: Path, claimed: str, gone: tuple[str, ...], runs: str, doubt: str
 ) -> None:
     def file(text: str) -> str:
-        return kit.without(*gone)(text).replace("DefaultValue=0xAD", f"DefaultValue={claimed}")
+        return cells.without(*gone)(text).replace("DefaultValue=0xAD", f"DefaultValue={claimed}")
 
-    told = kit.note(kit.write(tmp_path, eds=file), "axis x can run")
+    told = cells.note(cells.write(tmp_path, eds=file), "axis x can run")
     assert told.message == f"axis x can run {runs}"
     assert doubt in told.observed
 
@@ -81,8 +82,8 @@ def test_a_drive_without_6099h_can_home_where_no_speed_is_needed(
     tmp_path: Path, method: int, is_error: bool
 ) -> None:
     change = ("method = 17\nspeed_switch = 20.0\nspeed_zero = 2.0", f"method = {method}")
-    path = kit.write(tmp_path, change, eds=kit.without("6099"))
-    errors = [each for each in kit.serious(path) if each.severity.value == "error"]
+    path = cells.write(tmp_path, change, eds=cells.without("6099"))
+    errors = [each for each in cells.serious(path) if each.severity.value == "error"]
     assert any("6099h (homing speeds)" in each.observed for each in errors) is is_error
     assert bool(errors) is is_error
 
@@ -95,59 +96,62 @@ def test_a_handshake_by_sight_needs_something_to_be_seen(
 ) -> None:
     """The bench's drive has no 6062h."""
     change = ('unit = "deg"', 'unit = "deg"\nhandshake = "on-change"')
-    path = kit.write(tmp_path, change, eds=kit.without(*gone))
-    told = [each for each in kit.serious(path) if "on-change" in each.message]
-    assert [each.line for each in told] == [kit.line_of(path, "handshake =")]
+    path = cells.write(tmp_path, change, eds=cells.without(*gone))
+    told = [each for each in cells.serious(path) if "on-change" in each.message]
+    assert [each.line for each in told] == [cells.line_of(path, "handshake =")]
     assert hint in told[0].observed
 
 
 def test_a_handshake_by_bit_12_needs_nothing_to_be_seen(tmp_path: Path) -> None:
-    assert not [each for each in kit.serious(kit.write(tmp_path)) if "on-change" in each.message]
+    assert not [each for each in cells.serious(cells.write(tmp_path)) if "on-change" in each.message]
 
 
 def test_a_group_without_csp_is_warned_that_move_linear_will_be_refused(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('"hm", "csp"]', '"hm"]'))
-    problem = kit.only(path, "warning", 'axes = ["x", "y"]')
+    path = cells.write(tmp_path, ('"hm", "csp"]', '"hm"]'))
+    problem = cells.only(path, "warning", 'axes = ["x", "y"]')
     assert "group xy: move_linear will be refused, because axis y cannot run csp" in problem.message
-    assert f"modes at line {kit.line_of(path, 'modes =')} leaves it out" in problem.observed
+    assert f"modes at line {cells.line_of(path, 'modes =')} leaves it out" in problem.observed
 
 
 def test_a_group_without_sync_is_warned_that_move_linear_will_be_refused(tmp_path: Path) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path, NO_MODES, ("sync = true", "sync = false"), ("transmission = 1", "transmission = 255")
     )
-    problem = kit.only(path, "warning", 'axes = ["x", "y"]')
+    problem = cells.only(path, "warning", 'axes = ["x", "y"]')
     assert "because the bus has no SYNC" in problem.message
     assert "line 8" in problem.observed
 
 
 def test_cyclic_modes_are_refused_without_sync(tmp_path: Path) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path,
         ("sync = true", "sync = false"),
         ("transmission = 1", "transmission = 255"),
         ('\n[groups.xy]\naxes = ["x", "y"]', ""),
     )
-    problem = kit.only(path, "error", "modes =")
+    problem = cells.only(path, "error", "modes =")
     assert "axis y: csp take their targets at SYNC, and the bus has none" in problem.message
 
 
 def test_homing_that_the_modes_leave_out_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('"hm", "csp"]', '"csp"]'))
-    assert 'add "hm"' in kit.only(path, "warning", "modes =").remedy
+    path = cells.write(tmp_path, ('"hm", "csp"]', '"csp"]'))
+    assert 'add "hm"' in cells.only(path, "warning", "modes =").remedy
 
 
 def test_a_mode_that_6502_does_not_claim_is_only_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.entry("6502", DefaultValue="0x8D"))  # hm's bit 5 left out
-    assert kit.serious(path) == []
-    found = [each for each in kit.notes(path) if "is not claimed by the drive" in each.message]
-    assert {each.line for each in found} == {kit.line_of(path, "method = 17"), kit.line_of(path, "modes =")}
+    path = cells.write(tmp_path, eds=cells.entry("6502", DefaultValue="0x8D"))  # hm's bit 5 left out
+    assert cells.serious(path) == []
+    found = [each for each in cells.notes(path) if "is not claimed by the drive" in each.message]
+    assert {each.line for each in found} == {
+        cells.line_of(path, "method = 17"),
+        cells.line_of(path, "modes ="),
+    }
     assert "claims pp, pv, tq, csp" in found[0].observed
 
 
 def test_a_drive_whose_mode_cannot_be_switched_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("6060"))
-    found = kit.serious(path)
+    path = cells.write(tmp_path, eds=cells.without("6060"))
+    found = cells.serious(path)
     assert [each.severity.value for each in found] == ["warning", "warning"]
     assert "lacks 6060h (modes of operation)" in found[0].observed
 
@@ -236,20 +240,20 @@ def test_a_drive_whose_mode_cannot_be_switched_is_warned_of(tmp_path: Path) -> N
 def test_numbers_agree_with_each_other_and_with_their_objects(
     tmp_path: Path, old: str, new: str, words: str, observed: str
 ) -> None:
-    path = kit.write(tmp_path, (old, new))
-    found = [each for each in kit.serious(path) if words in each.message]
-    assert len(found) == 1, list(map(str, kit.serious(path)))
+    path = cells.write(tmp_path, (old, new))
+    found = [each for each in cells.serious(path) if words in each.message]
+    assert len(found) == 1, list(map(str, cells.serious(path)))
     assert found[0].severity.value == ("warning" if "max_velocity =" in words else "error")
     assert observed in found[0].observed
     assert found[0].remedy
-    changed = kit.changed(kit.CLEAN, (old, new)).split("\n")
+    changed = cells.changed(cells.CLEAN, (old, new)).split("\n")
     line = changed[found[0].line - 1]
     assert line.split(" = ")[0] in words or line.startswith("method"), line
 
 
 def test_the_limits_of_the_eds_hold_in_increments(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, NO_MODES, eds=kit.entry("6081", LowLimit="0", HighLimit="99999"))
-    problems = [each for each in kit.serious(path) if each.line == kit.line_of(path, "velocity = 100.0")]
+    path = cells.write(tmp_path, NO_MODES, eds=cells.entry("6081", LowLimit="0", HighLimit="99999"))
+    problems = [each for each in cells.serious(path) if each.line == cells.line_of(path, "velocity = 100.0")]
     assert [each.severity.value for each in problems] == ["error"]
     assert "lies outside the drive's own limits of 6081h" in problems[0].message
     assert "it is 100000 increments" in problems[0].observed
@@ -257,59 +261,63 @@ def test_the_limits_of_the_eds_hold_in_increments(tmp_path: Path) -> None:
 
 
 def test_a_number_below_one_increment_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("speed_zero = 2.0", "speed_zero = 0.0004"))
-    problem = kit.only(path, "warning", "speed_zero = 0.0004")
+    path = cells.write(tmp_path, ("speed_zero = 2.0", "speed_zero = 0.0004"))
+    problem = cells.only(path, "warning", "speed_zero = 0.0004")
     assert "less than one increment of 6099h:02" in problem.message
     assert "0.0004 mm/s x 1000 = 0.4; the drive gets 1" in problem.observed
 
 
 def test_the_drives_own_position_limits_are_compared(tmp_path: Path) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path,
-        eds=kit.both(kit.entry("607Dsub1", DefaultValue="0"), kit.entry("607Dsub2", DefaultValue="400000")),
+        eds=cells.both(
+            cells.entry("607Dsub1", DefaultValue="0"), cells.entry("607Dsub2", DefaultValue="400000")
+        ),
     )
-    problem = kit.only(path, "warning", "position_limits")
+    problem = cells.only(path, "warning", "position_limits")
     assert "607Dh is 0 to 400000 increments, 0 to 400 mm" in problem.observed
 
 
 def test_limits_that_the_cell_writes_itself_are_the_ones_compared(tmp_path: Path) -> None:
     wide = ('"609A" = 500000', '"607D:01" = -1000\n"607D:02" = 600000')
-    eds = kit.both(kit.entry("607Dsub1", DefaultValue="0"), kit.entry("607Dsub2", DefaultValue="400000"))
-    assert kit.serious(kit.write(tmp_path, wide, eds=eds)) == []
+    eds = cells.both(
+        cells.entry("607Dsub1", DefaultValue="0"), cells.entry("607Dsub2", DefaultValue="400000")
+    )
+    assert cells.serious(cells.write(tmp_path, wide, eds=eds)) == []
 
 
 def test_the_drives_own_maximum_velocity_is_compared(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.entry("607F", DefaultValue="50000"))
-    problem = kit.only(path, "warning", "velocity = 100.0")
+    path = cells.write(tmp_path, eds=cells.entry("607F", DefaultValue="50000"))
+    problem = cells.only(path, "warning", "velocity = 100.0")
     assert "607Fh (max profile velocity) is 50000 after boot, 50 mm/s" in problem.observed
     assert '"607F" in [axes.x.objects]' in problem.remedy
 
 
 def test_a_direction_is_not_turned_twice(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.entry("607E", DefaultValue="0x80"))
-    problem = kit.only(path, "error", 'invert = "master"')
+    path = cells.write(tmp_path, eds=cells.entry("607E", DefaultValue="0x80"))
+    problem = cells.only(path, "error", 'invert = "master"')
     assert "turned twice" in problem.message
     assert "607Eh (polarity) is 80h after boot" in problem.observed
 
 
 def test_whether_the_drive_turns_torque_is_noted_as_uncertain(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('invert = "master"', 'invert = "drive"'))
-    assert kit.serious(path) == []
-    assert "small torque" in kit.note(path, "axis y: whether the drive turns torque").remedy
+    path = cells.write(tmp_path, ('invert = "master"', 'invert = "drive"'))
+    assert cells.serious(path) == []
+    assert "small torque" in cells.note(path, "axis y: whether the drive turns torque").remedy
 
 
 def test_a_reserved_homing_method_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("method = 17", "method = 15"))
-    assert "homing method 15 is reserved" in kit.only(path, "warning", "method = 15").message
+    path = cells.write(tmp_path, ("method = 17", "method = 15"))
+    assert "homing method 15 is reserved" in cells.only(path, "warning", "method = 15").message
 
 
 def test_a_makers_homing_method_is_taken(tmp_path: Path) -> None:
-    assert kit.serious(kit.write(tmp_path, ("method = 17", "method = -3"))) == []
+    assert cells.serious(cells.write(tmp_path, ("method = 17", "method = -3"))) == []
 
 
 def test_the_search_for_the_zero_is_the_slow_one(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("speed_zero = 2.0", "speed_zero = 30.0"))
-    assert "30 against 20 mm/s" in kit.only(path, "warning", "speed_zero = 30.0").observed
+    path = cells.write(tmp_path, ("speed_zero = 2.0", "speed_zero = 30.0"))
+    assert "30 against 20 mm/s" in cells.only(path, "warning", "speed_zero = 30.0").observed
 
 
 # -- stopping --------------------------------------------------------------------------------------------------------
@@ -331,12 +339,12 @@ def test_the_search_for_the_zero_is_the_slow_one(tmp_path: Path) -> None:
 def test_a_reaction_of_0_is_said_in_plain_words(
     tmp_path: Path, index: str, option: str, plain: str, word: str
 ) -> None:
-    path = kit.write(tmp_path, eds=kit.entry(index, DefaultValue="0"))
-    found = kit.serious(path)
+    path = cells.write(tmp_path, eds=cells.entry(index, DefaultValue="0"))
+    found = cells.serious(path)
     assert [each.severity.value for each in found] == ["warning", "warning"]
     assert [each.line for each in found] == [
-        kit.line_of(path, "[axes.x.stop]"),
-        kit.line_of(path, "[axes.y]"),
+        cells.line_of(path, "[axes.x.stop]"),
+        cells.line_of(path, "[axes.y]"),
     ]
     assert f"axis x: {option}: {plain}" in found[0].message
     assert f"{index}h" in found[0].observed
@@ -345,72 +353,79 @@ def test_a_reaction_of_0_is_said_in_plain_words(
 
 
 def test_a_word_that_is_set_silences_the_warning(tmp_path: Path) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path,
         ("halt_time", 'fault = "ramp"\nhalt_time'),
         ("[groups.xy]", '[axes.y.stop]\nfault = "ramp"\n[groups.xy]'),
-        eds=kit.entry("605E", DefaultValue="0"),
+        eds=cells.entry("605E", DefaultValue="0"),
     )
-    assert kit.serious(path) == []
+    assert cells.serious(path) == []
 
 
 def test_coasting_that_is_asked_for_is_warned_of_at_its_line(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('halt = "slow-ramp"', 'halt = "slow-ramp"\nfault = "coast"'))
-    problem = kit.only(path, "warning", 'fault = "coast"')
+    path = cells.write(tmp_path, ('halt = "slow-ramp"', 'halt = "slow-ramp"\nfault = "coast"'))
+    problem = cells.only(path, "warning", 'fault = "coast"')
     assert "605Eh (fault reaction option code) is 0 by fault in [axes.x.stop]" in problem.observed
 
 
 def test_an_axis_that_holds_a_load_must_not_coast(tmp_path: Path) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path,
         ("scale = 1000", 'scale = 1000\nholds_load = "brake"'),
         ('halt = "slow-ramp"', 'fault = "coast"'),
     )
-    problem = kit.only(path, "error", 'fault = "coast"')
+    problem = cells.only(path, "error", 'fault = "coast"')
     assert "axis x: fault: the motor coasts" in problem.message
     assert "and the axis holds a load" in problem.message
 
 
 def test_an_axis_held_by_its_motor_stays_energised_after_a_quick_stop(tmp_path: Path) -> None:
     holds = ("scale = 1000", 'scale = 1000\nholds_load = "torque"')
-    path = kit.write(tmp_path, holds)
-    problem = kit.only(path, "error", 'quick_stop = "ramp"')
+    path = cells.write(tmp_path, holds)
+    problem = cells.only(path, "error", 'quick_stop = "ramp"')
     assert "after a quick stop nothing holds the load" in problem.message
     assert 'quick_stop = "ramp-hold" in [axes.x.stop]' in problem.remedy
-    assert kit.serious(kit.write(tmp_path, holds, ('quick_stop = "ramp"', 'quick_stop = "ramp-hold"'))) == []
+    assert (
+        cells.serious(cells.write(tmp_path, holds, ('quick_stop = "ramp"', 'quick_stop = "ramp-hold"'))) == []
+    )
 
 
 def test_a_quick_stop_ramp_needs_a_slope(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("deceleration = 4000.0\n", ""), eds=kit.entry("6085", DefaultValue="0"))
-    found = kit.serious(path)
+    path = cells.write(tmp_path, ("deceleration = 4000.0\n", ""), eds=cells.entry("6085", DefaultValue="0"))
+    found = cells.serious(path)
     assert [each.severity.value for each in found] == ["warning", "warning"]
-    assert found[0].line == kit.line_of(path, 'quick_stop = "ramp"')
+    assert found[0].line == cells.line_of(path, 'quick_stop = "ramp"')
     assert "axis x: quick stop, fault: the quick-stop ramp has a deceleration of 0" in found[0].message
     assert "6085h (quick stop deceleration) is 0 after boot" in found[0].observed
     assert "deceleration = ... (mm/s²) in [axes.x.stop]" in found[0].remedy
 
 
 def test_a_quick_stop_deceleration_that_nothing_uses_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('quick_stop = "ramp"', 'quick_stop = "slow-ramp"\nfault = "slow-ramp"'))
-    assert "has no effect" in kit.only(path, "warning", "deceleration = 4000.0").message
+    path = cells.write(tmp_path, ('quick_stop = "ramp"', 'quick_stop = "slow-ramp"\nfault = "slow-ramp"'))
+    assert "has no effect" in cells.only(path, "warning", "deceleration = 4000.0").message
 
 
 def test_reactions_that_cannot_be_set_are_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.without("605E"))
-    assert kit.serious(path) == []
-    told = [each for each in kit.notes(path) if "what the drive does on fault cannot be set" in each.message]
-    assert [each.line for each in told] == [kit.line_of(path, "[axes.x.stop]"), kit.line_of(path, "[axes.y]")]
+    path = cells.write(tmp_path, eds=cells.without("605E"))
+    assert cells.serious(path) == []
+    told = [
+        each for each in cells.notes(path) if "what the drive does on fault cannot be set" in each.message
+    ]
+    assert [each.line for each in told] == [
+        cells.line_of(path, "[axes.x.stop]"),
+        cells.line_of(path, "[axes.y]"),
+    ]
 
 
 def test_reactions_without_a_default_are_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, eds=kit.entry("605E", DefaultValue=""))
-    assert kit.serious(path) == []
-    assert "no default" in kit.note(path, "axis x: what the drive does on fault is not known").observed
+    path = cells.write(tmp_path, eds=cells.entry("605E", DefaultValue=""))
+    assert cells.serious(path) == []
+    assert "no default" in cells.note(path, "axis x: what the drive does on fault is not known").observed
 
 
 def test_a_rung_of_the_ladder_is_long_enough_to_brake(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('halt_time = "2s"', 'halt_time = "150ms"'))
-    problem = kit.only(path, "warning", 'halt_time = "150ms"')
+    path = cells.write(tmp_path, ('halt_time = "2s"', 'halt_time = "150ms"'))
+    problem = cells.only(path, "warning", 'halt_time = "150ms"')
     assert "200 mm/s with the default deceleration, 1000 mm/s², takes 0.2 s; after 0.15 s" in problem.observed
     assert 'halt_time = "0.3s"' in problem.remedy
 
@@ -419,57 +434,59 @@ def test_a_rung_of_the_ladder_is_long_enough_to_brake(tmp_path: Path) -> None:
 
 
 def test_missing_defaults_are_told_with_the_commands_that_need_them(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("velocity = 90.0\nacceleration = 720.0\n", ""))
-    problem = kit.only(path, "warning", "[axes.y.defaults]")
+    path = cells.write(tmp_path, ("velocity = 90.0\nacceleration = 720.0\n", ""))
+    problem = cells.only(path, "warning", "[axes.y.defaults]")
     assert "axis y has no default velocity and acceleration" in problem.message
     assert "every call of moves must give them" in problem.observed
     assert "add velocity = ..., acceleration = ... to [axes.y.defaults]" in problem.remedy
 
 
 def test_a_missing_acceleration_alone_is_told(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("acceleration = 720.0\n", ""))
-    problem = kit.only(path, "warning", "[axes.y.defaults]")
+    path = cells.write(tmp_path, ("acceleration = 720.0\n", ""))
+    problem = cells.only(path, "warning", "[axes.y.defaults]")
     assert "axis y has no default acceleration" in problem.message
     assert "every call of moves, move_velocity and jog must give it" in problem.observed
 
 
 def test_torque_without_rated_torque_is_noted(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, NO_MODES, ("rated_torque = 2.0\nmodulo", "modulo"))
-    assert kit.serious(path) == []
-    assert kit.note(path, "axis y: torque_control needs rated_torque").line == kit.line_of(path, "[axes.y]")
+    path = cells.write(tmp_path, NO_MODES, ("rated_torque = 2.0\nmodulo", "modulo"))
+    assert cells.serious(path) == []
+    assert cells.note(path, "axis y: torque_control needs rated_torque").line == cells.line_of(
+        path, "[axes.y]"
+    )
 
 
 def test_an_axis_that_must_be_homed_has_a_method(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("method = 17\n", ""))
-    problem = kit.only(path, "warning", "[axes.x.homing]")
+    path = cells.write(tmp_path, ("method = 17\n", ""))
+    problem = cells.only(path, "warning", "[axes.x.homing]")
     assert "axis x must be homed before absolute moves, and has no homing method" in problem.message
     assert "position_limits are set" in problem.observed
     assert "required = false" in problem.remedy
-    assert kit.serious(kit.write(tmp_path, ("method = 17\n", "required = false\n"))) == []
+    assert cells.serious(cells.write(tmp_path, ("method = 17\n", "required = false\n"))) == []
 
 
 def test_a_velocity_scale_alone_is_warned_of(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ("scale = 1000", "scale = 1000\nvelocity_scale = 60"))
-    problem = kit.only(path, "warning", "velocity_scale = 60")
+    path = cells.write(tmp_path, ("scale = 1000", "scale = 1000\nvelocity_scale = 60"))
+    problem = cells.only(path, "warning", "velocity_scale = 60")
     assert "velocity_scale is 60, acceleration is converted by 1000 increments per mm" in problem.observed
 
 
 def test_an_axis_in_increments_is_told_how_its_deadlines_are_made(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, ('unit = "mm"\nscale = 1000', 'unit = "increments"'))
-    assert kit.serious(path) == []
-    assert kit.note(path, "axis x: without velocity_scale").line == kit.line_of(path, '"increments"')
+    path = cells.write(tmp_path, ('unit = "mm"\nscale = 1000', 'unit = "increments"'))
+    assert cells.serious(path) == []
+    assert cells.note(path, "axis x: without velocity_scale").line == cells.line_of(path, '"increments"')
 
 
 def test_limits_in_drive_says_what_it_cannot_leave_there(tmp_path: Path) -> None:
     given = "max_torque = 4.0", "max_torque = 4.0\nlimits_in_drive = true"
-    path = kit.write(tmp_path, given, eds=kit.without("607F"))
-    told = [each for each in kit.serious(path) if "cannot be left in the drive" in each.message]
+    path = cells.write(tmp_path, given, eds=cells.without("607F"))
+    told = [each for each in cells.serious(path) if "cannot be left in the drive" in each.message]
     assert [each.message.rpartition(" as ")[2][:5] for each in told] == ["607Fh", "6080h", "6072h"]
     assert {each.observed for each in told} == {"the drive has no such object"}
     assert [each.line for each in told][1:] == [
-        kit.line_of(path, "max_velocity"),
-        kit.line_of(path, "max_torque"),
+        cells.line_of(path, "max_velocity"),
+        cells.line_of(path, "max_torque"),
     ]
-    assert kit.note(path, "607Dh counts from the drive's own zero").line == kit.line_of(
+    assert cells.note(path, "607Dh counts from the drive's own zero").line == cells.line_of(
         path, "limits_in_drive"
     )

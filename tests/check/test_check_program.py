@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cells import kit
 
 from axisbus.cell import reader as config
 from axisbus.cell.program_file import wanted_program
 from axisbus.errors import ConfigError
-from loader_eds import with_loader
+from kit import cells
+from kit.eds.loader import with_loader
 
 HEAD = "[nodes.2]\n"
 DATE = "date_time = 2026-03-01T12:00:00\n"
@@ -21,7 +21,7 @@ def cell(folder: Path, lines: str, *without: int, data: bytes | None = b"1234567
     if data is not None:
         (folder / "firmware.bin").write_bytes(data)
     changes = (HEAD, f"[nodes.1.program]\n{lines}{HEAD}")
-    return kit.write(folder, changes, eds=lambda text: with_loader(text, *without))
+    return cells.write(folder, changes, eds=lambda text: with_loader(text, *without))
 
 
 def node(lines: str):
@@ -99,26 +99,26 @@ def test_a_key_that_stands_in_the_table_of_the_node_is_sent_to_its_own():
 
 def test_a_sound_program_is_noted_with_its_size_and_how_long_it_may_take(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n", data=bytes(900_000))
-    assert kit.serious(path) == []
-    noted = kit.note(path, "boot replaces its program")
-    assert noted.line == kit.line_of(path, "download = true")
+    assert cells.serious(path) == []
+    noted = cells.note(path, "boot replaces its program")
+    assert noted.line == cells.line_of(path, "download = true")
     assert noted.observed == "900000 bytes; each part of it may take 90 s (no deadline is given: by the size)"
 
 
 def test_a_small_one_may_take_a_minute_all_the_same(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n")
-    assert "may take 60 s (no deadline" in kit.note(path, "boot replaces its program").observed
+    assert "may take 60 s (no deadline" in cells.note(path, "boot replaces its program").observed
 
 
 def test_a_deadline_that_is_given_holds(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\ndeadline = '5s'\n")
-    assert kit.note(path, "boot replaces").observed == "8 bytes; each part of it may take 5 s"
+    assert cells.note(path, "boot replaces").observed == "8 bytes; each part of it may take 5 s"
 
 
 @pytest.mark.parametrize("download", ["true", "false"])
 def test_a_file_that_is_not_there(tmp_path, download):
     path = cell(tmp_path, DATE + f"file = 'firmware.bin'\ndownload = {download}\n", data=None)
-    problem = kit.only(path, "error", "firmware.bin")
+    problem = cells.only(path, "error", "firmware.bin")
     assert problem.message == "node 1: the program 'firmware.bin' cannot be read"
     assert problem.observed == f"there is no {tmp_path / 'firmware.bin'}"
 
@@ -126,23 +126,23 @@ def test_a_file_that_is_not_there(tmp_path, download):
 def test_a_file_that_is_a_folder(tmp_path):
     (tmp_path / "firmware.bin").mkdir()
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n", data=None)
-    assert "is a folder" in kit.only(path, "error", "firmware.bin").observed
+    assert "is a folder" in cells.only(path, "error", "firmware.bin").observed
 
 
 def test_a_file_that_is_empty(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n", data=b"")
-    assert kit.only(path, "error", "firmware.bin").message == "node 1: the program 'firmware.bin' is empty"
+    assert cells.only(path, "error", "firmware.bin").message == "node 1: the program 'firmware.bin' is empty"
 
 
 def test_a_download_without_a_file(tmp_path):
     path = cell(tmp_path, DATE + "download = true\n")
-    assert "no file is given" in kit.only(path, "error", "download = true").message
+    assert "no file is given" in cells.only(path, "error", "download = true").message
 
 
 def test_a_file_that_is_never_used_is_noted(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\n")
-    assert kit.serious(path) == []
-    assert "never replaced" in kit.note(path, "the file of its program is not used").observed
+    assert cells.serious(path) == []
+    assert "never replaced" in cells.note(path, "the file of its program is not used").observed
 
 
 def test_a_file_that_vanishes_between_check_and_boot_is_told_with_its_line(tmp_path):
@@ -151,29 +151,29 @@ def test_a_file_that_vanishes_between_check_and_boot_is_told_with_its_line(tmp_p
     (tmp_path / "firmware.bin").unlink()
     with pytest.raises(ConfigError) as caught:
         wanted_program(made, made.nodes[1])
-    assert caught.value.line == kit.line_of(path, "firmware.bin")
+    assert caught.value.line == cells.line_of(path, "firmware.bin")
 
 
 # -- the device ------------------------------------------------------------------------------------------------------------
 
 
 def test_a_drive_that_does_not_say_which_program_it_has(tmp_path):
-    problem = kit.only(cell(tmp_path, DATE, 0x1F52), "warning", "[nodes.1.program]")
+    problem = cells.only(cell(tmp_path, DATE, 0x1F52), "warning", "[nodes.1.program]")
     assert "1F52h:01, 1F52h:02" in problem.observed
     assert "letter G" in problem.remedy
 
 
 def test_a_drive_that_has_no_identification_of_its_program(tmp_path):
-    problem = kit.only(cell(tmp_path, "identification = 17\n", 0x1F56), "warning", "[nodes.1.program]")
+    problem = cells.only(cell(tmp_path, "identification = 17\n", 0x1F56), "warning", "[nodes.1.program]")
     assert "lacks 1F56h:01" in problem.observed
-    assert kit.serious(cell(tmp_path, "identification = 17\n", 0x1F52)) == []
+    assert cells.serious(cell(tmp_path, "identification = 17\n", 0x1F52)) == []
 
 
 def test_a_drive_whose_program_cannot_be_loaded(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n", 0x1F50)
-    problem = kit.only(path, "warning", "download = true")
+    problem = cells.only(path, "warning", "download = true")
     assert "lacks 1F50h:01" in problem.observed
 
 
 def test_a_drive_that_is_only_checked_needs_no_loader(tmp_path):
-    assert kit.serious(cell(tmp_path, DATE, 0x1F50, 0x1F51, 0x1F56, 0x1F57)) == []
+    assert cells.serious(cell(tmp_path, DATE, 0x1F50, 0x1F51, 0x1F56, 0x1F57)) == []

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cells import kit
 
 from axisbus.cell import reader as config
+from kit import cells
 
 SYNC = "sync = true\n"
 
@@ -30,7 +30,7 @@ def bus(*lines: str) -> tuple[str, str]:
 
 
 def test_the_defaults_are_those_of_the_standard(tmp_path: Path) -> None:
-    read = config.load(kit.write(tmp_path)).bus
+    read = config.load(cells.write(tmp_path)).bus
     assert (read.sync_cob_id, read.time_cob_id, read.sync_counter, read.sync_producer) == (
         0x80,
         0x100,
@@ -49,7 +49,7 @@ def test_everything_that_may_be_said_is_read(tmp_path: Path) -> None:
         'time = "1s"',
         "time_cob_id = 0x104",
     )
-    read = config.read(kit.write(tmp_path, bus(*lines)))[0]
+    read = config.read(cells.write(tmp_path, bus(*lines)))[0]
     assert read is not None
     assert (read.bus.sync_cob_id, read.bus.sync_counter, read.bus.sync_timeout) == (0x90, 240, 0.02)
     assert (read.bus.time, read.bus.time_cob_id, read.bus.hears_sync) == (1.0, 0x104, True)
@@ -68,44 +68,44 @@ def test_everything_that_may_be_said_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_a_value_that_cannot_be_is_one_error(tmp_path: Path, line: str, words: str) -> None:
-    assert words in str(kit.only(kit.write(tmp_path, bus(line)), "error", line))
+    assert words in str(cells.only(cells.write(tmp_path, bus(line)), "error", line))
 
 
 @pytest.mark.parametrize("cob_id", ["6E0", "105", "780"])
 def test_sync_keeps_off_the_restricted_identifiers(tmp_path: Path, cob_id: str) -> None:
     line = f"sync_cob_id = 0x{cob_id}"
-    problem = kit.only(kit.write(tmp_path, bus(line)), "error", line)
+    problem = cells.only(cells.write(tmp_path, bus(line)), "error", line)
     assert f"sync_cob_id cannot be {cob_id}h" in problem.message
     assert "by default 080h" in problem.remedy
 
 
 def test_sync_on_the_identifier_of_a_pdo_is_told(tmp_path: Path) -> None:
-    found = kit.serious(kit.write(tmp_path, bus("sync_cob_id = 0x181")))
+    found = cells.serious(cells.write(tmp_path, bus("sync_cob_id = 0x181")))
     assert any(
         "181h is produced twice: SYNC of the master and TPDO1 of node 1" in str(each) for each in found
     )
 
 
 def test_nodes_that_listen_elsewhere_are_set_at_boot(tmp_path: Path) -> None:
-    path = kit.write(tmp_path, bus("sync_cob_id = 0x90"))
-    assert kit.serious(path) == []
-    told = [each for each in kit.notes(path) if "waits for SYNC on the COB-ID 080h" in each.message]
+    path = cells.write(tmp_path, bus("sync_cob_id = 0x90"))
+    assert cells.serious(path) == []
+    told = [each for each in cells.notes(path) if "waits for SYNC on the COB-ID 080h" in each.message]
     assert len(told) == 2
     assert "the master sends 090h" in told[0].message
     assert told[0].remedy == "boot sets 1005h to 90h"
 
 
 def test_a_counter_that_a_node_does_not_know_is_warned_of(tmp_path: Path) -> None:
-    found = kit.serious(kit.write(tmp_path, bus("sync_counter = 10")))
+    found = cells.serious(cells.write(tmp_path, bus("sync_counter = 10")))
     assert [each.severity.value for each in found] == ["warning", "warning"]
     assert "node 1 may not take a SYNC with a counter" in found[0].message
     known = with_object("1019", "0x0005", "0")
-    assert kit.serious(kit.write(tmp_path, bus("sync_counter = 10"), eds=known)) == []
+    assert cells.serious(cells.write(tmp_path, bus("sync_counter = 10"), eds=known)) == []
 
 
 def test_words_without_effect_are_warned_of(tmp_path: Path) -> None:
     line = 'sync_timeout = "20ms"'
-    assert "has no effect" in kit.only(kit.write(tmp_path, bus(line)), "warning", line).message
+    assert "has no effect" in cells.only(cells.write(tmp_path, bus(line)), "warning", line).message
 
 
 def test_two_producers_of_sync_are_one_too_many(tmp_path: Path) -> None:
@@ -114,10 +114,10 @@ def test_two_producers_of_sync_are_one_too_many(tmp_path: Path) -> None:
         '[nodes.2]\neds = "drive.eds"\n[nodes.2.objects]\n"1005" = 0x40000080\n',
     )
     external = bus('sync_producer = "external"')
-    one = kit.write(tmp_path, external, sends)
-    assert kit.serious(one) == []
-    both = kit.write(tmp_path, external, sends, ('"6065" = 4000', '"6065" = 4000\n"1005" = 0x40000080'))
-    assert "nodes 1 and 2 both produce SYNC" in kit.only(both, "error", "[nodes.2]").message
+    one = cells.write(tmp_path, external, sends)
+    assert cells.serious(one) == []
+    both = cells.write(tmp_path, external, sends, ('"6065" = 4000', '"6065" = 4000\n"1005" = 0x40000080'))
+    assert "nodes 1 and 2 both produce SYNC" in cells.only(both, "error", "[nodes.2]").message
 
 
 PDO = "transmission = 1"
@@ -136,22 +136,22 @@ PDO = "transmission = 1"
 def test_remote_frames_only_where_they_are_asked_for(
     tmp_path: Path, lines: str, severity: str | None, marker: str, words: str
 ) -> None:
-    path = kit.write(tmp_path, (PDO, lines))
+    path = cells.write(tmp_path, (PDO, lines))
     if severity is None:
-        assert kit.serious(path) == []
+        assert cells.serious(path) == []
     else:
-        assert words in kit.only(path, severity, marker).message
+        assert words in cells.only(path, severity, marker).message
 
 
 def test_type_252_is_sampled_at_sync_and_needs_it(tmp_path: Path) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path,
         ("sync = true", "sync = false"),
         (PDO, 'transmission = 252\nrtr = "100ms"'),
         ('\n[groups.xy]\naxes = ["x", "y"]', ""),
         ('modes = ["pp", "pv", "hm", "csp"]\n', ""),
     )
-    assert "transmission = 253" in kit.only(path, "error", "transmission = 252").remedy
+    assert "transmission = 253" in cells.only(path, "error", "transmission = 252").remedy
 
 
 @pytest.mark.parametrize(
@@ -165,16 +165,16 @@ def test_type_252_is_sampled_at_sync_and_needs_it(tmp_path: Path) -> None:
 def test_a_start_value_needs_a_counter_that_reaches_it(
     tmp_path: Path, counter: int, start: int, severity: str | None, words: str
 ) -> None:
-    path = kit.write(
+    path = cells.write(
         tmp_path,
         *([bus(f"sync_counter = {counter}")] if counter else []),
         (PDO, f"transmission = 1\nsync_start = {start}"),
-        eds=kit.both(with_object("1019", "0x0005", "0"), kit.with_sub("1801", 6, "0x0005", "rw", "0")),
+        eds=cells.both(with_object("1019", "0x0005", "0"), cells.with_sub("1801", 6, "0x0005", "rw", "0")),
     )
     if severity is None:
-        assert kit.serious(path) == []
+        assert cells.serious(path) == []
     else:
-        assert words in kit.only(path, severity, f"sync_start = {start}").message
+        assert words in cells.only(path, severity, f"sync_start = {start}").message
 
 
 @pytest.mark.parametrize(
@@ -186,16 +186,16 @@ def test_the_producers_period_is_that_of_the_scan(tmp_path: Path, period: str, w
         '[nodes.2]\neds = "drive.eds"\n',
         '[nodes.2]\neds = "drive.eds"\n[nodes.2.objects]\n"1005" = 0x40000080\n',
     )
-    path = kit.write(
+    path = cells.write(
         tmp_path, bus('sync_producer = "external"'), sends, eds=with_object("1006", "0x0007", period)
     )
     if words:
-        assert kit.only(path, "warning", "[nodes.2]").message == words
+        assert cells.only(path, "warning", "[nodes.2]").message == words
     else:
-        assert kit.serious(path) == []
+        assert cells.serious(path) == []
 
 
 def test_what_is_asked_for_counts_in_the_bus_load(tmp_path: Path) -> None:
     """Every 100 ms in cycles of 4 ms: 0.04 of a TPDO of 6 bytes and of a remote frame."""
-    told = kit.note(kit.write(tmp_path, (PDO, 'transmission = 253\nrtr = "100ms"')), "the bus load is")
+    told = cells.note(cells.write(tmp_path, (PDO, 'transmission = 253\nrtr = "100ms"')), "the bus load is")
     assert "0.04 remote frame x 55" in told.observed

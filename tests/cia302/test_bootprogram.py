@@ -9,13 +9,13 @@ import random
 from collections.abc import Callable
 
 import pytest
-from test_bootup import IDENTITY, MISSING, SETTINGS, Slave
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
 from axisbus.cia302 import vocabulary as b
 from axisbus.cia302.bootup import boot_up
 from axisbus.cia302.program import FlashStatus, Mark, Program, Stage, Version
+from kit.boot_slave import IDENTITY, MISSING, SETTINGS, Slave
 
 # By hand: 2026-03-01 is day 15400 after 1984-01-01, noon is 43200000 ms; 2025-11-20 08:15 is day 15299 and 29700000 ms.
 NEW, OLD = (15_400, 43_200_000), (15_299, 29_700_000)

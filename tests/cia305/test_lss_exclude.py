@@ -8,7 +8,6 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lss_line import AnswersAnything, AnswersOn, AnswersOnSelected, AnswersResets, HandSlave, Line, Sticky
 
 from axisbus.cia305 import master as lss_master
 from axisbus.cia305.dialogue import Pace
@@ -17,6 +16,7 @@ from axisbus.cia305.fastscan import FastScan
 from axisbus.cia305.found import Check, Known, Scanned
 from axisbus.cia305.services import LssAddress
 from axisbus.cia305.tree import DEPTH, ROOT, of
+from kit.lss_line import AnswersAnything, AnswersOn, AnswersOnSelected, AnswersResets, HandSlave, Line, Sticky
 
 ONES = 0xFFFF_FFFF
 STACKS = (AnswersOn, AnswersOnSelected, AnswersAnything)

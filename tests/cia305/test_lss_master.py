@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from lss_line import HandSlave, Line
 
 from axisbus.cia305 import master as lss_master
 from axisbus.cia305.dialogue import Pace
 from axisbus.cia305.master import Inquired, NodeIdSet
 from axisbus.cia305.services import LssAddress
 from axisbus.errors import ArgumentError, LssError, LssRefused, LssTimeout
+from kit.lss_line import HandSlave, Line
 
 ADDRESS = LssAddress(0xC0B00, 8, 0x10002, 4711)
 

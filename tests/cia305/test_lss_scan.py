@@ -9,12 +9,12 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lss_line import HandSlave, Line, Sticky
 
 from axisbus.cia305.dialogue import Pace, Timing
 from axisbus.cia305.fastscan import FastScan
 from axisbus.cia305.found import Check, Known, Scanned
 from axisbus.errors import ArgumentError, LssError, LssTimeout
+from kit.lss_line import HandSlave, Line, Sticky
 
 ONES = 0xFFFF_FFFF
 

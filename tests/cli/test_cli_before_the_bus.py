@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import cli_bus_kit as kit
 import pytest
 
 from axisbus.bus.link import adapter
@@ -14,10 +13,11 @@ from axisbus.core.stand_in import StandIn
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.rehearsal import Rehearsal
+from kit import commands
 
 BUS = ("-i", "virtual", "-c", "nobody")
-NODE = ("--eds", kit.GENERIC, *BUS)
-HARD = kit.ROOT / "examples" / "cell.toml"
+NODE = ("--eds", commands.GENERIC, *BUS)
+HARD = commands.ROOT / "examples" / "cell.toml"
 
 
 class Opened(BaseException):
@@ -33,7 +33,7 @@ def axisbus(monkeypatch, capsys, tmp_path):
 
     monkeypatch.setattr(adapter, "open_adapter", opened)
     monkeypatch.chdir(tmp_path)
-    return kit.runner(monkeypatch, capsys)
+    return commands.runner(monkeypatch, capsys)
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def hard(tmp_path):
 
 def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
     for arguments in (
-        ("move", kit.CELL, "x=10", "--home"),
+        ("move", commands.CELL, "x=10", "--home"),
         ("home", hard),
         ("demo", "--no-plot"),
         ("od", "read", "5:6041", *NODE),
@@ -79,7 +79,7 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
     ],
 )  # fmt: skip
 def test_a_move_that_cannot_be(axisbus, hard, arguments, code, words):
-    for cell in (kit.CELL, hard):
+    for cell in (commands.CELL, hard):
         found = axisbus("move", cell, *arguments)
         assert (found.code, found.out) == (code, "")
         assert words in found.err
@@ -123,9 +123,9 @@ PATHS = {
         ("config", "backup", "5", *NODE, "--force"),
         ("od", "dump", "5", *NODE),
         ("eds", "from-device", "5", *BUS),
-        ("eds", "doc", kit.GENERIC),
-        ("eds", "export", kit.GENERIC, "--csv"),
-        ("eds", "dcf", kit.GENERIC, "--node", "5"),
+        ("eds", "doc", commands.GENERIC),
+        ("eds", "export", commands.GENERIC, "--csv"),
+        ("eds", "dcf", commands.GENERIC, "--node", "5"),
     ],
     ids=lambda words: " ".join(words[:2]),
 )
@@ -144,7 +144,7 @@ def test_where_an_output_goes(axisbus, tmp_path, command, path):
 
 
 def test_a_restore_of_what_the_file_does_not_have(axisbus):
-    assert axisbus("eds", "dcf", kit.GENERIC, "--node", "5", "--set", "6081=7", "-o", "x.dcf").code == 0
+    assert axisbus("eds", "dcf", commands.GENERIC, "--node", "5", "--set", "6081=7", "-o", "x.dcf").code == 0
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *NODE, "--include", "2105:1")
     assert (code, "gives no value for 2105h:01" in err) == (2, True)
 
@@ -185,7 +185,7 @@ def test_one_file_is_not_written_twice(axisbus):
 def test_options_and_files(axisbus, hard, arguments, words):
     broken = hard.with_name("broken.toml")
     broken.write_text(hard.read_text("utf-8").replace("builtin:gim6010-8", "none.eds"), "utf-8")
-    names = {"CELL": kit.CELL, "BROKEN": str(broken)}
+    names = {"CELL": commands.CELL, "BROKEN": str(broken)}
     code, out, err = axisbus(*(names.get(each, each) for each in arguments))
     assert (code in (1, 2), out) == (True, "")
     assert words in err
@@ -199,7 +199,7 @@ def test_with_a_cell_file_the_bus_can_be_opened_otherwise(monkeypatch, capsys, h
         raise Opened
 
     monkeypatch.setattr(adapter, "open_adapter", opened)
-    axisbus = kit.runner(monkeypatch, capsys)
+    axisbus = commands.runner(monkeypatch, capsys)
     for arguments in (("scan", hard), ("trace", hard), ("od", "read", "x:6041", "--cell", hard)):
         with pytest.raises(Opened):
             axisbus(*arguments, "-c", "other", "-b", "500000", "-O", "key=7")
@@ -227,16 +227,16 @@ def _commands(group):
 
 
 def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
-    with kit.drives(5, 6) as (stand_ins, channel):
+    with commands.drives(5, 6) as (stand_ins, channel):
         cell = tmp_path / "cell.toml"
         bus = f'[bus]\ninterface = "virtual"\nchannel = "{channel}"\nscan_period = "10ms"\n'
         nodes = "".join(
-            f'[nodes.{node}]\neds = "{kit.GENERIC}"\n[axes.{name}]\nnode = {node}\nunit = "increments"\n'
+            f'[nodes.{node}]\neds = "{commands.GENERIC}"\n[axes.{name}]\nnode = {node}\nunit = "increments"\n'
             f"[axes.{name}.defaults]\nvelocity = 5000\nacceleration = 50000\n[axes.{name}.homing]\nmethod = 35\n"
             for node, name in ((5, "x"), (6, "y"))
         )
         cell.write_text(bus + nodes)
-        axisbus = kit.runner(monkeypatch, capsys)
+        axisbus = commands.runner(monkeypatch, capsys)
         seen = []
         enable = Axis.enable
         monkeypatch.setattr(Axis, "enable", lambda axis: seen.append(axis.name) or enable(axis))
@@ -252,7 +252,7 @@ def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
 
 
 def test_an_axis_is_judged_by_where_it_is_seen():
-    rehearsal = Rehearsal(checked(kit.CELL))
+    rehearsal = Rehearsal(checked(commands.CELL))
     x, here = rehearsal["x"], rehearsal["x"].snapshot
     assert x.move_relative(300.0).done  # it may be at -180, and is not homed
     x.home()
@@ -267,12 +267,14 @@ def test_an_axis_is_judged_by_where_it_is_seen():
 
 
 def test_a_drive_without_the_objects_is_not_enabled_for_them(tmp_path):
-    text = (kit.ROOT / "eds" / "gim6010-8.eds").read_text("ascii")
+    text = (commands.ROOT / "eds" / "gim6010-8.eds").read_text("ascii")
     (tmp_path / "poor.eds").write_text(
         re.sub(r"(?s)\[607A\].*?(?=\n\[)", "", text).replace("=0x607A", "=0x607C"), "ascii"
     )
     cell = tmp_path / "cell.toml"
-    cell.write_text(Path(kit.CELL).read_text("utf-8").replace("builtin:gim6010-8", "poor.eds", 1), "utf-8")
+    cell.write_text(
+        Path(commands.CELL).read_text("utf-8").replace("builtin:gim6010-8", "poor.eds", 1), "utf-8"
+    )
     from axisbus.cell import reader as config
 
     rehearsal = Rehearsal(config.load(cell))

@@ -8,21 +8,21 @@ import subprocess
 import sys
 from pathlib import Path
 
-import cli_bus_kit as kit
 import pytest
 
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.units import AXIS_UNITS
+from kit import commands
 
 if sys.platform != "win32":
     import pty
 
-CLEAN = Path(kit.CELL).read_text(encoding="utf-8")
+CLEAN = Path(commands.CELL).read_text(encoding="utf-8")
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> kit.Run:
-    return kit.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> commands.Run:
+    return commands.runner(monkeypatch, capsys)
 
 
 def cell(folder: Path, *changes: tuple[str, str]) -> Path:
@@ -71,9 +71,9 @@ def test_errors_only_shows_nothing_else_and_counts_all(axisbus, tmp_path):
 
 
 def test_errors_only_of_a_sound_cell_is_quiet(axisbus):
-    code, out, _ = axisbus("check", kit.CELL, "--errors-only")
+    code, out, _ = axisbus("check", commands.CELL, "--errors-only")
     assert code == 0
-    assert out.splitlines()[0].startswith(f"{kit.CELL}: 0 errors")
+    assert out.splitlines()[0].startswith(f"{commands.CELL}: 0 errors")
 
 
 def test_a_unit_that_is_none_is_refused_with_the_list(axisbus, tmp_path):
@@ -188,20 +188,20 @@ def test_no_color_holds_for_trace_too(tmp_path):
 
 @terminal
 def test_scan_draws_a_table_on_a_terminal(axisbus):
-    drawn, plain = on_terminal("scan", kit.CELL, COLUMNS="140"), axisbus("scan", kit.CELL).out
+    drawn, plain = on_terminal("scan", commands.CELL, COLUMNS="140"), axisbus("scan", commands.CELL).out
     assert "vendor" in drawn.splitlines()[0]
     assert drawn.count("servo drive (CiA 402)") == plain.count("servo drive (CiA 402)") == 3
     assert "\x1b" not in plain
-    assert on_terminal("scan", kit.CELL, NO_COLOR="1") == plain
+    assert on_terminal("scan", commands.CELL, NO_COLOR="1") == plain
 
 
 @terminal
 def test_monitor_keeps_one_table_on_a_terminal():
-    out = on_terminal("monitor", kit.CELL, "--every", "0.05", "--count", "3", COLUMNS="140")
+    out = on_terminal("monitor", commands.CELL, "--every", "0.05", "--count", "3", COLUMNS="140")
     assert "\x1b[1A" in out  # the table is drawn over the one before
     last = out[out.rindex("position") :]
     assert last.count("switch on disabled") == 3
     assert "next: axisbus home" in last
-    plain = on_terminal("monitor", kit.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
+    plain = on_terminal("monitor", commands.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
     assert "\x1b" not in plain
     assert plain.count("switch on disabled") == 6

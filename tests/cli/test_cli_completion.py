@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import cli_bus_kit as kit
 import pytest
 from click.shell_completion import ShellComplete
 
 from axisbus.cli.main import cli
+from kit import commands
 
 
 def offered(*words: str) -> list[str]:
@@ -22,15 +22,15 @@ def offered(*words: str) -> list[str]:
     [
         (("mo",), ["monitor", "move"]),
         (("config", "b"), ["backup"]),
-        (("home", kit.CELL, ""), ["x", "y", "z", "xyz"]),
-        (("home", kit.CELL, "x", ""), ["y", "z", "xyz"]),
-        (("reset", kit.CELL, "x"), ["x", "xyz"]),
-        (("move", kit.CELL, ""), ["x=", "y=", "z="]),
-        (("move", kit.CELL, "x=1", ""), ["y=", "z="]),
-        (("save", "--cell", kit.CELL, ""), ["1", "2", "3", "x", "y", "z"]),
-        (("nmt", "--cell", kit.CELL, "start", "a"), ["all"]),
-        (("config", "backup", "--cell", kit.CELL, "x"), ["x"]),
-        (("od", "read", "--cell", kit.CELL, "x:Statusw"), ["x:Statusword"]),
+        (("home", commands.CELL, ""), ["x", "y", "z", "xyz"]),
+        (("home", commands.CELL, "x", ""), ["y", "z", "xyz"]),
+        (("reset", commands.CELL, "x"), ["x", "xyz"]),
+        (("move", commands.CELL, ""), ["x=", "y=", "z="]),
+        (("move", commands.CELL, "x=1", ""), ["y=", "z="]),
+        (("save", "--cell", commands.CELL, ""), ["1", "2", "3", "x", "y", "z"]),
+        (("nmt", "--cell", commands.CELL, "start", "a"), ["all"]),
+        (("config", "backup", "--cell", commands.CELL, "x"), ["x"]),
+        (("od", "read", "--cell", commands.CELL, "x:Statusw"), ["x:Statusword"]),
         (("scan", "-i", "socketc"), ["socketcan", "socketcand"]),
         (("move", "none.toml", ""), []),
     ],
@@ -49,9 +49,9 @@ def test_what_is_offered(words, names):
         (("eds", "chekc"), "did you mean axisbus eds check?"),
         (("diff",), "did you mean axisbus eds diff or axisbus config diff?"),
         (("qqq",), "there is no command 'qqq'; axisbus -h lists all"),
-        (("move", kit.CELL, "x=1", "--velocty", "3"), "--velocity"),
+        (("move", commands.CELL, "x=1", "--velocty", "3"), "--velocity"),
     ],
 )
 def test_what_may_have_been_meant(monkeypatch, capsys, words, meant):
-    code, _, err = kit.runner(monkeypatch, capsys)(*words)
+    code, _, err = commands.runner(monkeypatch, capsys)(*words)
     assert (code, meant in err) == (2, True), err

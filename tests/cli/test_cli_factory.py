@@ -6,12 +6,12 @@ import json
 import struct
 
 import can
-import cli_bus_kit as commands
 import pytest
 
 from axisbus.bus.link import adapter, listenonly
 from axisbus.bus.link import other_rates as otherrates
 from axisbus.errors import AdapterError, ArgumentError
+from kit import commands
 from kit.talker import Talker
 
 

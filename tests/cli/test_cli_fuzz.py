@@ -12,7 +12,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import cli_bus_kit as kit
 import click
 import pytest
 
@@ -20,6 +19,7 @@ from axisbus.bus.link import adapter
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.errors import AdapterError
+from kit import commands
 
 CODES = {0, 1, 2, 3, 130}
 ROUNDS = int(os.environ.get("AXISBUS_CLI_FUZZ", "12"))  # of LINES command lines each
@@ -220,7 +220,7 @@ def value(chance: random.Random, each: click.Parameter) -> str:
 def files(tmp_path_factory):
     """What command lines name: good and bad files; a fresh copy is made of it for each round."""
     folder = tmp_path_factory.mktemp("fuzz")
-    eds = (kit.ROOT / "eds" / "generic-cia402.eds").read_bytes()
+    eds = (commands.ROOT / "eds" / "generic-cia402.eds").read_bytes()
     (folder / "drive.eds").write_bytes(eds)
     (folder / "late.eds").write_bytes(eds[: len(eds) // 3])
     (folder / "noise").write_bytes(random.Random(1).randbytes(500))
@@ -232,7 +232,7 @@ def files(tmp_path_factory):
     (folder / "locked").write_text("")
     (folder / "locked").chmod(0)
     (folder / "folder").mkdir()
-    text = Path(kit.CELL).read_text("utf-8")
+    text = Path(commands.CELL).read_text("utf-8")
     (folder / "cell.toml").write_text(text, "utf-8")
     (folder / "hard.toml").write_text(text.replace('"sim"', '"virtual"\nchannel = "c"'), "utf-8")
     (folder / "broken.toml").write_text(

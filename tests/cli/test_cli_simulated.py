@@ -4,33 +4,33 @@ from __future__ import annotations
 
 import json
 
-import cli_bus_kit as kit
 import pytest
 
 from axisbus.cell import reader as config
+from kit import commands
 
-SIM = ("-i", "sim", "-c", kit.CELL)
+SIM = ("-i", "sim", "-c", commands.CELL)
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> kit.Run:
-    return kit.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> commands.Run:
+    return commands.runner(monkeypatch, capsys)
 
 
 def test_scan_finds_the_nodes_of_the_cell(axisbus):
     code, out, _ = axisbus("scan", *SIM)
     assert code == 0
     assert out.count("servo drive (CiA 402)") == 3
-    assert f"next: a first cell file of them: axisbus init -i sim -c {kit.CELL} -o cell.toml" in out
+    assert f"next: a first cell file of them: axisbus init -i sim -c {commands.CELL} -o cell.toml" in out
 
 
 def test_scan_of_a_cell_file_names_what_is_next(axisbus):
-    assert f"next: axisbus boot {kit.CELL}" in axisbus("scan", kit.CELL).out
+    assert f"next: axisbus boot {commands.CELL}" in axisbus("scan", commands.CELL).out
 
 
 def test_a_cell_with_an_adapter_of_its_own_is_simulated_too(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
-    text = (kit.ROOT / "tests" / "machine" / "cells" / "clean.toml").read_text(encoding="utf-8")
+    text = (commands.ROOT / "tests" / "machine" / "cells" / "clean.toml").read_text(encoding="utf-8")
     path.write_text(text.replace('"drive.eds"', '"builtin:generic-cia402"'), encoding="utf-8")
     code, out, _ = axisbus("scan", "-i", "sim", "-c", path, "--json")
     assert code == 0

@@ -7,13 +7,13 @@ import re
 import sys
 from collections.abc import Iterator
 
-import cli_bus_kit as kit
 import pytest
 
 from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
+from kit import commands
 
-SOURCE = kit.ROOT / "src" / "axisbus"
+SOURCE = commands.ROOT / "src" / "axisbus"
 CALLS = re.compile(
     r"\b(?:axis|machine|cell|Machine|handle)\.(?!toml)\w+(?:\(|\b)|\bthe call\b|(?:open|close) the machine"
 )
@@ -88,7 +88,7 @@ def test_without_a_cell_file_nothing_is_said_of_its_tables(monkeypatch):
 
 
 def test_a_move_that_is_not_homed_says_which_option(monkeypatch, capsys):
-    err = kit.runner(monkeypatch, capsys)("move", kit.CELL, "x=1").err
+    err = commands.runner(monkeypatch, capsys)("move", commands.CELL, "x=1").err
     assert "remedy:   add --home; with an absolute encoder" in err
 
 
@@ -106,11 +106,13 @@ def test_a_move_that_is_not_homed_says_which_option(monkeypatch, capsys):
 )
 def test_no_remedy_repeats_the_value_that_fails(monkeypatch, capsys, tmp_path, lines, said):
     text = re.sub(
-        r"(?m)^(scan_period|heartbeat) .*\n", "", (kit.ROOT / "examples" / "cell.toml").read_text("utf-8")
+        r"(?m)^(scan_period|heartbeat) .*\n",
+        "",
+        (commands.ROOT / "examples" / "cell.toml").read_text("utf-8"),
     )
     path = tmp_path / "cell.toml"
     path.write_text(text.replace("[bus]\n", f"[bus]\n{lines}\n"), "utf-8")
-    out = kit.runner(monkeypatch, capsys)("check", path).out
+    out = commands.runner(monkeypatch, capsys)("check", path).out
     assert said in out
 
 
@@ -124,7 +126,7 @@ def test_the_demo_without_matplotlib_points_to_what_is_there(monkeypatch, capsys
 
     monkeypatch.setattr(plot, "_pyplot", missing)
     monkeypatch.setattr(demo, "_job", lambda machine, _: machine.sleep(0.05))
-    code, out, _ = kit.runner(monkeypatch, capsys)("demo", "-o", tmp_path / "out")
+    code, out, _ = commands.runner(monkeypatch, capsys)("demo", "-o", tmp_path / "out")
     assert code == 0
     assert "no picture: drawing needs matplotlib" in out
     assert "motion.png" not in out

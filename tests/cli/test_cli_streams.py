@@ -6,13 +6,13 @@ import os
 import subprocess
 import sys
 
-import cli_bus_kit as kit
 import click
 import pytest
 
 from axisbus.cli.shared.common import run
 from axisbus.cli.shared.output import require_writable, write_whole
 from axisbus.errors import ArgumentError, BusError, StateError
+from kit import commands
 
 SHOW = ("eds", "show", "builtin:gim6010-8")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a shell of Unix connects them")
@@ -47,13 +47,13 @@ def test_a_disk_that_is_full():
 
 
 def test_streams_that_are_closed():
-    assert shell("axisbus >&-", "check", kit.CELL).returncode == 0
+    assert shell("axisbus >&-", "check", commands.CELL).returncode == 0
     assert shell("axisbus 2>&-", "check", "nothing.toml").returncode == 1
 
 
 def test_a_terminal_without_the_characters():
     ran = shell(
-        "axisbus", "move", kit.CELL, "x=1", "--home", "--velocity", "nan", "-h", PYTHONIOENCODING="cp866"
+        "axisbus", "move", commands.CELL, "x=1", "--home", "--velocity", "nan", "-h", PYTHONIOENCODING="cp866"
     )
     assert ran.returncode == 0
     assert "\\xb2" in ran.stdout

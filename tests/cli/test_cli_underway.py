@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-import cli_bus_kit as kit
 import pytest
 
 from axisbus.cli.shared import underway
 from axisbus.cli.shared.underway import Way
 from axisbus.errors import StaleError
 from axisbus.machine.machine import Machine
+from kit import commands
 
 
 @dataclass
@@ -67,8 +67,8 @@ def test_an_axis_that_is_there_shows_where():
 def test_a_move_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(underway, "is_terminal", lambda: True)
     monkeypatch.setenv("COLUMNS", "200")
-    code, out, err = kit.runner(monkeypatch, capsys)(
-        "move", kit.CELL, "x=60", "y=-30", "--home", "--velocity", "60"
+    code, out, err = commands.runner(monkeypatch, capsys)(
+        "move", commands.CELL, "x=60", "y=-30", "--home", "--velocity", "60"
     )
     assert code == 0
     drawn = err.split("\r")
@@ -83,7 +83,7 @@ def test_a_move_on_a_terminal(monkeypatch, capsys):
 
 
 def test_elsewhere_nothing_is_drawn(monkeypatch, capsys):
-    code, _, err = kit.runner(monkeypatch, capsys)("home", kit.CELL, "x")
+    code, _, err = commands.runner(monkeypatch, capsys)("home", commands.CELL, "x")
     assert (code, err) == (0, "")
 
 
@@ -93,7 +93,7 @@ def test_a_terminal_that_is_gone_does_not_end_a_motion(monkeypatch):
 
     monkeypatch.setattr(underway, "is_terminal", lambda: True)
     monkeypatch.setattr(underway.click, "echo", gone)
-    with Machine.simulated(kit.CELL) as cell:
+    with Machine.simulated(commands.CELL) as cell:
         x = cell["x"]
         x.enable().wait()
         x.home().wait()
@@ -106,7 +106,7 @@ def test_a_terminal_that_is_gone_does_not_end_a_motion(monkeypatch):
 
 def test_a_failure_is_raised_behind_the_line(monkeypatch, capsys):
     monkeypatch.setattr(underway, "is_terminal", lambda: True)
-    with Machine.simulated(kit.CELL) as cell:
+    with Machine.simulated(commands.CELL) as cell:
         x = cell["x"]
         x.enable().wait()
         x.home().wait()

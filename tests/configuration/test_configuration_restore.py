@@ -6,7 +6,6 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from strict_device import PDO_MAPPING, Cut, StrictDevice
 
 from axisbus.cia301.datatypes import encode, size_in_bytes
 from axisbus.configuration.restore import Outcome, Restore
@@ -17,6 +16,7 @@ from axisbus.drives.make import GENERIC, Make
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader
 from axisbus.errors import ArgumentError, LimitError
+from kit.strict_device import PDO_MAPPING, Cut, StrictDevice
 
 NODE = 5
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,6 @@ import logging
 import threading
 
 import pytest
-from rig import rig
 
 from axisbus.core.inbox import AT_ONCE, MOST, Inbox, Waiting
 from axisbus.errors import StateError, Stopped
@@ -16,6 +15,7 @@ from axisbus.motion import commands as c
 from axisbus.motion.group.commands import ForEach, MoveLinear
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.ticket import Ticket
+from kit.motion.rig import rig
 
 PROFILE = Profile(1000, 10_000, 10_000, 1000.0, 10_000.0)
 TURN = c.MoveVelocity(PROFILE)

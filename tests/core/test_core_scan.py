@@ -7,8 +7,6 @@ import threading
 from itertools import pairwise
 
 import pytest
-from rig import PERIOD, dictionary_of, parameters, rig
-from watch import ENABLED, Watch
 
 from axisbus.cia402.port import Inputs, Outputs, Sample, SdoReply, SdoRequest
 from axisbus.core.scan import Lateness, Scan
@@ -21,6 +19,8 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from kit.motion.rig import PERIOD, dictionary_of, parameters, rig
+from kit.motion.watch import ENABLED, Watch
 
 
 class Bench:

@@ -6,11 +6,11 @@ import configparser
 from pathlib import Path
 
 import pytest
-from eds_texts import HEAD, canopen_facts, import_text, our_facts, read, record, variable
 
 from axisbus.eds import canopen_text, loads
 from axisbus.eds.builtin import names, resolve
 from axisbus.eds.io.reader import load
+from kit.eds.texts import HEAD, canopen_facts, import_text, our_facts, read, record, variable
 
 DEFECTS = (
     "[DummyUsage]\nDummy0005=1\n\n[Comments]\nLines=\n\n"

@@ -14,7 +14,6 @@ from typing import Any
 import click
 import pytest
 from click.testing import CliRunner
-from rule_base import BASE, edited
 
 from axisbus import eds
 from axisbus.cli.main import cli
@@ -23,6 +22,7 @@ from axisbus.eds.io import reader
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
 from axisbus.errors import ArgumentError, EdsError
+from kit.eds.rule_base import BASE, edited
 
 Call = Callable[..., tuple[int, str, str]]
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rule_base import BASE
 
 from axisbus.eds import Severity, check
 from axisbus.eds.io import reader
 from axisbus.errors import EdsError
 from kit.corpus import CORPUS
+from kit.eds.rule_base import BASE
 
 ROOT = Path(__file__).parents[2]
 FILES = (

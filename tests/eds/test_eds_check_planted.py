@@ -7,12 +7,12 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from planting import KINDS, Plant, Text, plant
-from planting_more import EVERY
 
 from axisbus.eds import Finding, Severity, check
 from axisbus.eds.io import reader
 from kit.corpus import CORPUS
+from kit.eds.planting import KINDS, Plant, Text, plant
+from kit.eds.planting_more import EVERY
 
 OURS = sorted((Path(__file__).parents[2] / "eds").glob("*.eds"))
 PLANTS_OF_A_KIND = 5

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from eds_samples import BUILTIN, CORPUS, EVERY_TENTH, builtin, small
-from eds_texts import record, variable
 
 from axisbus.eds import Eds, Number, load, loads
 from axisbus.eds.report import codegen, naming
+from kit.eds.samples import BUILTIN, CORPUS, EVERY_TENTH, builtin, small
+from kit.eds.texts import record, variable
 
 ROOT = Path(__file__).parents[2]
 

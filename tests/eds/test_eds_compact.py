@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from eds_texts import HEAD, only, read, rules, variable
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import Eds, Number, loads
+from kit.eds.texts import HEAD, only, read, rules, variable
 
 COMPACT = variable(
     "2100", ObjectType="0x8", ParameterName="Gain", DataType="0x0005", DefaultValue="7", CompactSubObj="3"

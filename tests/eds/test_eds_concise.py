@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from eds_texts import HEAD, record, variable
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from axisbus.eds.configuration import configuration, parameters
 from axisbus.eds.io import reader
 from axisbus.eds.io.reader import Reading
 from axisbus.errors import ArgumentError, EdsError
+from kit.eds.texts import HEAD, record, variable
 
 U8, U16 = "5", "6"
 HEARTBEAT_AND_SPEED = bytes.fromhex(

@@ -9,18 +9,14 @@ import re
 from dataclasses import replace
 
 import pytest
-from eds_texts import canopen_facts, import_text, our_facts
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import canopen_text, dcf, writer
 from axisbus.eds.fix import fix
 from axisbus.eds.io import edit, reader
 from axisbus.errors import ArgumentError
-from kit.corpus import CORPUS as FOLDER
-
-FILES = (
-    sorted(path for path in FOLDER.glob("*") if path.suffix in (".eds", ".dcf")) if FOLDER.is_dir() else []
-)
+from kit.corpus import FILES
+from kit.eds.texts import canopen_facts, import_text, our_facts
 
 pytestmark = pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
 

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from eds_texts import HEAD, read, variable
 
 from axisbus import eds
 from axisbus.cli.main import cli
@@ -17,6 +16,7 @@ from axisbus.cli.shared.common import run
 from axisbus.eds import dcf, fix
 from axisbus.eds.io import compact, reader
 from axisbus.errors import EdsError
+from kit.eds.texts import HEAD, read, variable
 
 SOME_SECONDS = 6.0  # of the processor, on a slow machine; what is not linear takes minutes
 COMPACT = variable("2000", ObjectType="0x8", DataType="0x0007", PDOMapping="0", CompactSubObj="254")

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from eds_texts import HEAD, canopen_facts, import_text, our_facts, record, variable
-from test_eds_corpus import FILES
 
 from axisbus.eds import assign, builtin, concise, configuration, dcf, writer
 from axisbus.eds.dcf import Settings
@@ -15,6 +13,8 @@ from axisbus.eds.io import text as eds_text
 from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Number
 from axisbus.errors import ArgumentError, EdsError, LimitError
+from kit.corpus import FILES
+from kit.eds.texts import HEAD, canopen_facts, import_text, our_facts, record, variable
 
 SPEED = variable("6081", ParameterName="Profile velocity", DefaultValue="10", LowLimit="1", HighLimit="5000")
 LIST = "[2000]\nParameterName=List\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=3\n\n"

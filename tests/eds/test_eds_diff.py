@@ -7,13 +7,13 @@ import re
 from itertools import pairwise
 
 import pytest
-from eds_samples import BUILTIN, CORPUS, STATUS, communication, mapped, small, small_text
-from eds_texts import record, variable
 
 import axisbus.eds
 from axisbus.eds import Difference, Eds, diff, load, loads
 from axisbus.eds.report import compare_text
 from axisbus.eds.report.difference import Group
+from kit.eds.samples import BUILTIN, CORPUS, STATUS, communication, mapped, small, small_text
+from kit.eds.texts import record, variable
 
 
 def only(a: str | Eds, b: str | Eds, node_id: int | None = None) -> Difference:

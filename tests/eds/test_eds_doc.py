@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from eds_samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
-from eds_texts import record, variable
 
 from axisbus.eds import Eds, Finding, Severity, layout, load
 from axisbus.eds import reference as reference_package
 from axisbus.eds.reference import html, markdown, reference
+from kit.eds.samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
+from kit.eds.texts import record, variable
 
 VOID = frozenset(("meta", "rect", "path", "col", "br"))
 NASTY = '<script>alert("x")</script> & | `code` *bold*'

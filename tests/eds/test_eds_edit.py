@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 
 import pytest
-from eds_texts import HEAD, HEAD_LINES, variable
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from axisbus.eds import writer
 from axisbus.eds.io import edit, text
 from axisbus.eds.io.text import Document
 from axisbus.errors import ArgumentError
+from kit.eds.texts import HEAD, HEAD_LINES, variable
 
 
 def document(content: str | bytes) -> Document:

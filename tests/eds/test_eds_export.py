@@ -12,13 +12,13 @@ from pathlib import Path
 import cantools
 import pytest
 from cantools.database.can import Database, Message
-from eds_samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
-from eds_texts import canopen_facts, variable
 
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.eds import Eds, export, layout, load
 from axisbus.eds.report import dbc, frames
 from axisbus.errors import ArgumentError, UserError
+from kit.eds.samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
+from kit.eds.texts import canopen_facts, variable
 
 
 def read(eds: Eds, node_id: int = 5) -> Database:

@@ -7,11 +7,11 @@ import time
 from pathlib import Path
 
 import pytest
-from eds_texts import HEAD
 
 from axisbus.eds import canopen_text, load, loads
 from axisbus.eds.builtin import names, resolve
 from axisbus.errors import EdsError, UserError
+from kit.eds.texts import HEAD
 
 PNG = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x02\x00" + bytes(range(256)) * 40
 

@@ -9,16 +9,16 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
-from eds_texts import HEAD, canopen_facts, our_facts, record, variable
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_eds_corpus import FILES
 
 from axisbus.eds import Eds, check, fix_diff, writer
 from axisbus.eds.fix import Fixed, fix
 from axisbus.eds.io import reader
 from axisbus.eds.mends.letters import plain
 from axisbus.eds.model import Object
+from kit.corpus import FILES
+from kit.eds.texts import HEAD, canopen_facts, our_facts, record, variable
 
 
 def fixed(body: str, head: str = HEAD) -> Fixed:

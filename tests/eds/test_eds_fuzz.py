@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from eds_texts import HEAD, canopen_facts, our_facts
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,6 +22,7 @@ from axisbus.eds import (
 )
 from axisbus.eds.io import reader
 from axisbus.errors import ArgumentError, EdsError
+from kit.eds.texts import HEAD, canopen_facts, our_facts
 
 SECTIONS = [
     "1000",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from eds_texts import read, record, rules, variable
-
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import Number, ObjectType
+from kit.eds.texts import read, record, rules, variable
 
 MODULES = """[SupportedModules]
 NrOfEntries=2

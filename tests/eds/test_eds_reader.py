@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from eds_texts import HEAD, HEAD_LINES, only, read, record, rules, variable
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import Number, ObjectType, Severity, loads
+from kit.eds.texts import HEAD, HEAD_LINES, only, read, record, rules, variable
 
 
 def test_a_plain_variable_has_everything_that_its_section_says() -> None:

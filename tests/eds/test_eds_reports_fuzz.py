@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cantools
-from eds_samples import BUILTIN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +10,7 @@ from axisbus.eds import diff, export, loads
 from axisbus.eds.reference import html, markdown, reference
 from axisbus.eds.report import codegen, dbc, search, show, show_object
 from axisbus.eds.report.show import Screen
+from kit.eds.samples import BUILTIN
 
 LINES = BUILTIN[0].read_text().splitlines()
 WHOLE = loads("\n".join(LINES).encode(), "whole.eds")

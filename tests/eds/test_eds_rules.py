@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import pytest
-from rule_base import BASE, edited, place
-from rule_cases import AXIS_TYPE, CASES, DCF, SECOND_AXIS, Case, Edit, not_optional, without
 
 from axisbus.eds import Finding, Severity, check
 from axisbus.eds.io import reader
 from axisbus.eds.rules import engine
 from axisbus.eds.rules.table import rules
+from kit.eds.rule_base import BASE, edited, place
+from kit.eds.rule_cases import AXIS_TYPE, CASES, DCF, SECOND_AXIS, Case, Edit, not_optional, without
 
 WITHOUT_A_CASE = {"S000", "S099"}  # of unreadable files and of too many findings: below
 

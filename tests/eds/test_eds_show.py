@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 
 import pytest
-from eds_samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
-from eds_texts import variable
 
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.eds import layout, load
@@ -15,6 +13,8 @@ from axisbus.eds.report import facts, overview, pdo_text, search, show, show_obj
 from axisbus.eds.report.pdo_text import ASCII
 from axisbus.eds.report.show import Screen
 from axisbus.errors import EdsError
+from kit.eds.samples import BITS, CORPUS, EVERY_TENTH, STATUS, builtin, communication, mapped, small
+from kit.eds.texts import variable
 
 
 def drawn(eds: Eds, width: int = 100) -> str:

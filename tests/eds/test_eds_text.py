@@ -5,11 +5,11 @@ from __future__ import annotations
 import codecs
 
 import pytest
-from eds_texts import HEAD, HEAD_LINES, only, read, rules, variable
 
 from axisbus.eds import loads, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.findings import MAX_FINDINGS
+from kit.eds.texts import HEAD, HEAD_LINES, only, read, rules, variable
 
 UMLAUTS = "[DeviceInfo]\nVendorName=Müller\n\n[1000]\nParameterName=Gerätetyp\nDataType=7\nAccessType=ro\n"
 

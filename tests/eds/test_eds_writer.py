@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from eds_texts import HEAD, canopen_facts, import_text, our_facts, read, record, variable
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import Eds, Number, Object, ObjectType, Variable, loads, writer
 from axisbus.eds.builtin import names, resolve
 from axisbus.eds.io import reader
 from axisbus.errors import ArgumentError
+from kit.eds.texts import HEAD, canopen_facts, import_text, our_facts, read, record, variable
 
 
 def by_hand() -> Eds:

@@ -10,9 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 import can
-import fuzz_frames as fuzz
 import pytest
-from bus_peer import FakeBus, Slave
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,6 +32,8 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia305.dialogue import Timing
 from axisbus.errors import AxisbusError, EdsError, SdoError
+from kit import fuzz_frames as fuzz
+from kit.bus.peer import FakeBus, Slave
 
 ID = fuzz.NODE
 MAPPING = (MappedObject(0x6041, 0, 16), MappedObject(0x6064, 0, 32), MappedObject(0x6061, 0, 8))

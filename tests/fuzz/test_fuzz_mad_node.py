@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 import threading
 import time
@@ -11,16 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import can
-import fuzz_frames as fuzz
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from story_bus import Line, enable, turning, until
 
 from axisbus.cia301.drops import Fault
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
-from kit.talker import Talker
+from kit import fuzz_frames as fuzz
+from kit.mad_node import MadNode, close
+from kit.stories.bus import Line, enable, turning, until
 
 MAD = 2  # the node of y
 APART = '[groups.one]\naxes = ["x"]\n[groups.two]\naxes = ["y"]\n'
@@ -28,7 +27,6 @@ PATIENT = {
     "period": "50ms",
     "heartbeat": "400ms",
 }  # a busy computer's own delays are no silence of the drives
-PAUSE = 0.001  # s between two frames
 
 # Its own identifiers, some of nobody's, and 29 bits; none by which a master or x would speak.
 identifiers = st.one_of(
@@ -61,38 +59,10 @@ def mad_frames(draw: st.DrawFn) -> can.Message:
     )
 
 
-class MadNode(Talker):
-    """Says its frames over and over on a channel while its block lasts."""
-
-    def __init__(self, channel: str, frames: list[can.Message], pause: float = PAUSE) -> None:
-        super().__init__(channel)
-        self.rounds = 0
-        self._frames = frames
-        self._pause = pause
-
-    def _talk(self) -> None:
-        for frame in itertools.cycle(self._frames):
-            if self._over.wait(self._pause):
-                return
-            self._bus.send(frame)
-            self.rounds += 1
-
-
 @contextmanager
 def line(folder: Path) -> Iterator[Line]:
     with Line(folder, "xy", more=APART, bus='on_lost_node = "group"', **PATIENT) as made:
         yield made
-
-
-def close(machine: Machine) -> list[BaseException]:
-    """Close a machine; return what there was to say of it."""
-    found: list[BaseException] = []
-    with fuzz.within(30):
-        try:
-            machine.close()
-        except* AxisbusError as errors:
-            found += errors.exceptions
-    return found
 
 
 @contextmanager

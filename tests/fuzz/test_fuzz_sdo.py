@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fuzz_frames as fuzz
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +9,7 @@ from hypothesis import strategies as st
 from axisbus.cia301.sdo import LONGEST, Way
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.cia301.sdo_upload import Upload
+from kit import fuzz_frames as fuzz
 
 TIMEOUT, TRIES = 0.5, 3
 MOST = 500  # bytes that are asked for at most

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 
 import can
-import cli_bus_kit as kit
 import pytest
-from story_bus import Line, until
-from test_fuzz_mad_node import MadNode, close
 
 from axisbus.cia301.drops import DropNews, Drops, Fault, words
 from axisbus.cli import monitor
+from kit import commands
+from kit.mad_node import MadNode, close
+from kit.stories.bus import Line, until
 
 
 def test_the_same_reason_and_node_are_told_once_in_a_second():
@@ -41,8 +41,8 @@ FRAMES = [
 
 
 @pytest.fixture
-def axisbus(monkeypatch, capsys) -> kit.Run:
-    return kit.runner(monkeypatch, capsys)
+def axisbus(monkeypatch, capsys) -> commands.Run:
+    return commands.runner(monkeypatch, capsys)
 
 
 def test_monitor_tells_what_was_dropped_at_each_look_and_at_its_end(tmp_path, axisbus):

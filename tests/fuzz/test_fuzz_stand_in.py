@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import fuzz_frames as fuzz
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +11,7 @@ from hypothesis import strategies as st
 from axisbus.eds import builtin, load
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.slave import Slave
+from kit import fuzz_frames as fuzz
 
 EDS = {name: load(builtin.resolve(f"builtin:{name}", Path())) for name in ("gim6010-8", "generic-cia402")}
 ID = fuzz.NODE

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import fuzz_frames as fuzz
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +19,7 @@ from axisbus.eds import builtin, load
 from axisbus.machine.overview import Overview
 from axisbus.trace import known, plain, text
 from axisbus.trace.decoder import Decoder
+from kit import fuzz_frames as fuzz
 
 CELL = config.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)

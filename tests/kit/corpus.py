@@ -9,6 +9,10 @@ from pathlib import Path
 
 CHECKOUT = Path(__file__).parents[2].resolve()
 CORPUS = Path(os.environ.get("AXISBUS_EDS_CORPUS", CHECKOUT.parent / "shared" / "eds-corpus"))
+# Of all kinds of devices.
+FILES = (
+    sorted(path for path in CORPUS.glob("*") if path.suffix in (".eds", ".dcf")) if CORPUS.is_dir() else []
+)
 
 
 @cache

@@ -7,12 +7,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.request import Request
 from axisbus.motion.parameters import Defaults, Homing, Limits
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 
 def request(**changes) -> Request:

@@ -7,8 +7,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from rig import GENERIC, dictionary_of, parameters, rig
-from steps import Drive, T
 
 from axisbus.cia402.state import State
 from axisbus.core.scan import Lateness, Scan
@@ -31,6 +29,8 @@ from axisbus.motion.stop.stopping import StopKind, Stopping, stop_error
 from axisbus.motion.ticket import Status, Ticket
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from kit.motion.rig import GENERIC, dictionary_of, parameters, rig
+from kit.motion.steps import Drive, T
 
 # What is to be told of a stop.
 

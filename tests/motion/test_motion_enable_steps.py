@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from steps import Drive, T
 
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.state import State
@@ -21,6 +20,7 @@ from axisbus.motion.modes import CONDUCT, RESTING_MODES
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.walk import StateWalk
 from axisbus.motion.parameters import StopTimes
+from kit.motion.steps import Drive, T
 
 MODE = ModeOfOperation
 DISABLED, READY, SWITCHED_ON, ENABLED, QUICK, FAULT = 0x0250, 0x0231, 0x0233, 0x0237, 0x0217, 0x0218

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import pytest
-from rig import BLIND, PERIOD, rig
-from watch import Watch
 
 from axisbus.cia402.port import Source
 from axisbus.errors import ArgumentError, DriveError, LimitError, MotionTimeout, Replaced, StateError, Stopped
@@ -16,6 +14,8 @@ from axisbus.motion.parameters import Defaults, Homing, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from axisbus.sim.motor import MotorParams
+from kit.motion.rig import BLIND, PERIOD, rig
+from kit.motion.watch import Watch
 
 STEP = 100.0 * PERIOD  # degrees per period at 100 deg/s
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from rig import PERIOD, rig
-from watch import HALT, Watch
 
 from axisbus.cia402.port import Capabilities, Inputs, Sample, Source
 from axisbus.errors import NodeError, StaleError, StateError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.states import AxisState
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import HALT, Watch
 
 NAMES = ("statusword", "mode", "position", "velocity", "torque", "demand")
 AGES = {"statusword": 0.5, "mode": 1.0, "position": 0.1, "velocity": 0.2, "torque": 0.3, "demand": 0.1}

@@ -6,8 +6,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from rig import Rig, rig
-from steps import Drive
 
 from axisbus.errors import LimitError, MotionTimeout, StaleError
 from axisbus.motion.group.gate import OPEN, Gate
@@ -22,6 +20,8 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
 from axisbus.motion.parameters import Limits
 from axisbus.motion.trajectory import Trapezoid
+from kit.motion.rig import Rig, rig
+from kit.motion.steps import Drive
 
 PROFILE = Profile(20_000, 40, 40, 20_000.0, 40_000.0, None, 40_000.0, 40_000.0)
 PERIOD = 0.01

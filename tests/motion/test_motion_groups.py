@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 import pytest
-from rig import PERIOD, rig
-from watch import ENABLED, SWITCHED_ON, Watch
 
 from axisbus.errors import (
     ArgumentError,
@@ -26,6 +24,8 @@ from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.sim.dials import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import ENABLED, SWITCHED_ON, Watch
 
 
 def watches(r) -> dict[str, Watch]:

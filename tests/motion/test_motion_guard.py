@@ -6,7 +6,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from steps import Drive, T
 
 from axisbus.cia402.options import Ramp
 from axisbus.errors import LimitError, StaleError
@@ -16,6 +15,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.stop.following import Following, Peak
 from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.limits import Guard, stop_of
+from kit.motion.steps import Drive, T
 
 FREE, MOVE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 LIMITS = Limits(position=(0.0, 100.0), velocity=400.0)  # deg of 1000 increments

@@ -9,7 +9,6 @@ import threading
 import time
 
 import pytest
-from rig import PERIOD, rig
 
 from axisbus.cia402.port import Waiter
 from axisbus.core.scan import Scan
@@ -17,6 +16,7 @@ from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import DriveError, HomingError, MotionTimeout, Replaced, StateError, Stopped
 from axisbus.machine.handle import NOBODY, Handle, wait
 from axisbus.motion.ticket import Status, end_as
+from kit.motion.rig import PERIOD, rig
 
 
 class RealTime:

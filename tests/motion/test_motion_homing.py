@@ -5,14 +5,14 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from rig import PERIOD, rig
-from watch import HALT, Watch
 
 from axisbus.cia402.port import Source
 from axisbus.errors import ArgumentError, DriveFault, HomingError, StateError, Stopped
 from axisbus.motion.parameters import Homing
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import HALT, Watch
 
 BIT_4 = 0x10
 TURN = 16_384

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply
 from axisbus.cia402.state import State
@@ -19,6 +18,7 @@ from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.rundown import RunDown
+from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 T = 0.01
 HALF, SPAN = 2**31, 2**32

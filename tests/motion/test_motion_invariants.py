@@ -8,8 +8,6 @@ import pytest
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from rig import GENERIC, dictionary_of, parameters
-from tiny_drive import CSP, HM, PP, PV, TQ, TinyDrive, state_of
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import (
@@ -36,6 +34,8 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Ticket
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.units import Scale
+from kit.motion.rig import GENERIC, dictionary_of, parameters
+from kit.motion.tiny_drive import CSP, HM, PP, PV, TQ, TinyDrive, state_of
 
 PERIOD = 0.01
 AGE = 0.1  # seconds that an input counts

@@ -5,8 +5,6 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from rig import rig
-from steps import Drive, T
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
@@ -21,6 +19,8 @@ from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.leaving import AxisLeaving, ladder_time
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.trajectory import Trapezoid
+from kit.motion.rig import rig
+from kit.motion.steps import Drive, T
 
 ENABLED, QUICK, DISABLED, READY, SWITCHED_ON, FAULT = 0x0237, 0x0217, 0x0250, 0x0231, 0x0233, 0x0218
 NAMES = ("statusword", "mode", "position", "velocity", "torque", "demand")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from rig import PERIOD, rig
-from test_motion_commands_by_state import SITUATIONS
-from watch import DISABLED, ENABLED, QUICK_STOP, Watch
 
 from axisbus.motion.states import AxisState
+from kit.motion.rig import PERIOD, rig
+from kit.motion.situations import SITUATIONS
+from kit.motion.watch import DISABLED, ENABLED, QUICK_STOP, Watch
 
 WITH_POWER = (
     *(

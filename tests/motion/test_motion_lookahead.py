@@ -6,12 +6,12 @@ import math
 
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from rig import PERIOD
 
 from axisbus.motion.group.path import LineAxis
 from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.lookahead import Known, excess, widened
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from kit.motion.rig import PERIOD
 
 LIMITS = (-10.0, 10.0)
 

@@ -11,8 +11,6 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rig import BLIND, PERIOD, rig
-from watch import HALT, Watch
 
 from axisbus.cia402.port import Source
 from axisbus.errors import (
@@ -32,6 +30,8 @@ from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.rig import BLIND, PERIOD, rig
+from kit.motion.watch import HALT, Watch
 
 NEAR = 51  # increments: the stand-in's own position window (6067h) and one
 DEGREES = Units(Scale.of(1000, "deg"), Scale.of(1000, "deg/s"), Scale.of(1000, "deg/s²"), ratio_known=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rig import rig
-from watch import Watch
 
 from axisbus.errors import Interrupted, StateError
 from axisbus.motion.parameters import Homing, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
+from kit.motion.rig import rig
+from kit.motion.watch import Watch
 
 RAMP = 500.0  # degrees/s², of every command and default
 # A drive takes a mode within some cycles and a set-point in some: meanwhile it may brake on its own ramp, and speed up again.

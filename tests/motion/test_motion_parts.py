@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from steps import TIMING, Drive, T
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
@@ -47,6 +46,7 @@ from axisbus.motion.stop.standing import Standing
 from axisbus.motion.stop.still import Still
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from kit.motion.steps import TIMING, Drive, T
 
 ENABLED, READY, FAULT = 0x0237, 0x0231, 0x0218
 NO_TIME = 0x05040000

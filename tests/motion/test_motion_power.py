@@ -5,8 +5,14 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from rig import PERIOD, rig
-from watch import (
+
+from axisbus.cia402.port import Source
+from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
+from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Status
+from axisbus.sim.dials import NEVER
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import (
     DISABLED,
     ENABLE_BITS,
     ENABLED,
@@ -18,12 +24,6 @@ from watch import (
     SWITCHED_ON,
     Watch,
 )
-
-from axisbus.cia402.port import Source
-from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
-from axisbus.motion.states import AxisState
-from axisbus.motion.ticket import Status
-from axisbus.sim.dials import NEVER
 
 
 def bring_to(r, stage: int) -> None:

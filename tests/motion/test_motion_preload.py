@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import permutations
 
 import pytest
-from rig import PERIOD, rig
-from watch import ENABLED, Watch
 
 from axisbus.motion.parameters import HoldsLoad, Homing, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.motor import MotorParams
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import ENABLED, Watch
 
 PP, PV, TQ, HM, CSP, CSV, CST = 1, 3, 4, 6, 8, 9, 10
 LOAD = MotorParams(load=300.0, start_position=7_000.0)  # 30 % of rated torque hang on it

@@ -8,7 +8,6 @@ from itertools import pairwise
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from rig import GENERIC, dictionary_of, parameters
 
 from axisbus.errors import LimitError
 from axisbus.motion.group.gate import OPEN, Gate
@@ -19,6 +18,7 @@ from axisbus.motion.moves.profile import braking_distance, duration
 from axisbus.motion.parameters import Limits
 from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 PLACES = st.floats(-1e4, 1e4)
 SPEEDS = st.floats(0.1, 1e3)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from rig import PERIOD, rig
-from watch import DISABLED, ENABLED, HALT, QUICK_STOP, Watch
 
 from axisbus.errors import DriveError, Replaced, StateError, Stopped
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import DISABLED, ENABLED, HALT, QUICK_STOP, Watch
 
 
 def turning(**options):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from rig import PERIOD, rig
-from watch import ENABLED, Watch
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
@@ -13,6 +11,8 @@ from axisbus.motion.parameters import HoldsLoad, Limits
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.motor import MotorParams
+from kit.motion.rig import PERIOD, rig
+from kit.motion.watch import ENABLED, Watch
 
 PP, PV, TQ, CSP, CSV, CST = 1, 3, 4, 8, 9, 10
 HERE = 7_000  # increments

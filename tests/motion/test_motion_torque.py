@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from rig import rig
-from watch import Watch
 
 from axisbus.cia402.port import Source
 from axisbus.errors import ArgumentError, DriveError, LimitError, MotionTimeout, Stopped
@@ -14,6 +12,8 @@ from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, Units
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
+from kit.motion.rig import rig
+from kit.motion.watch import Watch
 
 # Rated torque is 10 N·m; friction 2 % of it, and viscous friction that stops the axis in some seconds.
 FREE = MotorParams(friction=20.0, rated_acceleration=200_000.0, coasting=1.0)

@@ -6,7 +6,6 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from steps import Drive, T
 
 from axisbus.cia301.emcy import parse
 from axisbus.cia402.modes import ModeOfOperation
@@ -41,6 +40,7 @@ from axisbus.motion.stop.relief import Relief, is_blind, needs_relief
 from axisbus.motion.stop.resting import Resting
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.stop.supervision import Supervision
+from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
 MODE = ModeOfOperation

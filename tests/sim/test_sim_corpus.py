@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from sim_rig import state
 
 from axisbus import eds
 from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds, drive_from_eds, modes_of
 from axisbus.sim.device import Device
 from kit.corpus import corpus_files
+from kit.sim.rig import state
 
 CHECKOUT = Path(__file__).parents[2]
 BUILTIN = sorted((CHECKOUT / "eds").glob("*.eds"))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from sim_eds import drive_eds, two_axes
-from sim_rig import PP
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import SdoAbort
 from axisbus.sim.device import Device
+from kit.sim.eds import drive_eds, two_axes
+from kit.sim.rig import PP
 
 
 def abort_of(call, *args) -> int:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import pickle
 
 import pytest
-from sim_eds import drive_eds, two_axes, without
-from sim_rig import state
 
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Cycle, Outputs, Port, SdoReply, SdoRequest, Source
 from axisbus.errors import AdapterError, SdoAbort, SdoTimeout
 from axisbus.sim.device import Device
 from axisbus.sim.direct import CycleDials, DirectCycle, DirectPort
+from kit.sim.eds import drive_eds, two_axes, without
+from kit.sim.rig import state
 
 PERIOD = 0.01
 

@@ -8,13 +8,13 @@ from collections.abc import Iterator
 
 import canopen
 import pytest
-from sim_eds import DRIVE, NODE, U32, make_eds
 
 from axisbus.sim.device import Device
 from axisbus.sim.dials import LssDials
 from axisbus.sim.node.lss import LssSlave
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.node.slave import Slave
+from kit.sim.eds import DRIVE, NODE, U32, make_eds
 
 EDS = make_eds(
     [

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from sim_rig import BIT_10, BIT_12, BIT_13, CSP, CST, CSV, HM, LIMIT, PP, PV, TQ, Rig
 
 from axisbus.errors import SdoAbort
 from axisbus.sim.motor import MotorParams
+from kit.sim.rig import BIT_10, BIT_12, BIT_13, CSP, CST, CSV, HM, LIMIT, PP, PV, TQ, Rig
 
 HALT = 0x100
 

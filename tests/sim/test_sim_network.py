@@ -15,14 +15,14 @@ import can
 import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
-from sim_eds import drive_eds
-from sim_rig import state
 
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.node.node import object_dictionary
-from can_line import options
+from kit.can_line import options
+from kit.sim.eds import drive_eds
+from kit.sim.rig import state
 
 DEADLINE = 20.0
 _channels = (f"test-sim-{number}" for number in itertools.count())

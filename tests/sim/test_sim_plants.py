@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
-from sim_rig import BIT_10, CSP, PP, PV, TQ, Rig
 
 from axisbus.sim.compliant import CompliantMotor, make_motor
 from axisbus.sim.motor import Motor, MotorParams
+from kit.sim.rig import BIT_10, CSP, PP, PV, TQ, Rig
 
 SOFT = MotorParams(stiffness=0.5, damping=0.2)  # 0.5 ‰ per increment: about 32 rad/s
 LOADED = MotorParams(stiffness=0.5, damping=0.2, load=100.0)  # it droops by 200 increments

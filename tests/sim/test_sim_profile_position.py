@@ -6,12 +6,12 @@ import itertools
 import math
 
 import pytest
-from sim_eds import drive_eds
-from sim_rig import BIT_10, BIT_12, LIMIT, PP, PV, Rig
 
 from axisbus.sim.dials import NEVER
 from axisbus.sim.drive import Drive
 from axisbus.sim.motor import MotorParams
+from kit.sim.eds import drive_eds
+from kit.sim.rig import BIT_10, BIT_12, LIMIT, PP, PV, Rig
 
 IMMEDIATELY, RELATIVE, HALT, ON_SET_POINT = 0x20, 0x40, 0x100, 0x200
 

@@ -11,7 +11,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from loader_eds import OLD, loader_eds, program
+from kit.eds.loader import OLD, loader_eds, program
 
 NEW = (15_400, 43_200_000)
 STATE = 0x0800_0022

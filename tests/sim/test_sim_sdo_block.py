@@ -7,13 +7,13 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sdo_wire import FILE, TIMEOUT, SdoWire
 
 from axisbus.cia301.sdo import Garbled, NoAnswer, Refused, Way, checksum
 from axisbus.cia301.sdo_download import Download
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.cia301.sdo_upload import Upload
 from axisbus.sim.node.sdo_block import crc16
+from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 NINE = b"123456789"  # its CRC is the check value of every catalogue: 31C3h
 BIG = random.Random(301).randbytes(65536)

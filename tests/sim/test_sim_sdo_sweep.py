@@ -10,10 +10,10 @@ import os
 import random
 
 import pytest
-from sdo_sweep import Sweep
-from sdo_wire import SdoWire
 
 from axisbus.cia301.sdo import Way
+from kit.sim.sdo_sweep import Sweep
+from kit.sim.sdo_wire import SdoWire
 
 BIG = random.Random(301).randbytes(65536)
 PARTS = 6

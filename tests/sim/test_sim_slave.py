@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from sim_eds import DRIVE, drive_eds, make_eds
-from sim_eds import NODE as NODE_ROWS
-from sim_rig import state
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.sim.device import Device
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.node.slave import Slave
+from kit.sim.eds import DRIVE, drive_eds, make_eds
+from kit.sim.eds import NODE as NODE_ROWS
+from kit.sim.rig import state
 
 NODE = 5
 

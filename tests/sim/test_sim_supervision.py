@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
-from sim_rig import BIT_10, BIT_13, LIMIT, PP, PV, REMOTE, VOLTAGE, WARNING, Rig
 
 from axisbus.sim.motor import Motor, MotorParams
 from axisbus.sim.ramp import plan_move, ramp_velocity
+from kit.sim.rig import BIT_10, BIT_13, LIMIT, PP, PV, REMOTE, VOLTAGE, WARNING, Rig
 
 
 def running(velocity: int = 40_000, params: MotorParams | None = None, **changes: int) -> Rig:

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from socketcan_stage import Ends, Stage
 
-from can_line import LINK
+from kit.can_line import LINK
+from kit.socketcan_stage import Ends, Stage
 
 collect_ignore_glob = [] if LINK else ["test_*.py"]
 

@@ -11,13 +11,13 @@ from contextlib import suppress
 
 import can
 import pytest
-from socketcan_stage import ip, until
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, AxisbusError, BusOff
 from axisbus.machine.machine import boot
-from can_line import LINK
+from kit.can_line import LINK
+from kit.socketcan_stage import ip, until
 
 _ERROR_FRAME = {"is_error_frame": True, "is_extended_id": True}
 CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/uapi/linux/can/error.h

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-import story_golden
-from story_nets import cut
 
 from kit.cell import Stage
 from kit.probe import PlantMoves
+from kit.stories import golden as story_golden
+from kit.stories.nets import cut
 
 
 def pytest_configure(config: pytest.Config) -> None:

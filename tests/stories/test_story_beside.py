@@ -11,8 +11,6 @@ from typing import Self
 
 import can
 import pytest
-from story_bus import Line, turning, until
-from story_nets import patience
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli.main import cli
@@ -21,6 +19,8 @@ from axisbus.core import node_stop
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF, QUICK_STOP
+from kit.stories.bus import Line, turning, until
+from kit.stories.nets import patience
 from kit.talker import Talker
 
 STOPPED = (QUICK_STOP, *OFF)

@@ -10,7 +10,6 @@ import time
 from contextlib import suppress
 
 import pytest
-from story_bus import Line, enable, until
 
 from axisbus import eds
 from axisbus.boot.stop_report import Watchdog
@@ -24,8 +23,9 @@ from axisbus.machine.machine import Machine, boot
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit.cell import GENERIC
+from kit.lossy_line import LossyLine
 from kit.probe import ENABLED, OFF
-from lossy_line import LossyLine
+from kit.stories.bus import Line, enable, until
 
 
 @pytest.fixture

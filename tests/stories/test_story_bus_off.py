@@ -7,14 +7,14 @@ from contextlib import contextmanager, suppress
 
 import can
 import pytest
-from story_bus import Line, enable, turning, until
-from story_nets import NETS
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import AxisbusError, BusOff, StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF
+from kit.stories.bus import Line, enable, turning, until
+from kit.stories.nets import NETS
 
 CAN_ERR_CRTL, CAN_ERR_BUSOFF, CAN_ERR_RESTARTED = 0x04, 0x40, 0x100  # include/uapi/linux/can/error.h
 

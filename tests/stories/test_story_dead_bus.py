@@ -9,11 +9,11 @@ from contextlib import contextmanager
 
 import can
 import pytest
-from story_bus import Line, turning, until
 
 from axisbus.errors import AxisbusError, ScanError
 from axisbus.machine.machine import Machine
 from kit.probe import OFF, QUICK_STOP, SWITCH_ON_DISABLED
+from kit.stories.bus import Line, turning, until
 
 NO_DEVICE = OSError(errno.ENODEV, "No such device")
 

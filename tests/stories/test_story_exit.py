@@ -7,7 +7,6 @@ import threading
 import time
 
 import pytest
-from story_bus import Line, enable, turning, until
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.core.owner import Core
@@ -15,6 +14,7 @@ from axisbus.errors import DriveFault, NodeError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.ticket import Ticket
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED, PlantMoves
+from kit.stories.bus import Line, enable, turning, until
 
 
 def let_go(cell, name: str = "x") -> None:

@@ -13,15 +13,15 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
-from story_bridge import Bridge
-from story_bus import until
-from story_program import Program
 
 from axisbus.eds import builtin, dcf, load, writer
 from axisbus.eds.assign import entry
 from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
+from kit.stories.bridge import Bridge
+from kit.stories.bus import until
+from kit.stories.program import Program
 
 EDS = "builtin:generic-cia402"
 PATH = builtin.resolve(EDS, Path())
@@ -64,7 +64,7 @@ class Drive:
         options = ("-i", "virtual", "-c", "there")
         with closing(Bridge(self.channel, here)):
             command = (str(there.fileno()), "there", die_in, *arguments, *options)
-            with Program("story_command.py", *command, pass_fds=(there.fileno(),)) as program:
+            with Program("command", *command, pass_fds=(there.fileno(),)) as program:
                 there.close()
                 yield program.process
 

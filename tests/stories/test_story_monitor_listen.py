@@ -8,10 +8,7 @@ import sys
 import threading
 
 import pytest
-import story_other_master as others
 from can.interfaces.virtual import VirtualBus
-from story_bus import Line, enable
-from story_other_master import Ear, OtherMaster, Says
 
 from axisbus.bus.link import adapter, listenonly
 from axisbus.cli.main import cli
@@ -19,6 +16,9 @@ from axisbus.cli.shared.common import run
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 from kit.probe import ENABLED
+from kit.stories import other_master as others
+from kit.stories.bus import Line, enable
+from kit.stories.other_master import Ear, OtherMaster, Says
 
 
 @pytest.fixture

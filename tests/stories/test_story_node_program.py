@@ -6,7 +6,6 @@ import json
 import sys
 
 import pytest
-from story_bus import Line, enable, until
 
 from axisbus import eds
 from axisbus.cia301.nmt import NmtState
@@ -18,8 +17,9 @@ from axisbus.core import canlink, pickup
 from axisbus.errors import BootError
 from axisbus.machine.machine import Machine, boot
 from axisbus.sim.build import device_from_eds
+from kit.eds.loader import OLD, loader_eds, program
 from kit.probe import ENABLED
-from loader_eds import OLD, loader_eds, program
+from kit.stories.bus import Line, enable, until
 
 NEW = (15_400, 43_200_000)  # 2026-03-01 12:00:00, by hand
 EXPECTED = "\n[nodes.1.program]\ndate_time = 2026-03-01T12:00:00\n"

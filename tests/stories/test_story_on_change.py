@@ -7,7 +7,6 @@ pulses it. What is asserted is the plant, and what the drive hears.
 from __future__ import annotations
 
 import pytest
-from story_bus import Line, enable
 
 from axisbus.cia402.port import Source
 from axisbus.errors import MotionTimeout, Replaced, SetPointError
@@ -16,6 +15,7 @@ from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
 from kit.cell import SCALE
 from kit.probe import ENABLED, OFF
+from kit.stories.bus import Line, enable
 
 KINDS = {
     "never": {"acknowledge_never": True},

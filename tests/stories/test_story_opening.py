@@ -7,7 +7,6 @@ import threading
 import time
 
 import pytest
-from story_bus import Line, enable
 
 from axisbus import eds
 from axisbus.core import canlink
@@ -17,6 +16,7 @@ from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from kit.cell import GENERIC, cell_text
 from kit.probe import OFF
+from kit.stories.bus import Line, enable
 
 PNG = (
     b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x10\x00\x00\x00\x10\x08\x06\x00\x00\x00\x1f\xf3\xffa"

@@ -9,13 +9,13 @@ from contextlib import suppress
 from unittest.mock import patch
 
 import pytest
-from story_bus import Line, enable, until
-from story_other_master import Ear
 
 from axisbus.bus.pdo import rpdo_pace
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit.probe import ENABLED, QUICK_STOP, SWITCH_ON_DISABLED
+from kit.stories.bus import Line, enable, until
+from kit.stories.other_master import Ear
 
 RPDO1 = 0x201
 RPDO_LATE = 0x8250

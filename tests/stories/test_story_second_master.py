@@ -7,9 +7,6 @@ import threading
 import time
 
 import pytest
-import story_other_master as others
-from story_bus import Line, enable, turning
-from story_other_master import Ear, OtherMaster, Says
 
 from axisbus.bus.link import alone
 from axisbus.cell.model import BusConfig
@@ -23,6 +20,9 @@ from axisbus.errors import BusError, SecondMasterError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 from kit.probe import ENABLED, OFF
+from kit.stories import other_master as others
+from kit.stories.bus import Line, enable, turning
+from kit.stories.other_master import Ear, OtherMaster, Says
 
 ALL = {**others.SIGNS, **others.MASTERS}
 QUICK = {

@@ -7,7 +7,8 @@ import sys
 from signal import SIGINT, SIGTERM
 
 import pytest
-import story_program
+
+from kit.stories import program as story_program
 
 if sys.platform == "win32":
     pytest.skip("signals between processes are those of POSIX", allow_module_level=True)

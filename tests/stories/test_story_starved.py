@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from story_bus import Line, turning, until
 
 from axisbus.cia402.starvation import REMEDY
 from axisbus.core.whereabouts import Place, whereabouts
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from axisbus.motion.states import AxisState
 from kit.probe import ENABLED, OFF
+from kit.stories.bus import Line, turning, until
 
 OWN = "this program did not run"
 REAL = pytest.mark.skipif(sys.platform == "win32", reason="holds the interpreter by a call of the C library")

@@ -13,13 +13,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from story_bridge import Bridge
-from story_bus import Line, until
-from story_program import Program
 
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from kit.cell import SCALE
 from kit.probe import ENABLED, OFF
+from kit.stories.bridge import Bridge
+from kit.stories.bus import Line, until
+from kit.stories.program import Program
 
 if sys.platform == "win32":
     pytest.skip("suspending a process is a matter of POSIX", allow_module_level=True)
@@ -91,9 +91,7 @@ def master(
         text = line.file.read_text(encoding="utf-8").replace(line.channel, "there")
         line.file.write_text(text, encoding="utf-8")
         try:
-            with Program(
-                "story_master.py", *arguments, stdin=subprocess.PIPE, pass_fds=(there.fileno(),)
-            ) as program:
+            with Program("master", *arguments, stdin=subprocess.PIPE, pass_fds=(there.fileno(),)) as program:
                 there.close()
                 program.hear("moving")
                 until(lambda: line.speed() > 0.9 * SPEED)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from story_bus import Line
 
 from axisbus.errors import DriveFault, Stopped
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
+from kit.stories.bus import Line
 from kit.twoaxes import two_axis_cell
 
 

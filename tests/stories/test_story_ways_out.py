@@ -11,8 +11,6 @@ import time
 from contextlib import suppress
 
 import pytest
-from story_bus import STOP, Line, enable, turning, until
-from story_program import Program
 
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia402.starvation import REMEDY
@@ -29,6 +27,8 @@ from axisbus.machine.exit import EXIT
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
 from kit.probe import ENABLED, FAULT, OFF, SWITCH_ON_DISABLED, PlantMoves
+from kit.stories.bus import STOP, Line, enable, turning, until
+from kit.stories.program import Program
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and forks are those of POSIX")
 
@@ -336,7 +336,7 @@ class Scene:
         path = folder / "seen.jsonl"
         path.unlink(missing_ok=True)
         (folder / "cell.toml").write_text(cell_text("xy", period="20ms", heartbeat="400ms"), encoding="utf-8")
-        with Program("story_ways.py", str(folder), name) as program:
+        with Program("ways", str(folder), name) as program:
             self.code, self.errors = program.end()
         assert path.exists(), self.errors
         self._lines = [json.loads(line) for line in path.read_text().splitlines()]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-import story_golden
+
+from kit.stories import golden as story_golden
 
 # What ends a command as its user wanted it, or names the reason and the remedy beside it.
 NEEDS_NO_REMEDY = {"replaced"}

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from trace_kit import Wire
 
 from axisbus.cell import reader as config
 from axisbus.core.runtime import load_dictionaries
@@ -13,6 +12,7 @@ from axisbus.eds import builtin, load
 from axisbus.trace import known
 from axisbus.trace.decoded import Kind
 from axisbus.trace.text import what
+from kit.typed_frames import Wire
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from trace_kit import Wire, crc16
-
 from axisbus.trace.text import what
+from kit.typed_frames import Wire, crc16
 
 
 def test_an_expedited_read_has_name_value_words_and_the_time_it_took():

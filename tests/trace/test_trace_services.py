@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from trace_kit import Wire
 
 from axisbus.trace.decoded import Kind
 from axisbus.trace.known import Known, KnownNode
 from axisbus.trace.text import line, who
+from kit.typed_frames import Wire
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from planting import BITS, READ_ONLY, Plant, Text, put, unlisted, without_object
+from kit.eds.planting import BITS, READ_ONLY, Plant, Text, put, unlisted, without_object
 
 # Types and limits of CiA 402-2, typed from the standard's object descriptions.
 TYPES_402 = {

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from eds_texts import record, variable
-
 from axisbus.eds import Eds, load, loads
 from axisbus.eds.builtin import names, resolve
 from kit.corpus import CORPUS as FOLDER
+from kit.eds.texts import record, variable
 
 CORPUS = (
     sorted(path for path in FOLDER.glob("*") if path.suffix in (".eds", ".dcf")) if FOLDER.is_dir() else []

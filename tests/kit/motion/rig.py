@@ -21,7 +21,7 @@ from axisbus.sim.direct import DirectCycle, DirectPort
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
 
-GENERIC = Path(__file__).parents[2] / "eds" / "generic-cia402.eds"
+GENERIC = Path(__file__).parents[3] / "eds" / "generic-cia402.eds"
 SCALE = 1000.0  # increments per degree
 PERIOD = 0.01
 BLIND = 10**9  # a following error that nobody would notice, for what comes after it

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from rig import GENERIC, dictionary_of, parameters
-
 from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.errors import BusError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.parameters import Timing
+from kit.motion.rig import GENERIC, dictionary_of, parameters
 
 T = 1 / 64  # seconds of a cycle: times that add up exactly show on which side of a limit they lie
 TIMING = Timing(settle=0.125, standstill_time=0.0625)

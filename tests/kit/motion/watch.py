@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import NamedTuple
 
-from rig import PERIOD, Rig
-
 from axisbus.cia402.port import Outputs
+from kit.motion.rig import PERIOD, Rig
 
 # Transitions by what is seen before and after, typed from the figure of CiA 402-2 7.2; S: the stand-in's numbers of its states.
 NOT_READY, DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, REACTION, FAULT = range(8)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sim_eds import drive_eds
-
 from axisbus.sim.dials import DriveDials
 from axisbus.sim.drive import Drive
 from axisbus.sim.motor import MotorParams
+from kit.sim.eds import drive_eds
 
 PP, PV, TQ, HM, CSP, CSV, CST = 1, 3, 4, 6, 8, 9, 10
 # The statusword's bits, typed from the standard's table.

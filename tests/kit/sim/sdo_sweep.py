@@ -22,12 +22,11 @@ from enum import Enum
 from types import FunctionType, MethodType
 from typing import Any
 
-from sdo_wire import FILE, TIMEOUT, SdoWire
-
 from axisbus.cia301.sdo import Way
 from axisbus.cia301.sdo_session import Request
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import Dictionary
+from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 
 _OLD = b"old"
 _MOVING = ("session", "server", "_to_server", "_to_client", "_late", "now", "heard", "content")

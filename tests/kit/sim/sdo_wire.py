@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from sim_eds import make_eds
-
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.sdo import Way
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import Dictionary
 from axisbus.sim.node.sdo import SdoServer
+from kit.sim.eds import make_eds
 
 FILE = (0x2100, 0)
 TIMEOUT = 0.5

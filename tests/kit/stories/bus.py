@@ -12,8 +12,6 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from story_nets import patience
-
 from axisbus import eds
 from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError
@@ -25,6 +23,7 @@ from axisbus.sim.drive import Drive
 from axisbus.sim.node.network import StandIns
 from kit.cell import SCALE, cell_text
 from kit.probe import PlantProbe, RealTime
+from kit.stories.nets import patience
 
 _CHANNELS = itertools.count(1)
 # Slow enough that a busy computer's own delays are not taken for a silence of the drives.

@@ -1,8 +1,8 @@
 """A program of its own that is in the middle of something when a signal comes; it writes down how it left its motor.
 
-``python story_child.py FOLDER NETS SCENE...``: the cell file is FOLDER/cell.toml, NETS are the nets to cut (joined by ``;``), each
-SCENE is one of ``SCENES``. It prints ``ready`` when a scene is under way, and appends a line of JSON to FOLDER/seen.jsonl when the
-machine is closed. The exception of the last scene is not caught.
+``python -m kit.stories.child FOLDER NETS SCENE...``: the cell file is FOLDER/cell.toml, NETS are the nets to cut (joined by ``;``),
+each SCENE is one of ``SCENES``. It prints ``ready`` when a scene is under way, and appends a line of JSON to FOLDER/seen.jsonl
+when the machine is closed. The exception of the last scene is not caught.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from story_nets import cut
-
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.sim.drive import Drive
+from kit.stories.nets import cut
 
 CUT = ExitStack()  # never closed: the nets stay cut while the interpreter ends
 LONG = 60.0  # seconds; nothing here waits for its end

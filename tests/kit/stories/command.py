@@ -1,5 +1,6 @@
-"""``axisbus`` in a process of its own, whose drives are in another: ``python story_command.py SOCKET CHANNEL DIE_IN ARGUMENTS...``.
+"""``axisbus`` in a process of its own, whose drives are in another.
 
+``python -m kit.stories.command SOCKET CHANNEL DIE_IN ARGUMENTS...``:
 DIE_IN is a function of ``os`` (such as ``fsync``): the process kills itself with SIGKILL in the middle of it; ``-`` for none.
 """
 
@@ -12,10 +13,9 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from story_bridge import Bridge
-
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
+from kit.stories.bridge import Bridge
 
 
 def _die(before: bool, done: Callable[..., Any]) -> Callable[..., Any]:

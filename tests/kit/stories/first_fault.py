@@ -1,6 +1,6 @@
 """A program of its own in which everything goes wrong for the first time, under a watch over what its scan's threads open.
 
-``python story_first_fault.py FOLDER``: prints each error as it came, then what was opened.
+``python -m kit.stories.first_fault FOLDER``: prints each error as it came, then what was opened.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ import sys
 import time
 from pathlib import Path
 
-from story_bus import Line, enable, until
-
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 from kit import undisturbed
+from kit.stories.bus import Line, enable, until
 
 
 def told(machine: Machine) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from axisbus.cia402.starvation import REMEDY
 
-FOLDER = Path(__file__).parent / "golden"
+FOLDER = Path(__file__).parents[2] / "stories" / "golden"
 UPDATE = "AXISBUS_UPDATE_GOLDEN"
 
 # What differs from run to run: the private channel's name, and in real time measured seconds and increments under way.

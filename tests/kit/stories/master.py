@@ -1,6 +1,7 @@
-"""A master in a process of its own, whose drives are in another: ``python story_master.py FOLDER CHANNEL SOCKET NETS MOTION``.
+"""A master in a process of its own, whose drives are in another.
 
-It sets its axis in MOTION, prints ``moving``, waits for the end, and writes what it was told to FOLDER/told.pickle.
+``python -m kit.stories.master FOLDER CHANNEL SOCKET NETS MOTION``:
+it sets its axis in MOTION, prints ``moving``, waits for the end, and writes what it was told to FOLDER/told.pickle.
 """
 
 from __future__ import annotations
@@ -12,14 +13,13 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from story_bridge import Bridge
-from story_nets import cut
-
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.trajectory import Trapezoid
+from kit.stories.bridge import Bridge
+from kit.stories.nets import cut
 
 SPEED = 90.0  # deg/s
 

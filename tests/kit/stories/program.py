@@ -1,4 +1,4 @@
-"""A program in a process of its own (``story_child.py``), the signals that it gets, and what it wrote down."""
+"""A program in a process of its own (a module of this package), the signals that it gets, and what it wrote down."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from kit.cell import cell_text
 from kit.probe import OFF, STAGE_NAMES, PlantMoves
 
-HERE = Path(__file__).parent
+TESTS = Path(__file__).parents[2]
 LONGEST = 120.0  # seconds after which a program that hangs is killed; it needs a few
 
 
@@ -50,14 +50,14 @@ class Ended:
 
 
 class Program:
-    """A program under way; kills it at the end whatever happened."""
+    """A program of this package under way, by its module's name; kills it at the end whatever happened."""
 
     def __init__(
-        self, script: str, *arguments: str, stdin: int | None = None, pass_fds: Sequence[int] = ()
+        self, program: str, *arguments: str, stdin: int | None = None, pass_fds: Sequence[int] = ()
     ) -> None:
-        path = os.pathsep.join([str(HERE), str(HERE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+        path = os.pathsep.join([str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
         self.process = subprocess.Popen(
-            [sys.executable, str(HERE / script), *arguments],
+            [sys.executable, "-m", f"kit.stories.{program}", *arguments],
             stdin=stdin,
             pass_fds=pass_fds,
             stdout=subprocess.PIPE,
@@ -105,7 +105,7 @@ def play(
     """Let a program play scenes and send each its signals, ``before`` seconds after it is ready and with ``pause`` in between."""
     text = cell_text("x", period="20ms", heartbeat="200ms", stop='halt_time = "15s"')
     (folder / "cell.toml").write_text(text, encoding="utf-8")
-    with Program("story_child.py", str(folder), ";".join(nets), *(name for name, _ in scenes)) as program:
+    with Program("child", str(folder), ";".join(nets), *(name for name, _ in scenes)) as program:
         for name, numbers in scenes:
             if numbers:
                 program.hear("ready")

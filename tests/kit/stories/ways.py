@@ -1,7 +1,7 @@
 """A program of its own with machines that are left in odd ways: several of them, forked children, worker processes.
 
-``python story_ways.py FOLDER SCENE``: the cell file is FOLDER/cell.toml. It appends lines of JSON to FOLDER/seen.jsonl: what each
-process has seen, with its ``who``.
+``python -m kit.stories.ways FOLDER SCENE``: the cell file is FOLDER/cell.toml. It appends lines of JSON to FOLDER/seen.jsonl:
+what each process has seen, with its ``who``.
 """
 
 from __future__ import annotations

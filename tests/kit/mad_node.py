@@ -1,0 +1,42 @@
+"""A node that says whatever it is told to say, over and over."""
+
+from __future__ import annotations
+
+import itertools
+
+import can
+
+from axisbus.errors import AxisbusError
+from axisbus.machine.machine import Machine
+from kit import fuzz_frames as fuzz
+from kit.talker import Talker
+
+PAUSE = 0.001  # s between two frames
+
+
+class MadNode(Talker):
+    """Says its frames over and over on a channel while its block lasts."""
+
+    def __init__(self, channel: str, frames: list[can.Message], pause: float = PAUSE) -> None:
+        super().__init__(channel)
+        self.rounds = 0
+        self._frames = frames
+        self._pause = pause
+
+    def _talk(self) -> None:
+        for frame in itertools.cycle(self._frames):
+            if self._over.wait(self._pause):
+                return
+            self._bus.send(frame)
+            self.rounds += 1
+
+
+def close(machine: Machine) -> list[BaseException]:
+    """Close a machine; return what there was to say of it."""
+    found: list[BaseException] = []
+    with fuzz.within(30):
+        try:
+            machine.close()
+        except* AxisbusError as errors:
+            found += errors.exceptions
+    return found
