@@ -6,10 +6,13 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test test-socketcan check bench campaign flaky explore mutants format clean
+.PHONY: demo quick test test-socketcan check bench campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
+
+quick: $(READY)           ## the quick tests, in two processes: after each edit
+	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
 test: $(READY)            ## all tests, in five processes (many wait for drives in real time); first compiled once, for all of them
 	$(BIN)/python -m pytest --collect-only -qq > /dev/null || true

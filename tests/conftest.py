@@ -1,16 +1,18 @@
-"""What all tests share: which examples are tried, how much memory a test may
-take, and what only the end of a shared-out run can tell."""
+"""What all tests share: which examples are tried, which tests are slow, how much memory a test may take, and what only the end of
+a shared-out run can tell."""
 
 from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from kit import undisturbed
+from kit.slow import LONG, is_slow
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -37,31 +39,24 @@ if sys.platform == "linux":
     if _soft == resource.RLIM_INFINITY or _soft > _MEMORY:
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
-# Begun first: a long file that one process begins last is waited for by all the others.
-_LONG = (
-    "test_readme.py",
-    "test_story_random.py",
-    "test_story_suspended.py",
-    "test_story_plants.py",
-    "test_eds_corpus.py",
-    "test_story_bus_off.py",
-    "test_story_signals.py",
-    "test_story_dead_bus.py",
-    "test_eds_reports_fuzz.py",
-    "test_eds_check_planted.py",
-    "test_cli_commands.py",
-    "test_cli_fuzz.py",
-    "test_sim_sdo_sweep.py",
-    "test_bus_inbox.py",
-)
+QUICK = "not slow"  # the choice of ``make quick``
 undisturbed.begin()
 _used: set[str] = set()
 _kept: set[str] = set()
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Not even read what is slow, where only the quick tests are asked for: importing it takes as long as they do."""
+    return True if config.option.markexpr == QUICK and is_slow(collection_path) else None
+
+
+@pytest.hookimpl(tryfirst=True)  # before the tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first."""
-    items.sort(key=lambda item: _LONG.index(item.path.name) if item.path.name in _LONG else len(_LONG))
+    """Mark the slow tests, and put the longest files first."""
+    for item in items:
+        if is_slow(item.path, getattr(item, "originalname", item.name)):
+            item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,10 +1,14 @@
-"""The rules of the house that no linter keeps: folders that can be taken in, no empty rooms, no circles, pages that are true."""
+"""The rules of the house that no linter keeps: folders that can be taken in, no empty rooms, no circles, pages that are true,
+and tests that stand by themselves."""
 
+import ast
 import re
 from pathlib import Path
 
 import grimp
 import pytest
+
+from kit.slow import LONG, NAMES
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "axisbus"
@@ -64,3 +68,48 @@ def test_every_file_that_a_page_names_is_there(page):
 def test_the_pages_name_files():
     assert len(PAGES) >= 3
     assert any("`src/" in page.read_text(encoding="utf-8") for page in PAGES)
+
+
+# -- the tests ---------------------------------------------------------------------------------------------------------
+
+TESTS = ROOT / "tests"
+FILES = sorted(TESTS.rglob("*.py"))
+
+
+def imported(file):
+    """The names of the modules that a file imports."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{file} imports by dots"
+            yield node.module
+
+
+def test_no_test_imports_another_or_what_stands_beside_it():
+    shared = {
+        path.stem for path in FILES if path.parent != TESTS and "kit" not in path.relative_to(TESTS).parts
+    }
+    shared -= {"__init__"} | {
+        path.stem for path in (TESTS / "mutation").iterdir()
+    }  # a tool, and a package by itself
+    shared |= {path.stem for path in TESTS.glob("*.py")}
+    found = {(file.name, name) for file in FILES for name in imported(file) if name.split(".")[0] in shared}
+    assert found == set()
+
+
+def test_no_test_puts_a_folder_on_the_path():
+    changing = re.compile(r"\bsys\.path(\.(insert|append|extend)|\[.*\] *=[^=])")
+    assert [file.name for file in FILES if changing.search(file.read_text(encoding="utf-8"))] == []
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_a_file_that_is_begun_first_is_there(name):
+    assert len(list(TESTS.rglob(name))) == 1
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_what_is_called_slow_is_there(name):
+    path, _, function = name.partition("::")
+    assert (TESTS / path).exists()
+    assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from kit.bus.peer import eventually
+
+HERE = Path(__file__).parent
+LONGEST = 240.0  # seconds for all examples of a test, and for those again that a failure is made smaller with
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give a fuzz test more time than its single cases have (``fuzz_frames.within``)."""
+    for item in items:
+        if item.path.parent == HERE and item.get_closest_marker("timeout") is None:
+            item.add_marker(pytest.mark.timeout(LONGEST))
 
 
 @pytest.fixture(autouse=True)

@@ -96,7 +96,7 @@ SOME = settings(
 
 @given(st.lists(mad_frames(), min_size=20, max_size=60))
 @SOME
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(300)
 def test_in_operation_the_other_axis_goes_on_and_all_is_closed(tmp_path, frames):
     with line(tmp_path) as cell:
         machine = cell.open()
@@ -118,7 +118,7 @@ def test_in_operation_the_other_axis_goes_on_and_all_is_closed(tmp_path, frames)
 
 @given(st.lists(mad_frames(), min_size=20, max_size=60))
 @SOME
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(300)
 def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behind(tmp_path, frames):
     with line(tmp_path) as cell, MadNode(cell.channel, frames), fuzz.within(60):
         machine, errors = None, []
@@ -169,7 +169,7 @@ class Spoiled:
 
 @given(st.integers(0, 1 << 30), st.sampled_from([0.02, 0.1, 0.5]))
 @SOME
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(300)
 def test_a_node_whose_frames_are_spoiled_boots_or_says_why_not_and_disturbs_nobody(tmp_path, seed, share):
     with line(tmp_path) as cell, fuzz.within(80):
         spoiled = Spoiled(cell, seed, share)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -100,15 +101,24 @@ class TooLongError(AssertionError):
 
 @contextmanager
 def within(seconds: float) -> Iterator[None]:
-    """Fail where the block does not end by itself; for the main thread."""
+    """Fail where the block does not end by itself; for the main thread.
+
+    The test's own time-out uses the same timer: it goes on afterwards, and must come later.
+    """
 
     def ring(*_: object) -> None:
         raise TooLongError(f"not done after {seconds} s")
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    left, _ = signal.setitimer(signal.ITIMER_REAL, seconds)
+    until = time.monotonic() + left
     try:
+        assert not left or seconds < left, (
+            f"{seconds} s are not below the {left:.0f} s that the test has left"
+        )
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+        if left:
+            signal.setitimer(signal.ITIMER_REAL, max(0.001, until - time.monotonic()))

@@ -61,5 +61,6 @@ def kept() -> set[str]:
 def whole(session: pytest.Session) -> bool:
     """Whether all stories are in this run."""
     here = {item.path for item in session.items if item.path.parent == FOLDER.parent}
-    chosen = session.config.getoption("keyword") or any("::" in name for name in session.config.args)
+    chosen = session.config.getoption("keyword") or session.config.getoption("markexpr")
+    chosen = chosen or any("::" in name for name in session.config.args)
     return here == set(FOLDER.parent.glob("test_*.py")) and not chosen
