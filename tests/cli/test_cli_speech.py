@@ -18,7 +18,7 @@ CALLS = re.compile(
     r"\b(?:axis|machine|cell|Machine|handle)\.(?!toml)\w+(?:\(|\b)|\bthe call\b|(?:open|close) the machine"
 )
 # Layers whose texts a command never shows, or shows as a program's own.
-ELSEWHERE = {"cli/shared/speech.py", "core/simulated.py", "eds/report/codegen.py"}
+ELSEWHERE = {"cli/shared/speech.py", "core/stand_in.py", "eds/report/codegen.py"}
 
 
 def texts() -> Iterator[tuple[str, str]]:

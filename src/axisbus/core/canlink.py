@@ -28,8 +28,7 @@ from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.simulated import devices
-from axisbus.core.stand_in import StandIn
+from axisbus.core.stand_in import StandIn, devices
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.link import Parting, Stopped

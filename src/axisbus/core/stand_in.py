@@ -1,11 +1,20 @@
-"""A stand-in of a simulated cell as its user sees it: look at the plant, turn dials, provoke faults."""
+"""The stand-ins of a simulated cell: one device for each of its nodes, and what its user sees of one."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 
+from axisbus.cell.model import CellConfig
+from axisbus.drives import registry
+from axisbus.eds.model import Eds
+from axisbus.errors import ConfigError
+from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
+from axisbus.sim.node.lss import NO_NODE_ID
+
+_KEY = "unconfigured"
 
 
 class StandIn:
@@ -23,3 +32,28 @@ class StandIn:
         """Let the drive fall into fault with the error code ``code`` (603Fh) and the maker's error bits."""
         with self.lock:
             self.drive(axis).fault(code, maker_bits=maker_bits)
+
+
+def devices(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Device]:
+    """Make a device for each node, powered off; ``unconfigured = [1, 2]`` in ``[bus.options]`` leaves nodes without a node-ID.
+
+    Those wait for one by LSS, with their number in the cell as serial number.
+
+    Raises:
+        ConfigError: ``unconfigured`` is not a list of the cell's nodes.
+    """
+    bare = cell.bus.options.get(_KEY, [])
+    if not isinstance(bare, list) or not all(node in list(cell.nodes) for node in bare):
+        raise ConfigError(
+            f"[bus.options] {_KEY} = {bare!r} is not a list of nodes of this cell",
+            remedy=f"write some of {sorted(cell.nodes)}, such as {_KEY} = [{min(cell.nodes, default=1)}]",
+        )
+    return {node_id: _device(node_id, eds, bare=node_id in bare) for node_id, eds in dictionaries.items()}
+
+
+def _device(node_id: int, eds: Eds, *, bare: bool) -> Device:
+    own, serial = (NO_NODE_ID, node_id) if bare else (node_id, None)
+    device = device_from_eds(eds, own, seed=node_id, serial=serial)
+    make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
+    device.dials.reboot_on_store = make.store_restarts
+    return device
