@@ -14,8 +14,8 @@ import pytest
 from cantools.database.can import Database, Message
 
 from axisbus.cia301.pdo import PdoCodec
-from axisbus.eds import Eds, export, layout, load
-from axisbus.eds.report import dbc, frames
+from axisbus.eds import Eds, layout, load
+from axisbus.eds.report import dbc, facts, frames
 from axisbus.errors import ArgumentError, UserError
 from kit.eds.samples import BITS, BUILTIN, EVERY_TENTH, STATUS, builtin, communication, mapped, small
 from kit.eds.texts import canopen_facts, variable
@@ -33,11 +33,11 @@ def message(database: Database, name: str) -> Message:
 
 def test_csv_has_a_row_for_each_entry_as_canopen_reads_it() -> None:
     (path,) = (path for path in BUILTIN if path.stem == "generic-cia402")
-    rows = list(csv.DictReader(io.StringIO(export.csv_text(load(path), 5))))
-    facts = canopen_facts(path.read_text(), 5)
-    assert {(int(row["index"], 16), int(row["subindex"], 16)) for row in rows} == set(facts)
+    rows = list(csv.DictReader(io.StringIO(facts.csv_text(load(path), 5))))
+    known = canopen_facts(path.read_text(), 5)
+    assert {(int(row["index"], 16), int(row["subindex"], 16)) for row in rows} == set(known)
     for row in rows:
-        name, _, access, mappable, default, *_ = facts[int(row["index"], 16), int(row["subindex"], 16)]
+        name, _, access, mappable, default, *_ = known[int(row["index"], 16), int(row["subindex"], 16)]
         assert (row["name"], row["access"], bool(row["pdo"])) == (name, access, mappable)
         assert row["default"] == ("" if default is None else str(default))
 
@@ -45,7 +45,7 @@ def test_csv_has_a_row_for_each_entry_as_canopen_reads_it() -> None:
 def test_csv_keeps_commas_quotes_and_formulas() -> None:
     eds = small(variable("2000", ParameterName='A, "B"', DefaultValue="$NODEID+0x10"))
     (row,) = [
-        row for row in csv.DictReader(io.StringIO(export.csv_text(eds, None))) if row["index"] == "0x2000"
+        row for row in csv.DictReader(io.StringIO(facts.csv_text(eds, None))) if row["index"] == "0x2000"
     ]
     assert (row["name"], row["default"], row["data_type"]) == ('A, "B"', "$NODEID+0x10", "UNSIGNED32")
 
@@ -53,7 +53,7 @@ def test_csv_keeps_commas_quotes_and_formulas() -> None:
 @pytest.mark.parametrize("path", EVERY_TENTH, ids=lambda path: path.stem[:40])
 def test_json_holds_every_entry_and_pdo(path: Path) -> None:
     eds = load(path)
-    whole = json.loads(export.json_text(eds, None))
+    whole = json.loads(facts.json_text(eds, None))
     assert [(each["index"], each["subindex"]) for each in whole["entries"]] == [
         (entry.index, subindex) for entry in eds for subindex in entry.subs
     ]

@@ -6,9 +6,9 @@ import cantools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.eds import diff, export, loads
+from axisbus.eds import diff, loads
 from axisbus.eds.reference import html, markdown, reference
-from axisbus.eds.report import codegen, dbc, search, show, show_object
+from axisbus.eds.report import codegen, dbc, facts, search, show, show_object
 from axisbus.eds.report.show import Screen
 from kit.eds.samples import BUILTIN
 
@@ -76,6 +76,6 @@ def test_every_report_is_made(damages: list[tuple[int, tuple[str, str]]]) -> Non
             entry.name in line for line in show_object.object_lines(eds, search.Match(entry), 5, Screen())
         )
     compile(codegen.module(eds), "damaged.py", "exec")
-    assert export.csv_text(eds, None).count("\n") > len(eds.objects)
+    assert facts.csv_text(eds, None).count("\n") > len(eds.objects)
     cantools.database.load_string(dbc.dumps(eds, 5).text, "dbc")
     assert len(diff(eds, WHOLE)) == len(diff(WHOLE, eds))

@@ -72,6 +72,6 @@ def _text(
 
         made = dbc.dumps(eds, node_id, switched_off=switched_off, words=words)
         return made.text, made.left_out
-    from axisbus.eds import export
+    from axisbus.eds.report import facts
 
-    return (export.csv_text if form == "csv" else export.json_text)(eds, node_id), ()
+    return (facts.csv_text if form == "csv" else facts.json_text)(eds, node_id), ()

@@ -1,7 +1,10 @@
-"""Every entry of an EDS as plain values, for programs: what JSON and CSV are made of."""
+"""Every entry of an EDS as plain values for other programs, and as CSV (a row for each) and JSON."""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 from collections.abc import Iterator
 from typing import TypedDict
 
@@ -35,6 +38,9 @@ class Entry(TypedDict):
     object_flags: int
     denotation: str
     line: int
+
+
+_COLUMNS = tuple(Entry.__annotations__)
 
 
 class Slot(TypedDict):
@@ -110,6 +116,25 @@ def whole(eds: Eds, node_id: int | None) -> Whole:
         "pdos": [pdo(each) for each in layout.layouts(eds, node_id)],
         "entries": list(entries(eds, node_id)),
     }
+
+
+def csv_text(eds: Eds, node_id: int | None) -> str:
+    """Return all entries as CSV (RFC 4180, lines end with LF), the columns those of ``Entry``.
+
+    Index and sub-index are hexadecimal (``0x1018``, ``0x01``), other numbers decimal; absent values are empty. Values are those
+    for ``node_id`` (1 to 127); without one, what depends on it stays a formula such as ``$NODEID+0x180``.
+    """
+    out = io.StringIO()
+    writer = csv.DictWriter(out, _COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    for each in entries(eds, node_id):
+        writer.writerow({**each, "index": f"0x{each['index']:04X}", "subindex": f"0x{each['subindex']:02X}"})
+    return out.getvalue()
+
+
+def json_text(eds: Eds, node_id: int | None) -> str:
+    """Return the whole file as JSON, as ``whole`` has it, with a line feed at the end."""
+    return json.dumps(whole(eds, node_id), indent=2, ensure_ascii=False) + "\n"
 
 
 def entries(eds: Eds, node_id: int | None) -> Iterator[Entry]:
