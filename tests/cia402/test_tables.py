@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia402 import controlword, homing, modes, objects, options, port, statusword
+from axisbus.cia402.axes import axis_of, first_axis, indices_of, own_index
 from axisbus.cia402.controlword import Command, words
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import FACTS, ModeOfOperation
-from axisbus.cia402.orders import first_axis, order
+from axisbus.cia402.objects import order
 from axisbus.cia402.starvation import Starvation
 from axisbus.cia402.state import ENERGISED, TARGETS, TRANSITIONS, State
 
@@ -319,6 +320,22 @@ def test_what_acts_at_once_on_the_communication_is_an_order():
 def test_an_object_of_any_axis_is_known_by_that_of_the_first():
     assert [first_axis(index) for index in (0x5FFF, 0x6000, 0x67FF, 0x6800, 0x7040, 0x9FFF, 0xA000)] == [
         *(0x5FFF, 0x6000, 0x67FF, 0x6000, 0x6040, 0x67FF, 0xA000),
+    ]
+
+
+def test_an_object_of_the_first_axis_has_an_index_on_each():
+    assert [own_index(0x6041, axis) for axis in (1, 2, 8)] == [0x6041, 0x6841, 0x9841]
+    assert [own_index(index, 3) for index in (0x1001, 0x5FFF, 0x67FF, 0x6800)] == [
+        0x1001,
+        0x5FFF,
+        0x77FF,
+        0x6800,
+    ]
+    assert [axis_of(index) for index in (0x1001, 0x5FFF, 0x6000, 0x67FF, 0x6800, 0x9FFF, 0xA000)] == [
+        *(1, 1, 1, 1, 2, 8, 1),
+    ]
+    assert [(indices_of(axis)[0], indices_of(axis)[-1]) for axis in (1, 2, 8)] == [
+        *((0x6000, 0x67FF), (0x6800, 0x6FFF), (0x9800, 0x9FFF)),
     ]
 
 

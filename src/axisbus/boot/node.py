@@ -38,13 +38,13 @@ from axisbus.cell.described import Drive
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.ramps import braking_of
-from axisbus.cell.writes import own_index
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia302.bootup import boot_up
 from axisbus.cia302.vocabulary import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import own_index
 from axisbus.cia402.port import Capabilities, Source
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.drives import registry

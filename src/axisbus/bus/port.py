@@ -9,7 +9,6 @@ from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import edge, freshness
 from axisbus.bus.pdo.edge import CONTROLWORD
-from axisbus.bus.pdo.mapping import axis_index
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.prime import prime_inputs, prime_outputs
@@ -22,6 +21,7 @@ from axisbus.bus.sdo.worker import Job
 from axisbus.cia301 import abort, cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import (
     OUTPUT_OBJECTS,
@@ -175,8 +175,8 @@ class CanPort:
     # -- for the cycle ------------------------------------------------------------------------------------------------------------
 
     def index(self, first_axis: int) -> int:
-        """Return the index of a first-axis object for this axis."""
-        return axis_index(first_axis, self.axis)
+        """Return the index that an object of the first axis has for this axis; others are shared by all axes."""
+        return own_index(first_axis, self.axis)
 
     def take_frames(self) -> list[Frame]:
         """Return the frames given since the last call, in the order in which they must go out."""
@@ -265,7 +265,7 @@ class CanPort:
         self._frames = []
 
     def _submit(self, request: SdoRequest) -> None:
-        index = self.index(request.index) if 0x6000 <= request.index < 0x6800 else request.index
+        index = self.index(request.index)
         undo = self._into_images(index, request)
 
         def done(value: int | None, code: int | None) -> None:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 from axisbus.cell.drive_limits import limit_writes
 from axisbus.cell.model import AxisConfig, NodeConfig
-from axisbus.cell.writes import FIRST_AXIS, Write, implied_writes, initial, known_writes, own_index
+from axisbus.cell.writes import Write, implied_writes, initial, known_writes
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects
+from axisbus.cia402.axes import PROFILE_AREA, first_axis, indices_of, own_index
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed, supported
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Variable
@@ -79,9 +80,10 @@ class Drive:
     @property
     def objects(self) -> frozenset[int]:
         """The indices of this axis: its profile objects as those of a single-axis drive, and all below 6000h."""
-        offset = self.index(FIRST_AXIS.start) - FIRST_AXIS.start
-        own = {index - offset for index in self.eds.objects if index - offset in FIRST_AXIS}
-        return frozenset(own | {index for index in self.eds.objects if index < FIRST_AXIS.start})
+        own = indices_of(self.axis.drive_axis)
+        return frozenset(
+            first_axis(index) for index in self.eds.objects if index in own or index < PROFILE_AREA.start
+        )
 
     @property
     def runnable(self) -> frozenset[ModeOfOperation]:

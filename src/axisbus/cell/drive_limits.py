@@ -14,8 +14,9 @@ from typing import NamedTuple
 from axisbus.cell import proposal
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.scales import units_of
-from axisbus.cell.writes import Write, initial, own_index
+from axisbus.cell.writes import Write, initial
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary
 from axisbus.motion.parameters import Units
 from axisbus.units import toward_zero, whole_above, whole_below

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from axisbus.cell.model import INCREMENTS, AxisConfig, CellConfig
 from axisbus.cell.scales import units_of
 from axisbus.cia402 import objects as o
-from axisbus.eds.report.wording import first_axis
+from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.errors import ArgumentError
 from axisbus.motion.parameters import Units
 
@@ -91,7 +91,7 @@ class Quantities:
         """Return how an object is turned into the axis's unit; None where no unit is known for it."""
         first = first_axis(index)
         dimension = DIMENSIONS.get(first)
-        found = self._axes.get((node_id, 1 + (index - first) // o.AXIS_OFFSET))
+        found = self._axes.get((node_id, axis_of(index)))
         if dimension is None or found is None or (first in _ARRAYS) is (subindex == 0):
             return None
         quantity = _quantity(dimension, *found)

@@ -9,10 +9,9 @@ from axisbus.cell.model import AxisConfig, NodeConfig, ObjectSetting
 from axisbus.cell.scales import DRIVE, units_of
 from axisbus.cia301.datatypes import Value
 from axisbus.cia402 import objects, options
+from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.errors import ArgumentError
-
-FIRST_AXIS = range(0x6000, 0x6800)  # the profile objects of a device's first axis (CiA 402-2 5)
 
 # 607Eh: position and velocity are multiplied by -1 (CiA 402-2, polarity: bits 7 and 6).
 POLARITY_TURNED = 0xC0
@@ -88,14 +87,8 @@ def resolve(key: str, dictionary: Dictionary, drive_axis: int = 1) -> Entry:
         ArgumentError: it names no object.
     """
     entry = dictionary.resolve(key)
-    if drive_axis > 1 and entry.index in FIRST_AXIS:
-        return dictionary.entry(own_index(entry.index, drive_axis), entry.subindex)
-    return entry
-
-
-def own_index(index: int, drive_axis: int) -> int:
-    """Return the device's index of an object of a single-axis drive; objects outside the profile are shared by all axes."""
-    return index + objects.AXIS_OFFSET * (drive_axis - 1) if index in FIRST_AXIS else index
+    own = own_index(entry.index, drive_axis)
+    return entry if own == entry.index else dictionary.entry(own, entry.subindex)
 
 
 def implied_writes(axis: AxisConfig, given: frozenset[tuple[int, int]] = frozenset()) -> Iterator[Write]:

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from axisbus.cell.model import ObjectSetting
 from axisbus.cell.problem import Problem
-from axisbus.cell.writes import FIRST_AXIS, Write, known_writes, own_index, resolve, setting_write
+from axisbus.cell.writes import Write, known_writes, resolve, setting_write
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects
-from axisbus.eds.dictionary import PROFILE_AREA, Dictionary, Entry
+from axisbus.cia402.axes import PROFILE_AREA, first_axis, indices_of
+from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 
@@ -51,7 +52,7 @@ def node_objects(case: Case) -> Found:
 def axis_objects(case: Case) -> Found:
     """Check what ``[axes.NAME.objects]`` writes, and that it stays within the axis."""
     for drive in case.drives:
-        own = range(own_index(FIRST_AXIS.start, drive.axis.drive_axis), 0x10000)[: len(FIRST_AXIS)]
+        own = indices_of(drive.axis.drive_axis)
         for setting in drive.axis.objects:
             yield from _setting(case, setting, drive.dictionary, drive.eds, drive.axis.drive_axis, own)
 
@@ -122,8 +123,7 @@ def _setting(
 
 
 def _refusal(case: Case, setting: ObjectSetting, entry: Entry) -> Problem | None:
-    first = FIRST_AXIS.start + (entry.index - FIRST_AXIS.start) % objects.AXIS_OFFSET
-    index = first if entry.index in PROFILE_AREA else entry.index
+    index = first_axis(entry.index)
     for indices, why, remedy in _FORBIDDEN:
         if index in indices:
             return case.error(setting.line, f"[{setting.table}] must not write {entry}", why, remedy)

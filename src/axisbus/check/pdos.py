@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.bus.pdo.mapping import axis_index
 from axisbus.cell import pdo_tables as pdomodel
 from axisbus.cell.model import NodeConfig, PdoConfig
 from axisbus.cell.problem import Problem
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MAX_BITS, RTR_TYPES, MappedObject, is_synchronous
+from axisbus.cia402.axes import own_index
 from axisbus.cia402.objects import CONTROLWORD
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
@@ -196,7 +196,7 @@ def size(case: Case) -> Found:
 def controlword_last(case: Case) -> Found:
     """Note a map with something behind the controlword: a drive that takes entry by entry acts before it has the rest."""
     for node, _, dictionary, config in _tables(case):
-        words = {axis_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
+        words = {own_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
         mapped = [entry for entry, _ in _known(config, dictionary) if not entry.is_dummy]
         behind = [entry for entry in mapped[:-1] if entry.index in words]
         if config.receive and behind:

@@ -1,12 +1,12 @@
-"""The objects of CiA 402: their indices by name, and the table of what the standard says of each."""
+"""The objects of CiA 402: their indices by name, and all objects whose writing is an order and no setting."""
 
 from __future__ import annotations
 
 from functools import cache
 
+from axisbus.cia301 import objects as c301
 from axisbus.cia301.tables import rows
-
-AXIS_OFFSET = 0x800  # between the objects of two axes of one device (CiA 402-2 5)
+from axisbus.cia402.axes import first_axis
 
 ABORT_CONNECTION_OPTION = 0x6007
 ERROR_CODE = 0x603F
@@ -75,6 +75,38 @@ SUPPORTED_DRIVE_MODES = 0x6502
 
 # Low word of the device type 1000h of a drive.
 PROFILE_NUMBER = 402
+
+# First-axis objects that make a drive move, let it move, or let its load go: the controlword, modes, targets and offsets of every
+# mode, and the digital outputs, which release brakes (CiA 402-2).
+MOVING = frozenset(
+    {
+        *(CONTROLWORD, MODES_OF_OPERATION, TARGET_TORQUE, TARGET_POSITION, TARGET_VELOCITY),
+        *(POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET, 0x6042, 0x60C1, 0x60FE),
+    }
+)
+
+_COMMANDED = "it commands the drive: it could energise or move it, or let its load go"
+
+# Communication objects -> what writing them does (CiA 301 7.5.2, CiA 302-2, -3).
+_COMMUNICATION: tuple[tuple[range, str], ...] = (
+    (range(c301.PREDEFINED_ERROR_FIELD, c301.PREDEFINED_ERROR_FIELD + 1), "it clears the error history"),
+    (range(c301.STORE_PARAMETERS, c301.STORE_PARAMETERS + 1), "it stores parameters"),
+    (range(c301.RESTORE_DEFAULTS, c301.RESTORE_DEFAULTS + 1), "it restores the factory's parameters"),
+    (range(0x1013, 0x1014), "it sets the clock"),
+    (range(0x1023, 0x1027), "it is a command to the device's operating system"),
+    (range(0x1F50, 0x1F60), "it loads, starts or stops the device's program"),
+    (range(0x1F82, 0x1F84), "it commands other nodes"),
+)
+
+
+def order(index: int) -> str:
+    """Return what writing an object of any axis does at once, in words; empty where it is a setting.
+
+    What acts at once cannot be configured, backed up or restored.
+    """
+    if first_axis(index) in MOVING:
+        return _COMMANDED
+    return next((what for indices, what in _COMMUNICATION if index in indices), "")
 
 
 @cache

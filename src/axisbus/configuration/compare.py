@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
-from axisbus.cia402.orders import order
+from axisbus.cia402.objects import order
 from axisbus.eds.model import Eds, Variable
 
 Key = tuple[int, int]

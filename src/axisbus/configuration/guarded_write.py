@@ -26,7 +26,8 @@ from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state
-from axisbus.cia402.orders import MOVING, first_axis
+from axisbus.cia402.axes import COUNT, first_axis, own_index
+from axisbus.cia402.objects import MOVING
 from axisbus.drives import registry
 from axisbus.eds.dictionary import Entry
 from axisbus.eds.model import Eds
@@ -35,7 +36,7 @@ from axisbus.wording import counted
 
 LISTEN = 0.5  # seconds for another master to show
 _PRODUCES_SYNC = 1 << 30  # of 1005h (CiA 301 7.5.2.5)
-_STATUSWORDS = tuple(c402.STATUSWORD + c402.AXIS_OFFSET * axis for axis in range(8))
+_STATUSWORDS = tuple(own_index(c402.STATUSWORD, axis) for axis in range(1, COUNT + 1))
 
 # Written values that are orders: what could be read back is another matter.
 _COMMANDS = frozenset({c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS, c301.PREDEFINED_ERROR_FIELD})

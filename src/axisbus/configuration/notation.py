@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 
 from axisbus.cell.quantities import Quantity, parse_quantity
-from axisbus.cell.writes import own_index, resolve
+from axisbus.cell.writes import resolve
 from axisbus.cia301.datatypes import DataType, Value
+from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds, Object
 from axisbus.errors import ArgumentError, UserError

@@ -8,7 +8,7 @@ from enum import Enum
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType, encode
-from axisbus.cia402.orders import order
+from axisbus.cia402.objects import order
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds import assign

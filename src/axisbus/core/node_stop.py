@@ -18,9 +18,9 @@ from axisbus.bus.node.node import Node
 from axisbus.cell.model import AxisConfig
 from axisbus.cell.parameters import standstill_speed
 from axisbus.cell.scales import units_of
-from axisbus.cell.writes import own_index
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.errors import BusError, SdoTimeout

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import decode, encode, size_in_bytes
-from axisbus.cia402.orders import order
+from axisbus.cia402.objects import order
 from axisbus.eds import assign, dcf
 from axisbus.eds.concise import Write
 from axisbus.eds.io.compose import written

@@ -14,10 +14,9 @@ from functools import cache
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError
-
-PROFILE_AREA = range(0x6000, 0xA000)  # eight axes of 800h each (CiA 402-2 5)
 
 _ADDRESS = re.compile(
     r"(?:0x(?P<a>[0-9a-f]{1,4})|(?P<b>[0-9a-f]{4})h|(?P<c>[0-9][0-9a-f]{3}))(?:[:/.](?:0x)?(?P<sub>[0-9a-f]{1,2})h?)?",
@@ -115,8 +114,7 @@ def merged_type(file_type: DataType, standard_type: DataType | None) -> DataType
 
 def standard(index: int, subindex: int) -> tuple[str, DataType | None]:
     """Return the standard's name and type of an entry; ``""`` and None where it has none."""
-    if index in PROFILE_AREA:
-        index = 0x6000 + (index - 0x6000) % cia402.AXIS_OFFSET
+    index = first_axis(index)
     found = _standard_table().get((index, subindex))
     if found is not None:
         return found

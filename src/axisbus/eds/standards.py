@@ -7,8 +7,8 @@ from functools import cache
 
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Variable
-from axisbus.eds.report import wording
 
 _Rows = dict[tuple[int, int], tuple[str, dict[str, str]]]
 _Ranges = list[tuple[range, range, dict[str, str]]]
@@ -34,7 +34,7 @@ def agrees(entry: Variable) -> bool:
 
 def _row(index: int, subindex: int) -> tuple[str, dict[str, str]] | None:
     exact, ranges = _tables()
-    found = exact.get((wording.first_axis(index), subindex))
+    found = exact.get((first_axis(index), subindex))
     if found is None:
         rows = [row for indices, subs, row in ranges if index in indices and subindex in subs]
         found = ("CiA 301", rows[0]) if rows else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.boot.objects import Objects
-from axisbus.cell.writes import own_index
+from axisbus.cia402.axes import own_index
 from axisbus.drives.make import STANDARD_MEASURED, Make, Measured
 from axisbus.eds.model import Eds
 from axisbus.errors import StateError

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cell import proposal
-from axisbus.cell.writes import own_index
 from axisbus.cia301.datatypes import decode
 from axisbus.cia402 import modes, options, state
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import standard
 from axisbus.errors import SdoAbort
 

@@ -10,10 +10,10 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402 import controlword, homing, options, state, statusword
 from axisbus.cia402 import objects as c402
+from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.cia402.modes import ModeOfOperation, short, supported
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.layout import is_pdo_parameter
-from axisbus.eds.report.wording import first_axis
 from axisbus.wording import counted
 
 Modes = Mapping[int, ModeOfOperation]  # axis (from 1) -> its mode as last seen
@@ -77,7 +77,7 @@ def words(index: int, subindex: int, value: Value, dictionary: Dictionary, modes
     reader = _READERS.get((first, subindex)) or _ANY_SUBINDEX.get(first)
     if reader is None or (subindex == 0 and first in _ANY_SUBINDEX):
         return ""
-    return reader(value, modes.get(1 + (index - first) // c402.AXIS_OFFSET))
+    return reader(value, modes.get(axis_of(index)))
 
 
 def _pdo_words(index: int, subindex: int, value: int, dictionary: Dictionary) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
 from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402 import objects as c402
+from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds.dictionary import Dictionary, Entry
-from axisbus.eds.report.wording import first_axis
 from axisbus.trace import meanings as words
 from axisbus.trace.decoded import ObjectValue
 from axisbus.trace.known import Known
@@ -102,7 +102,7 @@ class Values:
         if first not in _MODES or not isinstance(value, int):
             return
         modes = self._modes.setdefault(node, {})
-        axis = 1 + (index - first) // c402.AXIS_OFFSET
+        axis = axis_of(index)
         if first == c402.MODES_OF_OPERATION_DISPLAY:
             modes[axis] = ModeOfOperation(value)
         else:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis, own_index
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS
 from axisbus.eds.dictionary import Dictionary, merged_type, standard
 
@@ -44,11 +45,6 @@ class DevicePdos:
         return (entry for pdo in (*self.rpdos, *self.tpdos) for entry in pdo.mapping)
 
 
-def axis_index(index: int, axis: int) -> int:
-    """Return the index of a first-axis object for the axis ``axis`` (1 to 8) of a device."""
-    return index + cia402.AXIS_OFFSET * (axis - 1)
-
-
 def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> dict[int, MapEntry]:
     """Return the objects of motion's values that the axis has, by their index in the device.
 
@@ -59,7 +55,7 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
     mapped = {(entry.index, entry.subindex): entry.bits for entry in device.mapped}
     found = {}
     for first in sorted(wanted):
-        index = axis_index(first, axis)
+        index = own_index(first, axis)
         entry = _entry(dictionary, index) or _mapped_entry(index, mapped.get((index, 0)))
         if entry is not None:
             found[index] = entry
@@ -69,7 +65,7 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
 def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:
     _, standard_type = standard(index, 0)
     if dictionary.eds is None:
-        direction = _standard_direction()[_first_axis(index)]
+        direction = _standard_direction()[first_axis(index)]
         bits = standard_type.bits if standard_type is not None else None
         return None if bits is None else MapEntry(index, 0, bits, _signed(index), *direction)
     variable = dictionary.eds.get(index, 0)
@@ -96,10 +92,6 @@ def _mapped_entry(index: int, bits: int | None) -> MapEntry | None:
 def _signed(index: int) -> bool:
     data_type = standard(index, 0)[1]
     return data_type is not None and data_type.signed
-
-
-def _first_axis(index: int) -> int:
-    return 0x6000 + (index - 0x6000) % cia402.AXIS_OFFSET
 
 
 def _standard_direction() -> dict[int, tuple[bool, bool]]:

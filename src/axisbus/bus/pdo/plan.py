@@ -22,12 +22,12 @@ from enum import Enum
 from axisbus.bus.pdo import choose, edge, eventtimer
 from axisbus.bus.pdo.cobids import CobIds
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, axis_index
+from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia402.axes import PROFILE_AREA, axis_of, own_index
 from axisbus.cia402.objects import names as standard_names
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
-from axisbus.eds.dictionary import PROFILE_AREA
 
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
 EVENT_PROFILE = 255  # transmission type: event-driven by the device profile
@@ -197,7 +197,7 @@ def spare_cob_ids(used_nodes: frozenset[int], node_id: int | None = None) -> tup
 def _entries(
     table: Mapping[str, int], wanted: tuple[str, ...], objects: Mapping[int, MapEntry], axis: int
 ) -> dict[str, MapEntry]:
-    indices = {name: axis_index(table[name], axis) for name in wanted}
+    indices = {name: own_index(table[name], axis) for name in wanted}
     return {name: objects[index] for name, index in indices.items() if index in objects}
 
 
@@ -234,7 +234,7 @@ class _Side:
         texts = []
         for name, source in sources.items():
             index = table[name]
-            what = f"{axis_index(index, axis):04X}h ({standard_names()[index]})"
+            what = f"{own_index(index, axis):04X}h ({standard_names()[index]})"
             if source is Source.NONE:
                 texts.append(f"{what} is not in the drive's dictionary")
             elif source is Source.SDO:
@@ -343,8 +343,7 @@ class _Side:
 
 
 def _is_of_other_axis(mapped: MappedObject, axis: int) -> bool:
-    own = range(axis_index(0x6000, axis), axis_index(0x6000, axis + 1))
-    return mapped.index in PROFILE_AREA and mapped.index not in own
+    return mapped.index in PROFILE_AREA and axis_of(mapped.index) != axis
 
 
 def _source(pdo: PlannedPdo) -> Source:

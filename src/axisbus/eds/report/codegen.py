@@ -12,6 +12,7 @@ from pathlib import PurePath
 
 from axisbus.cia402 import controlword, modes, options, statusword
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds.model import Eds, Number, Object, Variable
@@ -127,7 +128,7 @@ def _data_types(eds: Eds) -> Iterator[str]:
 
 def _enumerations(eds: Eds, node_id: int | None) -> Iterator[str]:
     """Return the enumerations of CiA 402 for the objects that any axis of the device has."""
-    there = {wording.first_axis(index) for index in eds.objects}
+    there = {first_axis(index) for index in eds.objects}
     if there & {cia402.MODES_OF_OPERATION, cia402.MODES_OF_OPERATION_DISPLAY}:
         yield from _modes(eds, node_id)
     if cia402.CONTROLWORD in there:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis
 from axisbus.eds import layout
 from axisbus.eds.model import Number, Object, Variable
 from axisbus.eds.report import consequences as matters
@@ -159,7 +160,7 @@ def _group(group: Group, entry: Variable) -> Group:
     """Return where a difference is shown: values of identity objects and PDO parameters stand with their kind."""
     if group is not Group.DEFAULTS:
         return group
-    if wording.first_axis(entry.index) in _IDENTITY:
+    if first_axis(entry.index) in _IDENTITY:
         return Group.IDENTITY
     return Group.PDO if layout.is_pdo_parameter(entry.index) else group
 

@@ -10,6 +10,7 @@ from axisbus.cia301.pdo import is_synchronous
 from axisbus.cia402 import modes as modes402
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402 import options
+from axisbus.cia402.axes import first_axis
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Number, Variable
@@ -146,7 +147,7 @@ def default(a: Variable, b: Variable, node_id: int | None) -> str:
     before, after = a.initial(node_id), b.initial(node_id)
     if layout.is_pdo_parameter(a.index):
         return _pdo_parameter(a, before, after)
-    index = wording.first_axis(a.index)
+    index = first_axis(a.index)
     if index == cia301.COB_ID_SYNC:
         return _sync(before, after)
     if index == cia301.IDENTITY:
@@ -172,7 +173,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
     """Return what it means that the object or entry of ``eds`` is not in the other file, which came before or (removed) after."""
     if not removed:
         return ""
-    first = wording.first_axis(index)
+    first = first_axis(index)
     if first in (cia402.CONTROLWORD, cia402.STATUSWORD):
         return "no drive can be run without it"
     needing = [facts.short for facts in modes402.FACTS.values() if first in facts.required]

@@ -12,6 +12,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MAX_BITS
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import axis_of, first_axis, own_index
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout, Slot
 from axisbus.eds.model import Eds, Number
@@ -133,7 +134,7 @@ def _address(slot: Slot) -> str:
 def _fields(eds: Eds, slot: Slot, name: str, node_id: int, words: bool) -> Iterator[Field]:
     """Yield the signal of a mapped object; a signal for each bit of a statusword, with what 0 and 1 mean, not with ``words``."""
     whole = _field(eds, slot, name, node_id)
-    if words or wording.first_axis(slot.mapped.index) != cia402.STATUSWORD or slot.bits != len(_STATUS):
+    if words or first_axis(slot.mapped.index) != cia402.STATUSWORD or slot.bits != len(_STATUS):
         yield whole
         return
     for bit, text in _STATUS.items():
@@ -166,12 +167,12 @@ def _limits(slot: Slot, node_id: int) -> tuple[float | None, float | None]:
 
 def _unit(eds: Eds, slot: Slot, node_id: int) -> str:
     """Return what one count of an object is: by CiA 402 where it fixes that, else by the SI unit that the file gives (60A8h …)."""
-    index = wording.first_axis(slot.mapped.index)
+    index = first_axis(slot.mapped.index)
     if index in _UNITS:
         return _UNITS[index]
     given = next(
         (
-            _number(eds, unit + slot.mapped.index - index, node_id)
+            _number(eds, own_index(unit, axis_of(slot.mapped.index)), node_id)
             for unit, of in _SI_UNITS.items()
             if index in of
         ),
@@ -188,7 +189,7 @@ def _field(eds: Eds, slot: Slot, name: str, node_id: int) -> Field:
         f"{wording.place(slot.mapped.index, slot.mapped.subindex)} {slot.name}, {pdo_text.kind(slot)}",
         slot.signed and slot.data_type not in _REALS,
         slot.data_type in _REALS and slot.data_type is not None and slot.data_type.bits == slot.bits,
-        _MODES if wording.first_axis(slot.mapped.index) in _MODE_OBJECTS else {},
+        _MODES if first_axis(slot.mapped.index) in _MODE_OBJECTS else {},
         *_limits(slot, node_id),
         _unit(eds, slot, node_id),
     )

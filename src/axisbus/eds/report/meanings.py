@@ -9,11 +9,11 @@ from axisbus.cia301 import emcy
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import homing, modes, options, statusword
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import STATUSWORD_PATTERNS
 from axisbus.eds.layout import is_pdo_parameter
-from axisbus.eds.report import wording
 
 
 class Meaning(NamedTuple):
@@ -28,7 +28,7 @@ def meanings(index: int, subindex: int) -> tuple[Meaning, ...]:
     """Return the tables that the standards have for an entry of any axis; empty where they have none."""
     if is_pdo_parameter(index):
         return _PDO.get(subindex, ()) if index & 0x200 == 0 else ()
-    return _TABLES.get((wording.first_axis(index), subindex), ())
+    return _TABLES.get((first_axis(index), subindex), ())
 
 
 def _bits(title: str, names: Mapping[int, str]) -> Meaning:

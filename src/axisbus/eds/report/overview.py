@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import COUNT, axis_of, indices_of, own_index
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.eds.dictionary import PROFILE_AREA
 from axisbus.eds.io import values
 from axisbus.eds.model import Eds, Identity, Object
 
@@ -93,15 +93,14 @@ def overview(eds: Eds, node_id: int | None = None) -> Overview:
 def axis_count(eds: Eds) -> int:
     """Return how many axes of CiA 402 the file describes: each has a controlword and statusword at its own +800h."""
     return sum(
-        cia402.CONTROLWORD + offset in eds and cia402.STATUSWORD + offset in eds
-        for offset in range(0, len(PROFILE_AREA), cia402.AXIS_OFFSET)
+        own_index(cia402.CONTROLWORD, axis) in eds and own_index(cia402.STATUSWORD, axis) in eds
+        for axis in range(1, COUNT + 1)
     )
 
 
 def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[Claim, ...]:
     """Return what the file says of each mode of CiA 402 on ``axis`` (from 1)."""
-    offset = (axis - 1) * cia402.AXIS_OFFSET
-    supported = eds.get(cia402.SUPPORTED_DRIVE_MODES + offset)
+    supported = eds.get(own_index(cia402.SUPPORTED_DRIVE_MODES, axis))
     word = supported.initial(node_id) if supported is not None else None
     claimed = set(modes.supported(word)) if isinstance(word, int) else None
     return tuple(
@@ -109,7 +108,7 @@ def claims(eds: Eds, axis: int, node_id: int | None = None) -> tuple[Claim, ...]
             axis,
             mode,
             None if claimed is None else mode in claimed,
-            tuple(index + offset for index in facts.required if index + offset not in eds),
+            tuple(own for index in facts.required if (own := own_index(index, axis)) not in eds),
         )
         for mode, facts in modes.FACTS.items()
     )
@@ -141,12 +140,13 @@ def _areas(eds: Eds) -> list[tuple[str, range]]:
         ("Maker's own objects", range(0x2000, 0x6000)),
     ]
     word, profile = _profile(eds)
-    several = any(index + cia402.AXIS_OFFSET in PROFILE_AREA and index >= 0x6800 for index in eds.objects)
-    for number, first in enumerate(range(0x6000, 0xA000, cia402.AXIS_OFFSET), 1):
-        title = f"{profile}, {word} {number}" if several else profile
-        parts.append((title, range(first, first + cia402.AXIS_OFFSET)))
+    several = any(1 < axis_of(index) < COUNT for index in eds.objects)
     return [
         *parts,
+        *(
+            (f"{profile}, {word} {number}" if several else profile, indices_of(number))
+            for number in range(1, COUNT + 1)
+        ),
         ("Network and system variables", range(0xA000, 0xC000)),
         ("Reserved", range(0xC000, 0x10000)),
     ]

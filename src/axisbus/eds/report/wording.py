@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects as cia402
-from axisbus.cia402.orders import first_axis as first_axis
+from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Number, Object, ObjectType, Variable
 
 Default = Number | float | str | bytes | None

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import mapping, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
@@ -168,7 +169,7 @@ def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
 def _same_shape(sheet: Sheet, entry: Described) -> bool:
     """Whether file and standard agree on whether the object has sub-indices; else M003 says so, and its entries are others."""
     index = entry.variable.index
-    whole = standard.drive_objects().get(standard.first_axis(index))
+    whole = standard.drive_objects().get(first_axis(index))
     return whole is None or (whole.object_type is ObjectType.VAR) is not sheet.eds.objects[index].is_record
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import COUNT, PROFILE_AREA, indices_of, offset
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.eds.rules import standard
 from axisbus.eds.rules.sheet import Sheet
-from axisbus.eds.rules.standard import PROFILE_AREA
 
 _M = ModeOfOperation
 
@@ -59,17 +59,16 @@ class Axis:
     @property
     def offset(self) -> int:
         """800h for each axis before it."""
-        return (self.number - 1) * o.AXIS_OFFSET
+        return offset(self.number)
 
     def owns(self, index: int) -> bool:
         """Whether an object belongs to this axis."""
-        return 0x6000 + self.offset <= index < 0x6000 + self.offset + o.AXIS_OFFSET
+        return index in indices_of(self.number)
 
 
 def axes(sheet: Sheet) -> tuple[Axis, ...]:
     """Return the axes that the file describes; none where the device is no drive."""
-    count = len(PROFILE_AREA) // o.AXIS_OFFSET
-    found = tuple(axis for axis in map(Axis, range(1, count + 1)) if _is_axis(sheet, axis))
+    found = tuple(axis for axis in map(Axis, range(1, COUNT + 1)) if _is_axis(sheet, axis))
     return found or ((Axis(1),) if says_drive(sheet) else ())
 
 

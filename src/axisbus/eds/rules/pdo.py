@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
+from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Severity, Variable
 from axisbus.eds.rules import drive, standard
@@ -150,7 +151,7 @@ def _at_object(sheet: Sheet, section: Section, mapping: list[Slot]) -> Hit:
 def is_cyclic(sheet: Sheet, target: Variable) -> bool:
     """Whether every drive lets the object be mapped: then its PDOMapping is wrong, not the mapping."""
     known = drive.row(sheet, target.index, target.subindex) is not None
-    return known and target.subindex == 0 and standard.first_axis(target.index) in standard.CYCLIC
+    return known and target.subindex == 0 and first_axis(target.index) in standard.CYCLIC
 
 
 def wrong_direction(sheet: Sheet) -> Iterator[Hit]:

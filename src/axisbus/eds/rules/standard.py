@@ -9,9 +9,9 @@ from typing import NamedTuple
 from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects as cia402
+from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import ObjectType
 
-PROFILE_AREA = range(0x6000, 0xA000)  # eight axes of 800h each (CiA 402-2 5)
 READ_ONLY = frozenset(("ro", "const"))
 _WRITABLE = frozenset(("rw", "rww", "rwr"))
 _FITTING = {  # what a file may say for an access of the standard: process data has names of its own, const is always ro
@@ -62,11 +62,6 @@ class Whole(NamedTuple):
 def access_fits(access: str, wanted: frozenset[str]) -> bool:
     """Whether what a file says means what the standard says."""
     return not wanted or any(access in _FITTING[each] for each in wanted)
-
-
-def first_axis(index: int) -> int:
-    """Return the index of the same object on the first axis."""
-    return 0x6000 + (index - 0x6000) % cia402.AXIS_OFFSET if index in PROFILE_AREA else index
 
 
 def row(index: int, subindex: int) -> Row | None:
