@@ -1,6 +1,6 @@
 """Statusword bits per mode, modes, option codes and homing methods as values."""
 
-from axisbus.cia402 import homing, modes, objects, options, statusword
+from axisbus.cia402 import dictionary, homing, modes, options, statusword
 from axisbus.cia402.modes import ModeOfOperation
 
 
@@ -63,8 +63,8 @@ def test_homing_methods_have_texts():
 
 
 def test_object_names_come_from_the_table():
-    assert objects.names()[0x6081] == "Profile velocity"
-    assert objects.names()[0x607D] == "Software position limit"
+    assert dictionary.name(0x6081) == "Profile velocity"
+    assert dictionary.name(0x607D) == "Software position limit"
 
 
 def test_bit_12_of_a_cyclic_mode_is_named_where_the_drive_does_not_follow():

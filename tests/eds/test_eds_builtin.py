@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia301.pdo import MappedObject
-from axisbus.cia402 import objects as cia402
+from axisbus.cia402 import dictionary
 from axisbus.cia402.modes import FACTS, ModeOfOperation, supported
 from axisbus.eds import Eds, Number, load
 from axisbus.eds.builtin import names, resolve
@@ -89,15 +89,12 @@ def test_the_first_pdos_carry_each_mode(name: str) -> None:
 
 @pytest.mark.parametrize("name", names())
 def test_types_and_access_are_those_of_the_standard(name: str) -> None:
-    standard = {
-        (int(row["index"], 16), int(row["subindex"], 16)): row for row in cia402.table() if row["subindex"]
-    }
     profile = [sub for entry in builtin(name) if entry.index >= 0x6000 for sub in entry.subs.values()]
     checked = 0
     for sub in profile:
-        row = standard.get((sub.index, sub.subindex))
+        row = dictionary.entry(sub.index, sub.subindex)
         if row is not None:
-            assert (sub.data_type.name, sub.access) == (row["data_type"].split()[0], row["access"]), hex(
+            assert (sub.data_type.name, sub.access) == (row.data_types[0].name, row.access_text), hex(
                 sub.index
             )
             checked += 1

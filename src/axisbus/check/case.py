@@ -9,8 +9,9 @@ from axisbus.cell.described import Drive
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.problem import Problem
 from axisbus.cell.writes import initial, known_writes
+from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402 import objects
-from axisbus.cia402.objects import names
+from axisbus.cia402.axes import FIRST_AXIS
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Severity
 
@@ -75,7 +76,7 @@ Check = Callable[[Case], Found]
 
 def title(index: int) -> str:
     """Return an object of CiA 402 as people know it: ``6081h (profile velocity)``."""
-    name = names().get(index)
+    name = catalogue.name(index) if index in FIRST_AXIS else ""
     return f"{index:04X}h ({_lower(name)})" if name else f"{index:04X}h"
 
 

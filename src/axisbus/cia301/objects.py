@@ -1,10 +1,6 @@
-"""The communication objects of CiA 301: their indices by name, and the table of what the standard says of each."""
+"""The communication objects of CiA 301: their indices by name."""
 
 from __future__ import annotations
-
-from functools import cache
-
-from axisbus.cia301.tables import rows
 
 DEVICE_TYPE = 0x1000
 ERROR_REGISTER = 0x1001
@@ -60,9 +56,3 @@ DEVICE_PROFILES = {
     418: "battery",
     419: "charger",
 }
-
-
-@cache
-def table() -> list[dict[str, str]]:
-    """Return the standard's rows: index, subindex, name, object_type, data_type, access, pdo_mappable, category, note."""
-    return rows(__package__, "objects.tsv")

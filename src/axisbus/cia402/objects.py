@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 from axisbus.cia301 import objects as c301
-from axisbus.cia301.tables import rows
 from axisbus.cia402.axes import first_axis
 
 ABORT_CONNECTION_OPTION = 0x6007
@@ -107,20 +104,3 @@ def order(index: int) -> str:
     if first_axis(index) in MOVING:
         return _COMMANDED
     return next((what for indices, what in _COMMUNICATION if index in indices), "")
-
-
-@cache
-def table() -> list[dict[str, str]]:
-    """Return the standard's rows; the columns are those of ``objects.tsv``."""
-    return rows(__package__, "objects.tsv")
-
-
-@cache
-def names() -> dict[int, str]:
-    """Return the standard's name of each object by its index."""
-    found: dict[int, str] = {}
-    for row in table():
-        found.setdefault(
-            int(row["index"], 16), row["name"]
-        )  # an object's own row comes before its sub-indices
-    return found

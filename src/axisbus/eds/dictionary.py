@@ -9,12 +9,9 @@ from __future__ import annotations
 import difflib
 import re
 from dataclasses import dataclass
-from functools import cache
 
-from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
-from axisbus.cia402 import objects as cia402
-from axisbus.cia402.axes import first_axis
+from axisbus.cia402 import dictionary as catalogue
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError
 
@@ -86,10 +83,10 @@ class Dictionary:
             variable = self.eds.find(name)
             if variable is not None:
                 return variable.index, variable.subindex
-        return _standard_names().get(name.strip().lower())
+        return catalogue.named(name)
 
     def _unknown(self, key: str) -> ArgumentError:
-        known = list(_standard_names())
+        known = list(catalogue.NAMES)
         if self.eds is not None:
             known += [sub.name.lower() for entry in self.eds for sub in entry.subs.values()]
         near = difflib.get_close_matches(key.strip().lower(), dict.fromkeys(known), n=3)
@@ -114,15 +111,13 @@ def merged_type(file_type: DataType, standard_type: DataType | None) -> DataType
 
 def standard(index: int, subindex: int) -> tuple[str, DataType | None]:
     """Return the standard's name and type of an entry; ``""`` and None where it has none."""
-    index = first_axis(index)
-    found = _standard_table().get((index, subindex))
-    if found is not None:
-        return found
-    for indices, sub, name, data_type in _standard_ranges():
-        if index in indices and sub == subindex:
-            return name, data_type
-    name, element = _standard_groups().get(index, ("", None))
-    return name, DataType.UNSIGNED8 if name and subindex == 0 else element
+    row = catalogue.entry(index, subindex)
+    if row is not None and len(row.subindices) == 1:
+        return row.name, row.data_type
+    whole = catalogue.whole(index)
+    if whole is None or not whole.single or whole.object_type == "VAR":
+        return "", None
+    return whole.name, DataType.UNSIGNED8 if subindex == 0 else whole.data_type
 
 
 _BY_SHAPE = {
@@ -158,53 +153,3 @@ def _limit(value: Number | float | None, data_type: DataType, node_id: int | Non
     if data_type.integer and data_type.signed and number > data_type.range[1]:
         return number - (1 << (data_type.bits or 0))  # written as two's complement
     return number
-
-
-def _type(name: str) -> DataType | None:
-    return DataType.__members__.get(name)
-
-
-def _rows() -> list[dict[str, str]]:
-    return [*cia301.table(), *cia402.table()]
-
-
-@cache
-def _standard_table() -> dict[tuple[int, int], tuple[str, DataType | None]]:
-    """Return name and type by index and sub-index; a record itself (no sub-index in the table) is left out."""
-    found: dict[tuple[int, int], tuple[str, DataType | None]] = {}
-    for row in _rows():
-        if "-" in row["index"] or row["object_type"].startswith(("ARRAY", "RECORD")):
-            continue
-        key = int(row["index"], 16), int(row["subindex"] or "0", 16)
-        found[key] = row["name"], _type(row["data_type"])
-    return found
-
-
-@cache
-def _standard_groups() -> dict[int, tuple[str, DataType | None]]:
-    """Return name and element type (None where they differ or are not given) of each ARRAY and RECORD."""
-    return {
-        int(row["index"], 16): (row["name"], _type(row["data_type"]))
-        for row in _rows()
-        if row["object_type"].startswith(("ARRAY", "RECORD")) and "-" not in row["index"]
-    }
-
-
-@cache
-def _standard_ranges() -> list[tuple[range, int, str, DataType | None]]:
-    found = []
-    for row in _rows():
-        low, dash, high = row["index"].partition("-")
-        if dash and row["subindex"] and "-" not in row["subindex"]:
-            indices = range(int(low, 16), int(high, 16) + 1)
-            found.append((indices, int(row["subindex"], 16), row["name"], _type(row["data_type"])))
-    return found
-
-
-@cache
-def _standard_names() -> dict[str, tuple[int, int]]:
-    names: dict[str, tuple[int, int]] = {}
-    for (index, subindex), (name, _) in _standard_table().items():
-        if subindex == 0 and index not in _standard_groups():
-            names.setdefault(name.lower(), (index, subindex))
-    return names

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -13,7 +12,8 @@ from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode
-from axisbus.cia402 import objects as c402
+from axisbus.cia402 import dictionary as catalogue
+from axisbus.cia402.dictionary import Row
 from axisbus.eds.dcf import BAUD_RATES
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import EdsError, SdoAbort
@@ -23,8 +23,10 @@ STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
 _PLAIN, _ZIPPED = 0, 1
 _LONGEST = 1 << 25  # bytes of an unpacked EDS; real ones have some hundred thousand
 _GONE = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
-_PDO_RANGES = ((0x1400, 16), (0x1600, 16), (0x1800, 16), (0x1A00, 16))
-_KINDS = {"VAR": ObjectType.VAR, "ARRAY": ObjectType.ARRAY, "RECORD": ObjectType.RECORD}
+# How many of each kind of PDO parameter are asked for.
+_ASKED = dict.fromkeys(
+    (c301.RPDO_COMMUNICATION, c301.RPDO_MAPPING, c301.TPDO_COMMUNICATION, c301.TPDO_MAPPING), 16
+)
 _KNOWN_ACCESS = ("const", "ro", "wo", "rw")
 _BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED32, 8: DataType.UNSIGNED64}
 _LARGEST_RECORD = 64
@@ -138,31 +140,25 @@ def as_file(eds: Eds, name: str, now: datetime, bitrate: int | None = None) -> E
     return replace(eds, info={**eds.info, "fileinfo": entries, "deviceinfo": device})
 
 
-def _candidates() -> dict[int, dict[str, str]]:
+def _candidates() -> dict[int, Row]:
     """Return the standard's row of every index worth asking for."""
-    heads: dict[int, dict[str, str]] = {}
-    for row in (*c301.table(), *c402.table()):
-        found = re.fullmatch(r"0x([0-9A-F]{4})(?:-([0-9A-F]{4}))?", row["index"], re.I)
-        if found is None:
-            continue
-        first = int(found[1], 16)
-        count = 1 if found[2] is None else next((n for start, n in _PDO_RANGES if start == first), 0)
-        for index in range(first, first + count):
+    heads: dict[int, Row] = {}
+    for row in catalogue.ROWS:
+        for index in row.indices if row.single else row.indices[: _ASKED.get(row.index, 0)]:
             heads.setdefault(index, row)
     return heads
 
 
-def _name(index: int, row: dict[str, str]) -> str:
+def _name(index: int, row: Row) -> str:
     """Return an object's name, with a number where the standard has one name for a range of PDO parameters."""
-    first = next((start for start, count in _PDO_RANGES if start <= index < start + count), None)
-    return row["name"] if first is None else f"{row['name']} {index - first + 1}"
+    return row.name if row.single else f"{row.name} {index - row.index + 1}"
 
 
-def _object(sdo: SdoClient, index: int, name: str, row: dict[str, str]) -> Object | None:
+def _object(sdo: SdoClient, index: int, name: str, row: Row) -> Object | None:
     first = _upload(sdo, index, 0)
     if first is None:
         return None
-    kind = _KINDS.get(row["object_type"].split()[0], ObjectType.VAR)
+    kind = ObjectType[row.object_type]
     if kind is ObjectType.VAR:
         return Object(index, name, kind, {0: _variable(sdo, index, 0, name, first)})
     subs = {
@@ -219,16 +215,14 @@ def _default(data: bytes, data_type: DataType) -> Number | float | str | bytes |
 
 
 def _attributes(index: int, subindex: int) -> tuple[str, bool]:
-    """Return access and PDO mapping of the standard; the object's own row where it has none for the sub-index."""
-    wanted = {f"0x{subindex:02X}", f"{subindex:02X}"}
-    best = ("rw", False)
-    for row in (*c301.table(), *c402.table()):
-        low, _, high = row["index"].removeprefix("0x").partition("-")
-        if not int(low, 16) <= index <= int(high or low, 16):
-            continue
-        access = row["access"].split("/")[0]
+    """Return access and PDO mapping of the standard; those of the object's last row where it has none for the sub-index."""
+    rows = catalogue.of(index)
+    own = next(
+        (number for number, row in enumerate(rows, 1) if row.subindices == range(subindex, subindex + 1)),
+        None,
+    )
+    for row in reversed(rows[:own]):
+        access = row.access_text.partition("/")[0]
         if access in _KNOWN_ACCESS:
-            best = access, row["pdo_mappable"] not in ("no", "")
-        if row["subindex"] in wanted:
-            break
-    return best
+            return access, bool(row.mapping)
+    return "rw", False

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from axisbus.cia301.pdo import MappedObject, Pdo
-from axisbus.cia402 import objects as cia402
-from axisbus.cia402.axes import first_axis, own_index
+from axisbus.cia402 import dictionary as catalogue
+from axisbus.cia402.axes import own_index
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS
 from axisbus.eds.dictionary import Dictionary, merged_type, standard
 
@@ -65,9 +65,11 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
 def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:
     _, standard_type = standard(index, 0)
     if dictionary.eds is None:
-        direction = _standard_direction()[first_axis(index)]
+        row = catalogue.entry(index, 0)
         bits = standard_type.bits if standard_type is not None else None
-        return None if bits is None else MapEntry(index, 0, bits, _signed(index), *direction)
+        if row is None or bits is None:
+            return None
+        return MapEntry(index, 0, bits, _signed(index), "RPDO" in row.mapping, "TPDO" in row.mapping)
     variable = dictionary.eds.get(index, 0)
     if variable is None:
         return None
@@ -92,11 +94,3 @@ def _mapped_entry(index: int, bits: int | None) -> MapEntry | None:
 def _signed(index: int) -> bool:
     data_type = standard(index, 0)[1]
     return data_type is not None and data_type.signed
-
-
-def _standard_direction() -> dict[int, tuple[bool, bool]]:
-    return {
-        int(row["index"], 16): ("RPDO" in row["pdo_mappable"], "TPDO" in row["pdo_mappable"])
-        for row in cia402.table()
-        if row["subindex"] in ("", "0x00")
-    }

@@ -25,8 +25,8 @@ from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import PROFILE_AREA, axis_of, own_index
-from axisbus.cia402.objects import names as standard_names
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
 
 SYNC_EVERY = 1  # transmission type: with every SYNC (CiA 301 table 72)
@@ -234,7 +234,7 @@ class _Side:
         texts = []
         for name, source in sources.items():
             index = table[name]
-            what = f"{own_index(index, axis):04X}h ({standard_names()[index]})"
+            what = f"{own_index(index, axis):04X}h ({catalogue.name(index)})"
             if source is Source.NONE:
                 texts.append(f"{what} is not in the drive's dictionary")
             elif source is Source.SDO:

@@ -10,7 +10,7 @@ from axisbus.eds.model import Eds, Object, Variable
 from axisbus.eds.report import meanings, pdo_text, show, wording
 from axisbus.eds.report.search import Match
 from axisbus.eds.report.show import Screen
-from axisbus.eds.standards import agrees, standard_words
+from axisbus.eds.rules import standard
 from axisbus.wording import counted
 
 # Bits of ObjFlags (DS 306 4.6.3.2).
@@ -83,8 +83,8 @@ def remarks(entry: Object, sub: Variable, pdos: tuple[Layout, ...]) -> Iterator[
     flags = [text for bit, text in _FLAGS.items() if sub.object_flags >> bit & 1]
     if flags:
         yield "flags", "; ".join(flags)
-    words = standard_words(sub.index, sub.subindex)
-    if words and not (entry.is_record and agrees(sub)):
+    words = standard.words(sub.index, sub.subindex)
+    if words and not (entry.is_record and standard.agrees(sub)):
         yield "standard", words
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import is_synchronous
+from axisbus.cia402 import dictionary
+from axisbus.cia402.dictionary import Row
 from axisbus.eds.model import ObjectType, Severity
 from axisbus.eds.rules import mapping, services, standard
 from axisbus.eds.rules.pdo_parameters import restricted
@@ -48,11 +50,10 @@ def no_identity(sheet: Sheet) -> Iterator[Hit]:
 
 def object_types(sheet: Sheet) -> Iterator[Hit]:
     """C002."""
-    wholes = standard.communication_objects()
     for index in sheet.heads:
-        whole = wholes.get(index) if index in _AREA or index == _SDO_SERVER else None
+        whole = dictionary.whole(index) if index in _AREA or index == _SDO_SERVER else None
         if whole is not None:
-            yield from wrong_object_type(sheet, index, whole.object_type, "CiA 301")
+            yield from wrong_object_type(sheet, index, ObjectType[whole.object_type], "CiA 301")
 
 
 def wrong_object_type(
@@ -103,14 +104,13 @@ def fixed(sheet: Sheet) -> Iterator[Hit]:
             yield sheet.on(entry, "accesstype", f"is {entry.variable.access}, CiA 301 has rw ({row.name})")
 
 
-def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
-    rows = standard.communication_rows()
+def _rows(sheet: Sheet) -> Iterator[tuple[Described, Row]]:
     for entry in sheet.described:
         variable = entry.variable
         if variable.index > _SDO_SERVER:
             break
-        row = rows.get((variable.index, variable.subindex))
-        if row is not None and variable.index in _AREA:
+        row = standard.row(variable.index, variable.subindex) if variable.index in _AREA else None
+        if row is not None:
             yield entry, row
 
 
@@ -215,8 +215,8 @@ def no_store_format(sheet: Sheet) -> Iterator[Hit]:
 
 
 def _named(index: int) -> str:
-    whole = standard.communication_objects().get(index)
-    return f"{index:04X} ({whole.name})" if whole is not None else f"{index:04X}"
+    name = dictionary.name(index)
+    return f"{index:04X} ({name})" if name else f"{index:04X}"
 
 
 LOOKS: Looks = {

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.objects import DEVICE_TYPE
+from axisbus.cia402 import dictionary
 from axisbus.cia402 import objects as o
-from axisbus.cia402.axes import first_axis
+from axisbus.cia402.dictionary import Row
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import mapping, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
@@ -29,6 +30,9 @@ _COASTING = {  # the value with which the motor is left to itself
     o.FAULT_REACTION_OPTION: "a fault",
 }
 _RANGES = (0x607B, 0x607D)  # position range limit, software position limit: sub-index 1 the least, 2 the most
+_NEEDED_ENTRIES = tuple(
+    row for row in dictionary.ROWS if row.standard == dictionary.CIA_402 and row.subindex and row.mandatory
+)
 _TARGETS_BOTH_WAYS = (o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE)
 
 
@@ -45,12 +49,12 @@ def data_types(sheet: Sheet) -> Iterator[Hit]:
 
 def object_types(sheet: Sheet) -> Iterator[Hit]:
     """M003."""
-    wholes = standard.drive_objects()
     for axis in axes(sheet):
         for index in sheet.heads:
-            whole = wholes.get(index - axis.offset) if axis.owns(index) else None
+            whole = dictionary.whole(index) if axis.owns(index) else None
             if whole is not None:
-                yield from wrong_object_type(sheet, index, whole.object_type, "CiA 402", _mild(whole.sure))
+                wanted = ObjectType[whole.object_type]
+                yield from wrong_object_type(sheet, index, wanted, "CiA 402", _mild(whole.sure))
 
 
 def access(sheet: Sheet) -> Iterator[Hit]:
@@ -76,15 +80,9 @@ def mappable(sheet: Sheet) -> Iterator[Hit]:
 def no_sub_index(sheet: Sheet) -> Iterator[Hit]:
     """M014."""
     for axis in axes(sheet):
-        for (index, subindex), row in standard.drive_rows().items():
-            entry = sheet.eds.objects.get(axis.offset + index)
-            if (
-                entry is None
-                or subindex == 0
-                or not row.mandatory
-                or not entry.is_record
-                or subindex in entry.subs
-            ):
+        for row in _NEEDED_ENTRIES:
+            entry, subindex = sheet.eds.objects.get(axis.offset + row.index), row.subindex
+            if entry is None or not entry.is_record or subindex in entry.subs:
                 continue
             if len(entry.subs) > 1:  # without any sub-index O008 speaks
                 head = sheet.heads.get(entry.index)
@@ -155,13 +153,12 @@ def _value(sheet: Sheet, index: int, message: str) -> Hit:
     return sheet.at(section, key, f"[{index:04X}] {message}", index)
 
 
-def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
+def _rows(sheet: Sheet) -> Iterator[tuple[Described, Row]]:
     """Yield the entries of all axes with what CiA 402 says of each."""
-    rows = standard.drive_rows()
     for axis in axes(sheet):
         for entry in sheet.described:
             if axis.owns(entry.variable.index):
-                row = rows.get((entry.variable.index - axis.offset, entry.variable.subindex))
+                row = standard.row(entry.variable.index, entry.variable.subindex)
                 if row is not None:
                     yield entry, row
 
@@ -169,8 +166,8 @@ def _rows(sheet: Sheet) -> Iterator[tuple[Described, standard.Row]]:
 def _same_shape(sheet: Sheet, entry: Described) -> bool:
     """Whether file and standard agree on whether the object has sub-indices; else M003 says so, and its entries are others."""
     index = entry.variable.index
-    whole = standard.drive_objects().get(first_axis(index))
-    return whole is None or (whole.object_type is ObjectType.VAR) is not sheet.eds.objects[index].is_record
+    whole = dictionary.whole(index)
+    return whole is None or (whole.object_type == "VAR") is not sheet.eds.objects[index].is_record
 
 
 def _mild(sure: bool) -> Severity | None:

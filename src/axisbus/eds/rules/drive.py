@@ -9,6 +9,7 @@ from axisbus.cia301.objects import DEVICE_TYPE
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import COUNT, PROFILE_AREA, indices_of, offset
+from axisbus.cia402.dictionary import Row
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.eds.rules import standard
 from axisbus.eds.rules.sheet import Sheet
@@ -72,7 +73,7 @@ def axes(sheet: Sheet) -> tuple[Axis, ...]:
     return found or ((Axis(1),) if says_drive(sheet) else ())
 
 
-def row(sheet: Sheet, index: int, subindex: int) -> standard.Row | None:
+def row(sheet: Sheet, index: int, subindex: int) -> Row | None:
     """Return what the standards say of an entry; what CiA 402 says only where the file describes an axis to which it belongs."""
     if index < PROFILE_AREA.start or any(axis.owns(index) for axis in axes(sheet)):
         return standard.row(index, subindex)

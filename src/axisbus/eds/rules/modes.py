@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from axisbus.cia301.objects import DEVICE_TYPE
+from axisbus.cia402 import dictionary
 from axisbus.cia402 import objects as o
 from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
-from axisbus.eds.rules import standard
 from axisbus.eds.rules.drive import ALONE, TARGETS, Axis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, start_key
 from axisbus.wording import counted
@@ -217,13 +217,13 @@ def _word(sheet: Sheet, axis: Axis) -> str:
 
 
 def _named(axis: Axis, index: int) -> str:
-    whole = standard.drive_objects().get(index)
-    return f"{axis.offset + index:04X}" + (f" ({whole.name})" if whole is not None else "")
+    name = dictionary.name(index)
+    return f"{axis.offset + index:04X}" + (f" ({name})" if name else "")
 
 
 def _mild(index: int) -> Severity | None:
     """Return a note for an object of which it is not certain that it is mandatory."""
-    whole = standard.drive_objects().get(index)
+    whole = dictionary.whole(index)
     return None if whole is not None and whole.sure else Severity.NOTE
 
 

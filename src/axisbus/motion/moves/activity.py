@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from axisbus.cia301 import abort
-from axisbus.cia402 import modes, objects
+from axisbus.cia402 import dictionary, modes, objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import DriveError, ModeError, StaleError
 from axisbus.motion.axis.image import Image
@@ -248,7 +248,7 @@ def present_speed(image: Image, parameters: AxisParameters) -> float:
 
 def object_text(index: int, subindex: int = 0) -> str:
     """Return an object's number and name, such as ``6081h profile velocity``."""
-    name = objects.names().get(index, "")
+    name = dictionary.name(index)
     number = f"{index:04X}h:{subindex:02X}" if subindex else f"{index:04X}h"
     return f"{number} {name.lower()}".rstrip()
 

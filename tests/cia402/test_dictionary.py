@@ -1,0 +1,65 @@
+"""The catalogue of standard objects against facts typed off by hand: entries, arrays, numbered parameters, axes."""
+
+import pytest
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia402 import dictionary
+
+
+@pytest.mark.parametrize(
+    ("address", "standard", "name", "data_type", "access", "mapping"),
+    [
+        ((0x1000, 0), "CiA 301", "Device type", DataType.UNSIGNED32, {"ro"}, ""),
+        ((0x1018, 2), "CiA 301", "Product code", DataType.UNSIGNED32, {"ro"}, ""),
+        ((0x1400, 2), "CiA 301", "Transmission type", DataType.UNSIGNED8, {"rw"}, ""),
+        ((0x1411, 2), "CiA 301", "Transmission type", DataType.UNSIGNED8, {"rw"}, ""),
+        ((0x1603, 7), "CiA 301", "Application object", DataType.UNSIGNED32, {"rw", "const"}, ""),
+        ((0x6040, 0), "CiA 402", "Controlword", DataType.UNSIGNED16, {"rw"}, "RPDO"),
+        ((0x6841, 0), "CiA 402", "Statusword", DataType.UNSIGNED16, {"ro"}, "TPDO"),
+        ((0x6099, 1), "CiA 402", "Speed during search for switch", DataType.UNSIGNED32, {"rw"}, "RPDO"),
+    ],
+)
+def test_an_entry_is_what_its_standard_says(address, standard, name, data_type, access, mapping):
+    row = dictionary.entry(*address)
+    assert row is not None
+    assert (row.standard, row.name, row.data_type) == (standard, name, data_type)
+    assert (row.access, row.mapping) == (access, mapping)
+
+
+def test_a_choice_of_types_is_no_single_one():
+    store_format = dictionary.entry(0x1022, 0)
+    assert store_format.data_type is None
+    assert store_format.data_types == (DataType.UNSIGNED8, DataType.UNSIGNED16)
+
+
+def test_an_object_as_a_whole_comes_before_its_entries():
+    identity = dictionary.of(0x1018)
+    assert [row.name for row in identity] == [
+        *("Identity object", "Vendor-ID", "Product code", "Revision number", "Serial number"),
+    ]
+    assert identity[0].object_type == "RECORD"
+    assert not identity[0].subindices
+    assert dictionary.whole(0x1018) is identity[0]
+    assert dictionary.entry(0x1018, 5) is None
+
+
+def test_the_elements_of_an_array_are_known_by_the_whole():
+    whole = dictionary.whole(0x1016)
+    assert (whole.object_type, whole.data_type, whole.single) == ("ARRAY", DataType.UNSIGNED32, True)
+    assert dictionary.entry(0x1016, 3) is None
+
+
+def test_an_object_is_found_by_its_name():
+    assert dictionary.named(" profile VELOCITY") == (0x6081, 0)
+    assert dictionary.named("Device type") == (0x1000, 0)
+    assert dictionary.named("Identity object") is None  # it has sub-indices
+    assert dictionary.named("Vendor-ID") is None
+    assert dictionary.name(0x7081) == "Profile velocity"
+
+
+@pytest.mark.parametrize("index", [0x0005, 0x1004, 0x2000, 0x5FFF, 0x67F0, 0xA000])
+def test_what_the_standards_do_not_have_is_nothing(index):
+    assert dictionary.of(index) == ()
+    assert dictionary.whole(index) is None
+    assert dictionary.entry(index, 0) is None
+    assert dictionary.name(index) == ""
