@@ -16,6 +16,11 @@ class NmtCommand(IntEnum):
     RESET_NODE = 129
     RESET_COMMUNICATION = 130
 
+    @property
+    def text(self) -> str:
+        """The standard's words, such as ``reset node``."""
+        return _COMMANDS[self]
+
 
 class NmtState(IntEnum):
     """State of a node as its heartbeat says it; an unknown one is kept as a member."""
@@ -39,6 +44,15 @@ class NmtState(IntEnum):
     def text(self) -> str:
         """The standard's word, such as ``pre-operational``."""
         return self.name.lower().replace("_", "-")
+
+
+_COMMANDS = {
+    NmtCommand.START: "start",
+    NmtCommand.STOP: "stop",
+    NmtCommand.ENTER_PRE_OPERATIONAL: "enter pre-operational",
+    NmtCommand.RESET_NODE: "reset node",
+    NmtCommand.RESET_COMMUNICATION: "reset communication",
+}
 
 
 def is_boot_up(data: bytes) -> bool:

@@ -56,3 +56,17 @@ DEVICE_PROFILES = {
     418: "battery",
     419: "charger",
 }
+
+
+# Parameters of one kind, such as 1400h to 15FFh (CiA 301 table 40): as many PDOs of one direction there can be.
+PDOS_OF_A_KIND = 0x200
+
+
+def is_pdo_parameter(index: int) -> bool:
+    """Whether an object is a communication or mapping parameter of a PDO."""
+    return RPDO_COMMUNICATION <= index < TPDO_MAPPING + PDOS_OF_A_KIND
+
+
+def is_pdo_mapping(index: int) -> bool:
+    """Whether an object is the mapping parameter of a PDO, whose sub-indices above 0 name the mapped objects."""
+    return any(first <= index < first + PDOS_OF_A_KIND for first in (RPDO_MAPPING, TPDO_MAPPING))

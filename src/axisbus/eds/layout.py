@@ -12,7 +12,6 @@ from axisbus.eds.dictionary import merged_type, standard
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.wording import counted
 
-MAX_PDOS = 512
 _MULTIPLEXED = {0xFE: "SAM-MPDO", 0xFF: "DAM-MPDO"}  # sub-index 0 of a multiplexed PDO (CiA 301 7.5.2.36)
 
 
@@ -134,20 +133,9 @@ def layouts(eds: Eds, node_id: int | None) -> tuple[Layout, ...]:
     return tuple(
         _layout(eds, node_id, receive, index)
         for receive, first in ((True, objects.RPDO_COMMUNICATION), (False, objects.TPDO_COMMUNICATION))
-        for index in range(first, first + MAX_PDOS)
+        for index in range(first, first + objects.PDOS_OF_A_KIND)
         if index in eds
     )
-
-
-def is_pdo_parameter(index: int) -> bool:
-    """Whether an object is a communication or mapping parameter of a PDO."""
-    return objects.RPDO_COMMUNICATION <= index < objects.TPDO_MAPPING + MAX_PDOS
-
-
-def is_mapping_entry(index: int, subindex: int) -> bool:
-    """Whether an entry names a mapped object."""
-    mapping = (objects.RPDO_MAPPING, objects.TPDO_MAPPING)
-    return subindex > 0 and any(first <= index < first + MAX_PDOS for first in mapping)
 
 
 def describe_mapped(eds: Eds, entry: int) -> str:

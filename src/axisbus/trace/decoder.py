@@ -14,13 +14,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.bus.link import errorframe
-from axisbus.cia301 import cob
+from axisbus.cia301 import abort, cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010 import factory
-from axisbus.trace import lss, services
-from axisbus.trace import meanings as words
+from axisbus.trace import lss, services, shown
 from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
 from axisbus.trace.known import NOTHING, Known, KnownNode
 from axisbus.trace.pdos import Parameters, PdoTable
@@ -196,7 +195,7 @@ class Decoder:
         problem = (
             f"{counted(len(data), 'byte')} where {size} are mapped" if len(data) > size and from_node else ""
         )
-        error = any(words.in_trouble(value.index, value.value) for value in values)
+        error = any(shown.in_trouble(value.index, value.value) for value in values)
         return made.words(Words(name, error, problem), values=values, from_node=from_node)
 
     def _multiplexed(self, made: _Making, pdo: Parameters) -> Decoded:
@@ -234,7 +233,7 @@ class Decoder:
         what = (
             said.note
             if said.sdo.abort is None
-            else "; ".join(filter(None, (words.abort_words(said.sdo.abort), said.note)))
+            else "; ".join(filter(None, (abort.describe(said.sdo.abort), said.note)))
         )
         return made.words(
             Words(what, error, said.problem or problem), values=values, sdo=said.sdo, from_node=not request

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.pdo import MappedObject
-from axisbus.eds.layout import is_pdo_parameter
 from axisbus.trace.known import KnownNode
 
 _NUMBER = 0x1FF
@@ -68,7 +67,7 @@ class PdoTable:
 
     def learn(self, node: int, index: int, subindex: int, value: int) -> None:
         """Take note of a PDO parameter's value; other objects are left alone."""
-        if not is_pdo_parameter(index):
+        if not o.is_pdo_parameter(index):
             return
         key = (node, not index & _IS_TPDO, (index & _NUMBER) + 1)
         pdo = self._all.setdefault(key, Parameters(*key))

@@ -11,13 +11,6 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.drives.make import Make
 from axisbus.wording import counted
 
-_COMMANDS = {
-    NmtCommand.START: "start",
-    NmtCommand.STOP: "stop",
-    NmtCommand.ENTER_PRE_OPERATIONAL: "enter pre-operational",
-    NmtCommand.RESET_NODE: "reset node",
-    NmtCommand.RESET_COMMUNICATION: "reset communication",
-}
 _STATES = frozenset({NmtState.STOPPED, NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL})
 _EPOCH = datetime(1984, 1, 1)  # of TIME_OF_DAY (CiA 301 7.1.6.5); a wall clock without a zone
 _MILLISECONDS = (1 << 28) - 1
@@ -42,7 +35,7 @@ def nmt(data: bytes, who: Callable[[int], str]) -> Words:
             f"command {data[0]} to {target}", problem=f"{data[0]} is no NMT command (CiA 301 7.2.8.2)"
         )
     problem = f"{data[1]} is no node ID" if data[1] > 127 else ""
-    return Words(f"{_COMMANDS[NmtCommand(data[0])]}: {target}", problem=problem)
+    return Words(f"{NmtCommand(data[0]).text}: {target}", problem=problem)
 
 
 def sync(data: bytes) -> Words:

@@ -10,7 +10,7 @@ from axisbus.cia402 import objects as c402
 from axisbus.cia402.axes import axis_of, first_axis
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds.dictionary import Dictionary, Entry
-from axisbus.trace import meanings as words
+from axisbus.trace import shown
 from axisbus.trace.decoded import ObjectValue
 from axisbus.trace.known import Known
 from axisbus.wording import counted
@@ -86,7 +86,7 @@ class Values:
 
     def _value(self, node: int, entry: Entry, value: Value) -> ObjectValue:
         self._note_mode(node, entry.index, value)
-        text = words.words(
+        text = shown.words(
             entry.index, entry.subindex, value, self.dictionary(node), self._modes.get(node, {})
         )
         quantity = self._known.quantities.of(node, entry.index, entry.subindex)

@@ -16,8 +16,7 @@ from axisbus.configuration import notation as objecttext
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, AxisbusError
-from axisbus.trace import meanings as words
-from axisbus.trace import text
+from axisbus.trace import shown, text
 from axisbus.trace.decoded import ObjectValue
 
 if TYPE_CHECKING:
@@ -74,7 +73,7 @@ def _targets(files: Files, arguments: tuple[str, ...]) -> Iterator[Target]:
 
 def value_of(files: Files, node_id: int, dictionary: Dictionary, entry: Entry, value: Value) -> ObjectValue:
     """Return a value with its meaning and its unit."""
-    meaning = words.words(entry.index, entry.subindex, value, dictionary, {})
+    meaning = shown.words(entry.index, entry.subindex, value, dictionary, {})
     quantity = files.quantities.of(node_id, entry.index, entry.subindex)
     if quantity is None or not isinstance(value, (int, float)):
         return ObjectValue(entry.index, entry.subindex, entry.name, value, meaning)

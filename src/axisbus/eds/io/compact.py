@@ -13,7 +13,6 @@ from axisbus.eds.io.values import Default
 from axisbus.eds.model import Number, Object, ObjectType, Variable, variable
 
 MAX_ENTRIES = 254  # sub-index 0 holds their number, FFh is reserved (CiA 301 7.4.4)
-MAX_PDOS = 512  # of one direction (CiA 301 table 40)
 MAPPED_OBJECTS = 8  # entries of an implicit mapping: one per byte of the frame
 
 _U8, _U16, _U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
@@ -134,7 +133,7 @@ def pdos(rpdos: int, tpdos: int, parts: int, described: Container[int]) -> dict[
         (rpdos, objects.RPDO_COMMUNICATION, objects.RPDO_MAPPING, True),
         (tpdos, objects.TPDO_COMMUNICATION, objects.TPDO_MAPPING, False),
     ):
-        numbers = range(MAX_PDOS)
+        numbers = range(objects.PDOS_OF_A_KIND)
         missing = total - sum(first + number in described for number in numbers)
         free = [number for number in numbers if first + number not in described]
         for number in free[: max(0, missing)]:

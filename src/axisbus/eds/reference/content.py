@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from axisbus.cia402 import meanings
+from axisbus.cia402.meanings import Table
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Finding, Object, Severity, Variable
-from axisbus.eds.report import meanings, overview, show, show_object, wording
-from axisbus.eds.report.meanings import Meaning
+from axisbus.eds.report import overview, show, show_object, wording
 from axisbus.eds.report.overview import Area, Overview
 from axisbus.wording import counted
 
@@ -40,7 +41,7 @@ class Explained:
     """Tables of bits and values of one entry; ``elsewhere`` is the index of the object where the same tables stand already."""
 
     name: str
-    tables: tuple[Meaning, ...] = ()
+    tables: tuple[Table, ...] = ()
     elsewhere: int | None = None
 
 
@@ -183,7 +184,7 @@ class _Pages:
         self._eds = eds
         self._node_id = node_id
         self._pdos = pdos
-        self._printed: dict[tuple[Meaning, ...], int] = {}
+        self._printed: dict[tuple[Table, ...], int] = {}
 
     def areas(self) -> Iterator[AreaPage]:
         for number, area in enumerate(overview.areas(self._eds), 1):
@@ -229,7 +230,7 @@ class _Pages:
     def _explained(self, entry: Object) -> Iterator[Explained]:
         elsewhere: dict[int, list[str]] = {}
         for sub in entry.subs.values():
-            tables = meanings.meanings(sub.index, sub.subindex)
+            tables = meanings.tables(sub.index, sub.subindex)
             if not tables:
                 continue
             name = sub.name if entry.is_record else ""

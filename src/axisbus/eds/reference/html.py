@@ -7,11 +7,11 @@ from functools import cache
 from html import escape
 from pathlib import Path
 
+from axisbus.cia402.meanings import Table
 from axisbus.eds.layout import Layout
 from axisbus.eds.reference import drawing
 from axisbus.eds.reference.content import AreaPage, Explained, ObjectPage, Reference, Row
 from axisbus.eds.report import pdo_text, wording
-from axisbus.eds.report.meanings import Meaning
 from axisbus.wording import counted
 
 _COLUMNS = ("", "Name", "Type", "Access", "PDO", "Value", "Limits")
@@ -181,7 +181,7 @@ def _remarks(remarks: Iterable[tuple[str, str]], explained: Iterable[Explained])
             yield f'<div class="tables">{"".join(_meaning(name, table) for table in each.tables)}</div>'
 
 
-def _meaning(name: str, table: Meaning) -> str:
+def _meaning(name: str, table: Table) -> str:
     prefix = "bit " if table.key == "bit" else ""
     rows = "".join(
         f'<tr><td class="mono">{prefix}{escape(key)}</td><td>{escape(text)}</td></tr>'

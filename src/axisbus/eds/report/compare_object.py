@@ -8,7 +8,6 @@ from typing import NamedTuple
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
-from axisbus.eds import layout
 from axisbus.eds.model import Number, Object, Variable
 from axisbus.eds.report import consequences as matters
 from axisbus.eds.report import wording
@@ -162,7 +161,7 @@ def _group(group: Group, entry: Variable) -> Group:
         return group
     if first_axis(entry.index) in _IDENTITY:
         return Group.IDENTITY
-    return Group.PDO if layout.is_pdo_parameter(entry.index) else group
+    return Group.PDO if cia301.is_pdo_parameter(entry.index) else group
 
 
 def _resolved(given: Default, node_id: int | None) -> object:

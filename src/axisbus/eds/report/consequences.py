@@ -145,7 +145,7 @@ _NARROWER = "values that were allowed may be refused"
 def default(a: Variable, b: Variable, node_id: int | None) -> str:
     """Return what another default or parameter value means."""
     before, after = a.initial(node_id), b.initial(node_id)
-    if layout.is_pdo_parameter(a.index):
+    if cia301.is_pdo_parameter(a.index):
         return _pdo_parameter(a, before, after)
     index = first_axis(a.index)
     if index == cia301.COB_ID_SYNC:
@@ -181,7 +181,7 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
         return f"needed by {' '.join(needing)}"
     if first in _STOP_OBJECTS:
         return f"what {_STOP_OBJECTS[first]} does can no longer be set"
-    if subindex is None and layout.is_pdo_parameter(index):
+    if subindex is None and cia301.is_pdo_parameter(index):
         return ""  # said of the PDO as a whole
     carried = [
         each.name
@@ -205,11 +205,7 @@ def _sync(before: object, after: object) -> str:
 
 
 def _pdo_parameter(a: Variable, before: object, after: object) -> str:
-    if (
-        not isinstance(before, int)
-        or not isinstance(after, int)
-        or layout.is_mapping_entry(a.index, a.subindex)
-    ):
+    if not isinstance(before, int) or not isinstance(after, int) or cia301.is_pdo_mapping(a.index):
         return ""
     if a.subindex == cia301.PDO_COB_ID:
         if (before ^ after) & cob.INVALID:

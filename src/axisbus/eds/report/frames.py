@@ -10,14 +10,13 @@ from axisbus.cia301 import objects as cia301
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.pdo import MAX_BITS
-from axisbus.cia402 import modes
+from axisbus.cia402 import meanings, modes
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import axis_of, first_axis, own_index
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout, Slot
 from axisbus.eds.model import Eds, Number
 from axisbus.eds.report import naming, pdo_text, wording
-from axisbus.eds.report.meanings import meanings
 from axisbus.wording import counted
 
 MASTER = "Master"
@@ -196,7 +195,10 @@ def _field(eds: Eds, slot: Slot, name: str, node_id: int) -> Field:
 
 
 _STATUS = {
-    int(bit): text for each in meanings(cia402.STATUSWORD, 0) if each.key == "bit" for bit, text in each.rows
+    int(bit): text
+    for each in meanings.tables(cia402.STATUSWORD, 0)
+    if each.key == "bit"
+    for bit, text in each.rows
 }
 _PLAIN_BITS = frozenset(  # whose 1 is what their name says
     bit for bit, text in _STATUS.items() if "specific" not in text and "(" not in text

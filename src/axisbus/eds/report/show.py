@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from axisbus.cia301.objects import is_pdo_mapping
 from axisbus.eds import layout
 from axisbus.eds.model import Eds, Number, Object, Severity, Variable
 from axisbus.eds.report import overview, pdo_text, wording
@@ -167,7 +168,7 @@ def _row(eds: Eds, sub: Variable, node_id: int | None, address: str, name: str) 
 def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
     """Return the value after power-up; that of a mapping entry as the object that it maps."""
     given = sub.initial(node_id)
-    if isinstance(given, int) and layout.is_mapping_entry(sub.index, sub.subindex):
+    if isinstance(given, int) and is_pdo_mapping(sub.index) and sub.subindex > 0:
         return layout.describe_mapped(eds, given) or "0"
     return wording.initial(sub, node_id)
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.cia402 import meanings
 from axisbus.eds import layout
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Object, Variable
-from axisbus.eds.report import meanings, pdo_text, show, wording
+from axisbus.eds.report import pdo_text, show, wording
 from axisbus.eds.report.search import Match
 from axisbus.eds.report.show import Screen
 from axisbus.eds.rules import standard
@@ -47,7 +48,7 @@ def pdo_lines(eds: Eds, receive: bool, number: int, node_id: int | None, screen:
 def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[Layout, ...]) -> Iterator[str]:
     """Return what is to be said of one entry; a sub-index of which there is nothing beside its row is left out."""
     facts = list(_facts(entry, sub, node_id, pdos))
-    tables = meanings.meanings(sub.index, sub.subindex)
+    tables = meanings.tables(sub.index, sub.subindex)
     if entry.is_record and (facts or tables):
         yield f"  :{sub.subindex:02X} {sub.denotation or sub.name}"
     indent = "    " if entry.is_record else "  "

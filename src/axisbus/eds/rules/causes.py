@@ -15,7 +15,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.io.text import entry_of
 from axisbus.eds.model import Finding, Number, Severity
-from axisbus.eds.rules import ending, mapping, pdo_parameters, records, services, standard
+from axisbus.eds.rules import ending, pdo_parameters, records, services, standard
 from axisbus.eds.rules.sheet import Sheet
 
 _WRONG_TYPE = frozenset(("C003", "M002", "O009", "P009"))  # the data type is not the standard's
@@ -81,7 +81,7 @@ def _standard_types(sheet: Sheet, index: int, subindex: int) -> tuple[DataType, 
     entry = sheet.eds.objects.get(index)
     if subindex == 0 and entry is not None and entry.is_record:
         return (records.type_of_count(index),)
-    if o.RPDO_COMMUNICATION <= index < o.TPDO_MAPPING + mapping.PDOS_OF_A_KIND:
+    if o.is_pdo_parameter(index):
         return (pdo_parameters.standard_type(index, subindex),)
     if index in services.SDO_PARAMETERS and subindex in services.SDO_TYPES:
         return (services.SDO_TYPES[subindex],)

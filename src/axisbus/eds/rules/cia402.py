@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.objects import DEVICE_TYPE
-from axisbus.cia402 import dictionary
+from axisbus.cia402 import dictionary, options
 from axisbus.cia402 import objects as o
+from axisbus.cia402.axes import FIRST_AXIS
 from axisbus.cia402.dictionary import Row
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import mapping, standard
@@ -15,14 +16,7 @@ from axisbus.eds.rules.drive import axes
 from axisbus.eds.rules.sheet import Described, Hit, Looks, Sheet, start_key
 
 # Reactions that are defined (CiA 402-2 8.4); negative ones are the maker's.
-_REACTIONS = {
-    o.ABORT_CONNECTION_OPTION: range(4),
-    o.QUICK_STOP_OPTION: range(9),
-    o.SHUTDOWN_OPTION: range(2),
-    o.DISABLE_OPERATION_OPTION: range(2),
-    o.HALT_OPTION: range(5),
-    o.FAULT_REACTION_OPTION: range(5),
-}
+_REACTIONS = {option.index: option.meanings for option in options.ALL if option.index in FIRST_AXIS}
 _COASTING = {  # the value with which the motor is left to itself
     o.QUICK_STOP_OPTION: "a quick stop",
     o.HALT_OPTION: "a halt",

@@ -10,7 +10,6 @@ from axisbus.cia301.pdo import MappedObject
 from axisbus.eds.model import Object, Variable
 from axisbus.eds.rules.sheet import Sheet, number_of, start_value
 
-PDOS_OF_A_KIND = 0x200
 MAX_ENTRIES = 64
 MULTIPLEXED = (0xFE, 0xFF)  # sub-index 0 of an MPDO, whose entries mean something else (CiA 301 7.5.2.36)
 NETWORK_VARIABLES = range(0xA000, 0xB000)  # made by the tool that configures the network (CiA 302-4)
@@ -54,7 +53,7 @@ def communications(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
 
 def _objects(sheet: Sheet, first: int) -> Iterator[Object]:
     for index, entry in sheet.eds.objects.items():
-        if first <= index < first + PDOS_OF_A_KIND:
+        if first <= index < first + o.PDOS_OF_A_KIND:
             yield entry
 
 

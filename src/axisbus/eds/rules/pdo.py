@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.objects import PDOS_OF_A_KIND
 from axisbus.cia301.pdo import MAX_BITS, MappedObject
 from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
@@ -16,7 +17,6 @@ from axisbus.eds.rules.mapping import (
     MAX_ENTRIES,
     MULTIPLEXED,
     NETWORK_VARIABLES,
-    PDOS_OF_A_KIND,
     Slot,
     communications,
     every_slot,

@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.mapping import MAX_ENTRIES, PDOS_OF_A_KIND, communications, maps
+from axisbus.eds.rules.mapping import MAX_ENTRIES, communications, maps
 from axisbus.eds.rules.sheet import Hit, Looks, Sheet, number_of, start_key, start_value
 
 _PARAMETERS = {
@@ -51,7 +51,7 @@ def parameter_types(sheet: Sheet) -> Iterator[Hit]:
 
 def standard_type(index: int, subindex: int) -> DataType:
     """Return the data type that CiA 301 gives a sub-index (not 0) of a communication or mapping parameter."""
-    mapping = any(first <= index < first + PDOS_OF_A_KIND for first in (o.RPDO_MAPPING, o.TPDO_MAPPING))
+    mapping = o.is_pdo_mapping(index)
     return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
 
 
