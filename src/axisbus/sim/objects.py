@@ -4,13 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from axisbus.sim.axis import Axis
+from axisbus.sim.dictionary import Dictionary
 from axisbus.sim.settings import AXIS_SPAN, place
 from axisbus.sim.words import as_int8, as_int16, as_int32
 
-if TYPE_CHECKING:
-    from axisbus.sim.drive import Drive
+
+class Drive(Protocol):
+    """What of a drive its objects show, set and call."""
+
+    axis: Axis
+    axis_number: int
+    dictionary: Dictionary
+    modes: frozenset[int]
+    controlword: int
+    mode: int
+    target_position: int
+    target_velocity: int
+    target_torque: int
+    statusword: int
+    mode_display: int
+    position: int
+    position_demand: int
+    velocity: int
+    torque: int
+    error_code: int
+    maker_bits: int
+
+    def hear(self) -> None:
+        """Hear a controlword now."""
+
+    def check_mode(self, value: int) -> None:
+        """Refuse a mode that the drive does not have."""
+
 
 # Objects that only show: index to value. Where a file lacks one, nothing shows it.
 SHOWN: dict[int, Callable[[Drive], int]] = {

@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+import can
 import canopen
 
-if TYPE_CHECKING:
-    from axisbus.bus.link.channel import Channel
+
+class Sender(Protocol):
+    """What of a channel the network needs."""
+
+    bus: can.BusABC
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a data frame."""
+
+    def send_remote(self, can_id: int) -> None:
+        """Send a remote frame."""
+
+    def check(self) -> None:
+        """Raise the channel's failure, if it has one."""
 
 
 class Network(canopen.Network):
     """canopen's network on our channel: its frames go out paced, and come in from our receive thread."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: Sender) -> None:
         super().__init__(channel.bus)
         self._channel = channel
 
