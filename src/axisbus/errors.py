@@ -46,6 +46,46 @@ seen) and ``remedy`` (what to do first). Printing one shows all three.
 
 from __future__ import annotations
 
+__all__ = [
+    "AdapterError",
+    "ArgumentError",
+    "AxisbusError",
+    "BootError",
+    "BusError",
+    "BusOff",
+    "CommandError",
+    "ConfigError",
+    "DriveError",
+    "DriveFault",
+    "EdsError",
+    "FollowingError",
+    "HomingError",
+    "Interrupted",
+    "LimitError",
+    "LssError",
+    "LssRefused",
+    "LssTimeout",
+    "ModeError",
+    "MotionTimeout",
+    "NodeError",
+    "NodeRefused",
+    "NodeTimeout",
+    "Replaced",
+    "ScanError",
+    "SdoAbort",
+    "SdoError",
+    "SdoTimeout",
+    "SecondMasterError",
+    "SetPointError",
+    "StaleError",
+    "StateError",
+    "Stopped",
+    "SyncError",
+    "TransitionError",
+    "UncommandedMotion",
+    "UserError",
+]
+
 
 class AxisbusError(Exception):
     """Base of all; ``message``, ``observed`` and ``remedy`` are plain texts, empty where there is nothing to say."""
