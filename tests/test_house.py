@@ -2,20 +2,23 @@
 and tests that stand by themselves."""
 
 import ast
+import importlib
+import inspect
 import re
-from pathlib import Path
 
 import grimp
 import pytest
 
+from axisbus import Machine
+from kit.pages import PAGES as ALL_PAGES
+from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
 from kit.slow import LONG, NAMES
 
-ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "axisbus"
 MOST = 25  # files in a folder
 # Folders of like pieces, which nobody reads from end to end.
 LIKE_PIECES = {SOURCE / "eds" / "rules": "one file for each family of rules"}
-PAGES = sorted((ROOT / "docs").rglob("*.md"))
+README_WORDS = 900
 
 
 def folders():
@@ -57,17 +60,166 @@ def test_no_module_imports_itself_by_way_of_others():
     assert circles == []
 
 
-@pytest.mark.parametrize(
-    "page", [ROOT / "README.md", *PAGES], ids=lambda page: page.relative_to(ROOT).as_posix()
-)
+# -- pages ----------------------------------------------------------------------------------------------------------------------
+
+each_page = pytest.mark.parametrize("page", ALL_PAGES, ids=name_of)
+
+
+@each_page
 def test_every_file_that_a_page_names_is_there(page):
-    named = re.findall(r"`((?:src|tests|examples|eds|docs)/[\w./-]+)`", page.read_text(encoding="utf-8"))
+    named = re.findall(r"`((?:src|tests|examples|eds|docs)/[\w./-]+)`", text_of(page))
     assert [path for path in named if not (ROOT / path).exists()] == []
 
 
 def test_the_pages_name_files():
-    assert len(PAGES) >= 3
-    assert any("`src/" in page.read_text(encoding="utf-8") for page in PAGES)
+    assert len(ALL_PAGES) > 10
+    assert any("`src/" in text_of(page) for page in ALL_PAGES)
+
+
+def anchors(page):
+    """What a link to a heading of the page may name, as GitHub makes it."""
+    headings = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+def links(page):
+    return re.findall(r"\]\((?!https?:)([^)\s#]*)#?([^)\s]*)\)", text_of(page))
+
+
+@each_page
+def test_every_link_of_a_page_leads_somewhere(page):
+    for path, anchor in links(page):
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), path
+        assert not anchor or anchor in anchors(target), f"{path}#{anchor}"
+
+
+def test_every_page_is_reached_from_the_readme():
+    reached, new = set(), {README}
+    while new:
+        reached |= new
+        linked = {(page.parent / path).resolve() for page in new for path, _ in links(page) if path}
+        new = (linked & set(ALL_PAGES)) - reached
+    assert reached == set(ALL_PAGES)
+
+
+def test_the_readme_is_short():
+    assert len(text_of(README).split()) <= README_WORDS
+
+
+# -- what is public ---------------------------------------------------------------------------------------------------------------
+
+API = {
+    name: ROOT / "docs" / "api" / f"{name.rpartition('.')[2]}.md"
+    for name in ("axisbus", "axisbus.eds", "axisbus.errors")
+}
+# What public classes have beside what is for users: name, and what it is there for.
+BETWEEN_ROOMS = {
+    "Machine.disown": "a forked child gives its parent's machine up",
+    "Machine.session": "Recorder attaches to the core by it",
+    "Axis.absolute_command": "groups make commands by it",
+    "Axis.absolute_increments": "groups make commands by it",
+    "Axis.absolute_position": "groups make commands by it",
+    "Axis.default_acceleration": "groups make commands by it",
+    "Handle.finish": "the end of its command ends a handle by it",
+    "Handle.hear": "what the core tells of its command reaches it so",
+    "Handle.send": "asyncio drives a handle by it",
+    "Handle.throw": "asyncio drives a handle by it",
+    "Handle.close": "asyncio drives a handle by it",
+}
+each_public_module = pytest.mark.parametrize("module", API)
+
+
+def public(module):
+    return set(importlib.import_module(module).__all__)
+
+
+def sections(page):
+    """The headings in code of a page, each with the names that begin a row of its tables."""
+    found, names = {}, None
+    for line in text_of(page).splitlines():
+        if line.startswith("## "):
+            names = found.setdefault(line.removeprefix("## ").strip("`") if "`" in line else "", set())
+        elif line.startswith("### `"):
+            names = found.setdefault(line.removeprefix("### ").strip("`"), set())
+        elif names is not None and (row := re.match(r"\| `(\w+)[`(]", line)):
+            names.add(row[1])
+    return found
+
+
+def members(what):
+    """The names without underscore of a class: its methods, properties and fields, and those of its objects that it annotates."""
+    return {name for name in (*dir(what), *getattr(what, "__annotations__", ())) if not name.startswith("_")}
+
+
+@pytest.fixture(scope="module")
+def cell():
+    with Machine.simulated(ROOT / "examples" / "cell.toml") as cell:
+        yield cell
+
+
+@each_public_module
+def test_the_page_of_a_public_module_names_all_that_is_public_and_nothing_else(module):
+    found = sections(API[module])
+    classes = {heading for heading in found if heading and "(" not in heading}
+    assert classes | found.get("", set()) == public(module)
+
+
+@each_public_module
+def test_the_page_names_the_members_of_each_public_class(module, cell):
+    given = {"Machine": cell, "Axis": cell["x"], "Group": cell.group("x", "y"), "Handle": cell["x"].halt()}
+    for heading, named in sections(API[module]).items():
+        what = getattr(importlib.import_module(module), heading, None)
+        if not inspect.isclass(what):
+            continue
+        has = members(what) | set(
+            vars(given.get(heading, object)) if hasattr(given.get(heading), "__dict__") else ()
+        )
+        has = {name for name in has if not name.startswith("_") and not hasattr(BaseException, name)}
+        if issubclass(what, int):
+            has -= set(dir(int))
+        has -= {"name", "value"} if hasattr(what, "__members__") else set()
+        assert {name for name in has - named if f"{heading}.{name}" not in BETWEEN_ROOMS} == set(), heading
+        assert named - has == set(), heading
+
+
+def test_what_a_machine_gives_has_the_names_that_the_page_tells(cell):
+    expressions = {heading: names for heading, names in sections(API["axisbus"]).items() if "(" in heading}
+    assert len(expressions) == 2
+    for expression, names in expressions.items():
+        assert {name for name in names if name not in dir(eval(expression, {"cell": cell}))} == set()
+
+
+@each_page
+def test_a_page_names_no_module_and_no_name_that_is_not_public(page):
+    for dotted in re.findall(r"`(axisbus(?:\.\w+)*)", text_of(page)):
+        module = max((name for name in API if f"{dotted}.".startswith(f"{name}.")), key=len)
+        rest = dotted.removeprefix(module).strip(".").partition(".")[0]
+        assert not rest or rest in public(module), dotted
+
+
+def test_the_programs_on_the_pages_import_only_what_is_public():
+    for page, program in blocks_of_all("python"):
+        for node in ast.walk(ast.parse(program)):
+            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "axisbus":
+                assert {alias.name for alias in node.names} <= public(node.module) | {"eds", "errors"}, page
+            if isinstance(node, ast.Import):
+                assert all(
+                    alias.name in API or not alias.name.startswith("axisbus") for alias in node.names
+                ), page
+
+
+def test_every_exception_is_public_and_stands_in_the_tree():
+    errors = importlib.import_module("axisbus.errors")
+    classes = {name: each for name, each in vars(errors).items() if inspect.isclass(each)}
+    assert set(classes) == set(errors.__all__)
+    (tree_of_the_page,) = blocks(API["axisbus.errors"], "text")
+    tree = re.findall(r"^([│ ├└─]*)(\w+)", tree_of_the_page, re.M)
+    path: list[str] = []
+    for indent, name in tree:
+        path[len(indent) // 4 :] = [name]
+        assert len(path) == 1 or path[-2] == classes[name].__bases__[0].__name__, name
+    assert {name for _, name in tree} == set(classes)
 
 
 # -- the tests ---------------------------------------------------------------------------------------------------------

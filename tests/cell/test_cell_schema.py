@@ -20,7 +20,7 @@ from axisbus.cell import schema, values
 from axisbus.cell import words as cellwords
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
-from kit import cells
+from kit import cells, pages
 from kit.cells.slips import MINIMAL, SLIPS
 
 ROOT = Path(__file__).parents[2]
@@ -77,12 +77,10 @@ def test_good_cells_are_good(path: Path) -> None:
     assert refused(path.read_text(encoding="utf-8")) == []
 
 
-def test_the_readme_s_tables_are_good() -> None:
-    rest = '\n[nodes.1]\neds = "builtin:gim6010-8"\n[axes.x]\nnode = 1\nunit = "increments"\n'
-    found = re.findall(r"```toml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    found = [text for text in found if text.startswith("[bus]")]
-    assert found
-    assert [refused(text + rest) for text in found] == [[]] * len(found)
+def test_the_excerpts_on_the_pages_are_good() -> None:
+    found = [text for _, text in pages.blocks_of_all("toml") if "CONFIRM" not in text]
+    assert len(found) > 8
+    assert [refused(pages.whole_cell(text)) for text in found] == [[]] * len(found)
 
 
 def test_there_are_planted_mistakes() -> None:

@@ -345,7 +345,7 @@ def test_lateness_is_a_handful_of_numbers():
 
 
 def test_parameters_of_a_cell_can_be_pickled():
-    value = parameters("x", dictionary_of(__import__("rig").GENERIC))
+    value = parameters("x", dictionary_of(__import__("kit.motion.rig", fromlist=["GENERIC"]).GENERIC))
     assert pickle.loads(pickle.dumps(value)).name == "x"
 
 

@@ -32,7 +32,8 @@ SLOW = {
         "stories/test_story_suspended.py",
         "stories/test_story_two_axes.py",
         "stories/test_story_ways_out.py",
-        "test_readme.py",
+        "test_pages.py",
+        "test_examples.py",
         "test_start.py",
         "mutation/test_mutation_trial.py",
     ),
@@ -59,7 +60,8 @@ SLOW = {
 }
 # Begun first: a long file that one process begins last is waited for by all the others.
 LONG = (
-    "test_readme.py",
+    "test_pages.py",
+    "test_examples.py",
     "test_story_random.py",
     "test_story_suspended.py",
     "test_story_plants.py",

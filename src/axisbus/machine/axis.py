@@ -154,7 +154,7 @@ class Axis:
         """How far the actual position is behind the demand (6062h minus 6064h), in the axis's unit.
 
         Raises:
-            StaleError: one of both is unknown; so it is on a drive whose 6062h says nothing (see the manual's page on standstill).
+            StaleError: one of both is unknown; so it is on a drive whose 6062h says nothing (see ``docs/stopping.md``).
         """
         snapshot = self.snapshot
         demand = self._known(snapshot.demand, "demand (6062h)")

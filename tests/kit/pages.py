@@ -1,0 +1,61 @@
+"""The pages that tell users of axisbus: README.md and docs/, their blocks of code, and the cells that their excerpts make."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+PAGES = (README, *sorted((ROOT / "docs").rglob("*.md")))
+
+# What an excerpt of a cell file may leave out, by the header of its table.
+_REST = {
+    "[bus]": 'interface = "sim"\nscan_period = "4ms"\n',
+    "[nodes.1]": 'eds = "builtin:generic-cia402"\n',
+    "[nodes.2]": 'eds = "builtin:generic-cia402"\n',
+    "[axes.x]": 'node = 1\nunit = "deg"\nscale = "131072/360"\n',
+    "[axes.y]": 'node = 2\nunit = "deg"\nscale = "131072/360"\n',
+}
+
+
+def name_of(page: Path) -> str:
+    """The page's path in the checkout."""
+    return page.relative_to(ROOT).as_posix()
+
+
+def text_of(page: Path) -> str:
+    """What stands on the page."""
+    return page.read_text(encoding="utf-8")
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """The blocks of code of a page in one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text_of(page), re.DOTALL | re.MULTILINE)
+
+
+def blocks_of_all(language: str) -> list[tuple[Path, str]]:
+    """The blocks of all pages, each with its page."""
+    return [(page, block) for page in PAGES for block in blocks(page, language)]
+
+
+def whole_cell(excerpt: str) -> str:
+    """A cell file that an excerpt is a part of: it comes first, unchanged, and then the tables that it leaves out."""
+    headers = {line.partition("#")[0].strip() for line in excerpt.splitlines()}
+    rest = [f"{header}\n{body}" for header, body in _REST.items() if header not in headers]
+    return "\n".join([excerpt, *rest])
+
+
+def rows(page: Path, header: str) -> list[list[str]]:
+    """The cells of all tables of a page whose first column has this header."""
+    found: list[list[str]] = []
+    inside = False
+    for line in text_of(page).splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
+        if not cells:
+            inside = False
+        elif cells[0] == header:
+            inside = True
+        elif inside and not set(cells[0]) <= {"-"}:
+            found.append(cells)
+    return found

@@ -1,0 +1,49 @@
+"""The programs of examples/, the ten lines of README.md and the demo run, each in a process of its own, as a reader starts them."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from kit.pages import README, ROOT, blocks
+
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+def run(*arguments, cwd=ROOT):
+    path = os.pathsep.join([str(ROOT / "src"), *sys.path[1:]])  # absolute, wherever it is run
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=60,
+        check=False,
+        stdin=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONWARNINGS": "error", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": path},
+    )
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_each_example_runs(example):
+    ran = run(str(example))
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.strip()
+    assert "Traceback" not in ran.stderr
+
+
+def test_the_ten_line_program_runs_as_printed():
+    (program,) = blocks(README, "python")
+    assert len([line for line in program.splitlines() if line.strip()]) <= 10
+    ran = run("-c", program + "\nprint(x.snapshot.state.value)")
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stderr == ""
+
+
+@pytest.mark.timeout(120)
+def test_the_demo_runs_as_printed(tmp_path):
+    ran = run("-m", "axisbus", "demo", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "demo-output").is_dir()

@@ -1,0 +1,275 @@
+"""What README.md and the pages under docs/ show is run and true: every command line, program, excerpt and message.
+
+A line that stands on several pages runs once; what it came to is kept for all of them.
+"""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from itertools import pairwise
+from typing import NamedTuple
+
+import click
+import pytest
+
+from axisbus.check.run import check
+from axisbus.cia302.vocabulary import Letter
+from axisbus.cia402 import options
+from axisbus.cli.main import COMMANDS, cli
+from axisbus.cli.shared.common import run
+from axisbus.motion.parameters import StopTimes
+from kit.pages import PAGES, README, ROOT, blocks, blocks_of_all, name_of, rows, text_of, whole_cell
+
+ARCHITECTURE, COMMISSIONING, ERRORS, STOPPING = (
+    ROOT / "docs" / name for name in ("architecture.md", "commissioning.md", "api/errors.md", "stopping.md")
+)
+LANGUAGES = {"sh", "bat", "python", "toml", "text"}
+# What ends with 1 where it is as it should be: nobody without a node-ID, two files that differ.
+FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
+SET_UP = re.compile(r"python -m venv |.*python -m (pip install|pytest)")  # done already where this test runs
+INIT = ("init", "-i", "sim", "-c", "examples/cell.toml", "-o", "cell.toml")
+BOOT = ("boot", "examples/cell.toml")
+
+
+def page_names(*pages):
+    return {"argvalues": pages, "ids": [name_of(page) for page in pages]}
+
+
+def pages_with(language, *without):
+    return page_names(*(page for page in PAGES if blocks(page, language) and page not in without))
+
+
+# -- command lines --------------------------------------------------------------------------------------------------------------
+
+
+class Ran(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+
+def command_lines(page):
+    """The command lines of a page as lists of words, without their comments."""
+    printed = [line for block in blocks(page, "sh") for line in block.splitlines() if line.strip()]
+    return [words for line in printed if (words := shlex.split(line, comments=True)) and words[0] != "make"]
+
+
+@pytest.fixture(scope="module")
+def checkout(tmp_path_factory):
+    """A copy of what the lines use, and what each line came to that has run in it."""
+    folder = tmp_path_factory.mktemp("checkout")
+    for name in ("examples", "eds"):
+        shutil.copytree(ROOT / name, folder / name)
+    return folder, {}
+
+
+@pytest.fixture
+def axisbus(checkout, monkeypatch, capsys):
+    """Run the command line in the copy of the checkout, once for all pages. In this process: to load axisbus anew for each line
+    takes longer than most of them."""
+    folder, ran = checkout
+    monkeypatch.chdir(folder)
+
+    def call(words):
+        key = tuple(words)
+        if key not in ran:
+            monkeypatch.setattr(sys, "argv", ["axisbus", *key])
+            code = run(cli)
+            ran[key] = Ran(code, *capsys.readouterr())
+        return ran[key]
+
+    return call
+
+
+def expanded(words, folder):
+    """As a shell does with the ``*`` of a path."""
+    found = []
+    for word in words:
+        paths = sorted(folder.glob(word)) if "*" in word else []
+        found += [path.relative_to(folder).as_posix() for path in paths] or [word]
+    return found
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("page", **pages_with("sh"))
+def test_each_command_line_runs_as_printed_and_without_hardware(page, axisbus, checkout):
+    folder, _ = checkout
+    for printed in command_lines(page):
+        assert printed[0] == "axisbus", printed
+        words, *written = " ".join(expanded(printed[1:], folder)).split(" > ")
+        words = words.split()
+        ran = axisbus(words)
+        assert "Traceback" not in ran.err, f"{words}: {ran.err}"
+        expected = 1 if tuple(words[:2]) in FOUND_SOMETHING else 0
+        assert ran.code == expected, f"{words}: {ran.out}{ran.err}"
+        assert ran.out.strip(), words
+        for name in written:
+            (folder / name).write_text(ran.out, encoding="utf-8")
+        for flag, name in pairwise(words):
+            assert flag not in ("-o", "--concise") or (folder / name).stat().st_size, words
+
+
+def test_every_block_of_the_pages_is_of_a_kind_that_is_looked_at():
+    for page in PAGES:
+        fences = re.findall(r"^```(\w*)$", text_of(page), re.MULTILINE)
+        kinds = Counter(fences[::2])
+        assert set(fences[1::2]) <= {""}, page
+        assert set(kinds) <= LANGUAGES | ({""} if page == ARCHITECTURE else set()), page
+
+
+def test_every_line_of_commands_is_run():
+    others = [
+        line for _, block in blocks_of_all("sh") for line in block.splitlines() if line.startswith("make ")
+    ]
+    assert [line.split()[1] for line in others] == ["demo", "test"]
+    assert len({tuple(words) for page in PAGES for words in command_lines(page)}) > 30
+    windows = [
+        line for _, block in blocks_of_all("bat") for line in block.splitlines() if not SET_UP.match(line)
+    ]
+    assert windows == [r".venv\Scripts\axisbus demo"]  # which test_examples runs
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make here")
+def test_the_targets_of_make_exist():
+    code = [span for page in PAGES for span in re.findall(r"`([^`\n]+)`", text_of(page))]
+    named = set(re.findall(r"make ([a-z][a-z-]+)", " ".join([*code, *blocks(README, "sh")])))
+    assert {"demo", "test", "check", "bench"} <= named
+    ran = subprocess.run(["make", "-n", *named], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
+def test_the_line_for_the_shell_s_start_file_runs(tmp_path, monkeypatch):
+    (line,) = re.findall(r"`(eval [^`]+)`", text_of(COMMISSIONING))
+    (tmp_path / "axisbus").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m axisbus "$@"\n')
+    (tmp_path / "axisbus").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    ran = subprocess.run(
+        ["bash", "-e", "-c", f"{line}; complete -p axisbus"], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "axisbus" in ran.stdout
+
+
+# -- commands in the text -------------------------------------------------------------------------------------------------------
+
+
+def test_the_commands_named_exist():
+    spans = [span for page in PAGES for span in re.findall(r"`[^`\n]+`", text_of(page))]
+    code = " ".join([*spans, *(block for kind in ("sh", "bat") for _, block in blocks_of_all(kind))])
+    named = set(re.findall(r"axisbus ([a-z]+)", code))
+    assert named == set(COMMANDS)  # and every command stands on a page
+
+
+def named_in_the_text():
+    """The commands that the text names, as lists of words; what a shell does with their output is left out."""
+    found = [text for page in PAGES for text in re.findall(r"`axisbus ([a-z][^`\n]*)`", text_of(page))]
+    return [shlex.split(text.partition(">")[0].replace("...", "")) for text in dict.fromkeys(found)]
+
+
+def test_each_command_and_option_that_the_text_names_exists():
+    named = named_in_the_text()
+    assert len(named) > 12
+    for words in named:
+        command, context = cli, click.Context(cli, info_name="axisbus")
+        while words and isinstance(command, click.Group) and words[0] in command.list_commands(context):
+            command = command.get_command(context, words.pop(0))
+            context = click.Context(command, parent=context, info_name=command.name)
+        known = {option for parameter in command.params for option in parameter.opts}
+        for word in words:
+            if word.startswith("-"):
+                assert word in known, f"{context.command_path} has no {word}"
+            elif "/" in word:
+                assert (ROOT / word).exists(), word
+            elif isinstance(command, click.Group):
+                assert word == "|" or word in command.list_commands(context), f"{context.command_path} {word}"
+
+
+# -- programs and cell files ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.timeout(120)  # one of them draws: to load matplotlib takes its time on a busy machine
+@pytest.mark.parametrize("page", **pages_with("python", README))  # that of README.md: test_examples
+def test_each_program_runs_as_printed(page, checkout, monkeypatch, capsys):
+    monkeypatch.chdir(checkout[0])
+    for number, program in enumerate(blocks(page, "python"), 1):
+        exec(compile(program, f"{page.name}, program {number}", "exec"), {"__name__": "__main__"})
+    seen = capsys.readouterr()
+    assert seen.out.strip()
+    assert seen.err == ""
+
+
+def excerpts(made_by_init):
+    return [block for _, block in blocks_of_all("toml") if ("CONFIRM" in block) is made_by_init]
+
+
+@pytest.mark.parametrize("excerpt", excerpts(False), ids=lambda text: " ".join(text.split()[:4]))
+def test_each_excerpt_of_a_cell_file_is_good(excerpt, tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(whole_cell(excerpt), encoding="utf-8")
+    assert [str(problem) for problem in check(path) if problem.severity.value == "error"] == []
+
+
+def test_there_is_a_bus_table_for_each_adapter():
+    buses = {
+        found[1] for text in excerpts(False) if (found := re.search(r'^interface = "(\w+)"', text, re.M))
+    }
+    assert {"socketcan", "pcan", "kvaser", "slcan"} <= buses
+
+
+def test_the_excerpt_of_what_init_makes_is_what_it_makes(axisbus, checkout):
+    (excerpt,) = excerpts(True)
+    assert axisbus(INIT).code == 0
+    assert excerpt in (checkout[0] / "cell.toml").read_text(encoding="utf-8")
+    assert axisbus(("boot", "cell.toml")).code == 0
+
+
+# -- what is told of messages and meanings ----------------------------------------------------------------------------------------
+
+
+def test_the_excerpt_of_what_boot_prints_is_what_it_prints(axisbus):
+    (excerpt,) = blocks(STOPPING, "text")
+    assert excerpt in axisbus(BOOT).out
+
+
+@pytest.mark.timeout(240)
+def test_the_messages_that_are_explained_are_printed(axisbus):
+    outputs = "\n".join(axisbus(expanded(words[1:], ROOT)).out for words in command_lines(COMMISSIONING))
+    explained = [
+        cells[0].strip("`").partition("...")[0]
+        for header in ("it says", "the report says")
+        for cells in rows(COMMISSIONING, header)
+        if cells[0].startswith("`")
+    ]
+    assert len(explained) > 10
+    assert [message for message in explained if message not in outputs] == []
+
+
+def test_the_letters_of_a_boot_up_are_all_explained():
+    letters = [letter for cells in rows(COMMISSIONING, "letter") for letter in cells[0].split(", ")]
+    assert sorted(letters) == [letter.name for letter in Letter]
+
+
+def test_the_words_of_stopping_have_the_values_that_are_told():
+    told = {cells[0].strip("`"): cells[1:] for cells in rows(STOPPING, "key")}
+    assert set(told) == {option.key for option in options.ALL}
+    for option in options.ALL:
+        address, words = told[option.key]
+        sub = f":{option.subindex:02X}" if option.subindex else ""
+        assert address == f"{option.index:04X}h{sub}"
+        assert {word: int(value) for word, value in re.findall(r"`([\w-]+)` (\d)", words)} == option.words
+
+
+def test_each_word_of_stopping_has_its_meaning():
+    explained = {word for cells in rows(STOPPING, "word") for word in re.findall(r"`([\w.-]+)`", cells[0])}
+    words = {word for option in options.ALL for word in option.words if not word.endswith("-hold")}
+    assert explained == words | {"...-hold"}
+
+
+def test_the_deadlines_of_the_ladder_are_those_that_hold():
+    told = [re.findall(r"([\d.]+) s", cells[2])[0] for cells in rows(STOPPING, "rung")]
+    times = StopTimes()
+    assert [float(each) for each in told[:3]] == [times.halt, times.quick_stop, times.disable]
