@@ -114,7 +114,8 @@ def test_times_have_units(text: str, seconds: float) -> None:
         ('"4 m"', "units are"),
         ('"-4ms"', "units are"),
         ('"1e3ms"', "units are"),
-        ('"2s"', "units are"),
+        ('"2s"', '"1s" is the longest'),
+        ('"10us"', '"100us" is the shortest'),
         ("true", "units are"),
         ('"' + "9" * 400 + 's"', "units are"),
     ],
@@ -286,3 +287,13 @@ def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
     assert cell is None
     assert problem.line == 2
     assert problem.message.startswith("this is no TOML")
+
+
+def test_a_cell_file_that_is_not_there_is_not_taken_for_a_project_file(tmp_path):
+    (tmp_path / "pyproject.toml").write_text("")
+    with pytest.raises(ConfigError) as caught:
+        config.load(tmp_path / "cell.toml")
+    assert "pyproject" not in str(caught.value)
+    (tmp_path / "cells.toml").write_text("")
+    with pytest.raises(ConfigError, match=r"there is: cells\.toml"):
+        config.load(tmp_path / "cell.toml")

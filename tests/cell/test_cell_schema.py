@@ -39,7 +39,9 @@ TABLES = {
     "GROUP": schema.GROUP,
 }
 # What a schema cannot know: which of two numbers is the larger, the bounds of a time, and of a ratio.
-BEYOND = re.compile(r"exchange or correct them|units are us, ms, s and min|both an axis and a group")
+BEYOND = re.compile(
+    r"exchange or correct them|units are us, ms, s and min|is the (?:shortest|longest)|both an axis and a group"
+)
 
 
 def plain(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -126,6 +127,7 @@ PATHS = {
         ("eds", "doc", commands.GENERIC),
         ("eds", "export", commands.GENERIC, "--csv"),
         ("eds", "dcf", commands.GENERIC, "--node", "5"),
+        ("eds", "fix", commands.GENERIC),
     ],
     ids=lambda words: " ".join(words[:2]),
 )
@@ -141,6 +143,92 @@ def test_where_an_output_goes(axisbus, tmp_path, command, path):
     assert sorted(each.name for each in tmp_path.iterdir()) == ["file", "folder"]
     assert (tmp_path / "file").read_text() == "kept"
     assert not any((tmp_path / "folder").iterdir())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("init", *BUS),
+        ("config", "backup", "5", *NODE),
+        ("od", "dump", "5", *NODE),
+        ("eds", "from-device", "5", *BUS),
+        ("eds", "doc", commands.GENERIC),
+        ("eds", "export", commands.GENERIC, "--csv"),
+        ("eds", "code", commands.GENERIC),
+        ("eds", "dcf", commands.GENERIC, "--node", "5"),
+        ("eds", "fix", commands.GENERIC),
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_no_file_that_is_there_is_replaced_unasked(axisbus, tmp_path, command):
+    name = "there.html" if command[1] == "doc" else "there.py" if command[1] == "code" else "there.eds"
+    (tmp_path / name).write_text("kept")
+    code, out, err = axisbus(*command, "-o", name)
+    assert (code, out) == (1, "")
+    assert f"{name} is there already; nothing was written" in err
+    assert "give another name with -o, or --force to replace it" in err
+    assert (tmp_path / name).read_text() == "kept"
+    if command[0] == "eds" and command[1] != "from-device":
+        axisbus(*command, "-o", name, "--force")
+        assert (tmp_path / name).read_text() != "kept"
+
+
+def test_a_default_name_is_not_replaced_unasked_either(axisbus, tmp_path):
+    for command, name in (
+        (("eds", "doc", commands.GENERIC), "generic-cia402.html"),
+        (("eds", "from-device", "5", *BUS), "node-5.eds"),
+    ):
+        (tmp_path / name).write_text("kept")
+        assert "is there already" in axisbus(*command).err
+        assert (tmp_path / name).read_text() == "kept"
+
+
+def test_what_cannot_be_written_is_told_with_its_own_option(axisbus, tmp_path):
+    for command in (("eds", "dcf", commands.GENERIC, "--node", "5"), ("config", "backup", "5", *NODE)):
+        assert "give another path with --concise" in axisbus(*command, "--concise", "/proc/x").err
+        (tmp_path / "there").write_text("kept")
+        assert "another name with --concise" in axisbus(*command, "--concise", "there").err
+
+
+def test_a_recording_that_is_not_there_is_told_before_its_bit_rate_is_missed(axisbus, tmp_path):
+    for command in ("load", "trace"):
+        code, out, err = axisbus(command, "none.log")
+        assert (code, out) == (1, "")
+        assert "there is no recording none.log" in err
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="everything may be read by root")
+def test_what_may_not_be_read_is_told_in_the_same_words_by_all(axisbus, tmp_path):
+    for name in ("cell.toml", "x.eds", "x.log"):
+        (tmp_path / name).write_text("x")
+        (tmp_path / name).chmod(0)
+    for command in (
+        ("check", "cell.toml"),
+        ("boot", "cell.toml"),
+        ("eds", "show", "x.eds"),
+        ("trace", "x.log"),
+    ):
+        code, out, err = axisbus(*command)
+        assert code == 1
+        assert "cannot be read" in out + err
+        assert "Permission denied" in out + err
+
+
+def test_a_filter_names_nodes_that_there_may_be(axisbus, hard):
+    for source in ((*BUS,), (hard,), ("none.log",)):
+        for option in ("--filter", "--without"):
+            code, out, err = axisbus("trace", *source, option, "node=1,q")
+            assert (code, out) == (2, "")
+            assert "'q' is no node" in err
+    assert "axes of the cell are x, y, z" in axisbus("trace", hard, "--filter", "node=q").err
+    assert "'128' is no node" in axisbus("trace", *BUS, "--filter", "node=128").err
+    with pytest.raises(Opened):
+        axisbus("trace", hard, "--filter", "node=1,x")
+
+
+def test_a_schema_is_of_all_cell_files(axisbus):
+    assert axisbus("check", "--schema", commands.CELL).code == 2
+    assert axisbus("check").code == 2
 
 
 def test_a_restore_of_what_the_file_does_not_have(axisbus):

@@ -196,3 +196,11 @@ def test_dcf_that_cannot_be_is_refused_and_nothing_written(
     assert found == code
     assert words in err
     assert [path.name for path in tmp_path.iterdir()] == ["a.eds"]
+
+
+def test_of_many_files_a_hint_names_the_first(axisbus, tmp_path):
+    for number in range(8):
+        (tmp_path / f"f{number}.eds").write_text(EDS)
+    _, out, _ = axisbus("eds", "fix", tmp_path / "f*.eds")
+    assert f"{tmp_path / 'f4.eds'} ... --write\n" in out
+    assert f"{tmp_path / 'f5.eds'} ..." not in out

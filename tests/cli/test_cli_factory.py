@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 
 import can
@@ -91,7 +92,11 @@ def test_init_says_it_too(axisbus, tmp_path):
         result = axisbus("init", "-i", "virtual", "-c", "factory-init", "--output", tmp_path / "cell.toml")
     assert result.code == 1
     assert "1 module speaks CAN Simple, not CANopen: node 1" in result.err
-    assert "odrv0.can.config.protocol = 2" in result.err
+    assert re.search(
+        r"\n  remedy:   a GIM6010-8 leaves its factory like this .*odrv0\.can\.config\.protocol = 2",
+        result.err,
+    )
+    assert result.err.count("remedy:") == 1
     assert not (tmp_path / "cell.toml").exists()
 
 

@@ -98,6 +98,22 @@ def test_an_axis_tells_its_limits_its_power_and_where_it_goes(make):
     assert x.target is None
 
 
+def test_a_demand_that_counts_anew_after_homing_comes_with_the_next_cycle(make):
+    cell = make()
+    x = cell["x"]
+    x.enable().wait(5)
+    x.home(method=35).wait(5)
+    with pytest.raises(StaleError, match="a cycle later") as caught:
+        _ = x.following_error
+    assert "since homing" in caught.value.observed
+    cell.sleep(0.05)
+    assert x.following_error == pytest.approx(0.0, abs=0.1)
+
+
+def test_limits_are_shown_without_where_they_come_from(make):
+    assert "torque_key" not in repr(make()["x"].limits)
+
+
 def test_what_is_not_known_is_not_told(make):
     cell = make()
     cell.stand_in(1).device.dials.dead = True

@@ -15,6 +15,7 @@ from axisbus.errors import ConfigError
 from axisbus.wording import counted
 
 MAX_BYTES = 1 << 20  # a cell of 127 nodes takes some 100 kB
+_OF_PYTHON = "pyproject.toml"  # no cell file, and often beside one
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +156,9 @@ def _decoded(data: bytes, file: str) -> str:
 def _nearby(folder: Path, name: str) -> str:
     """Return a sentence with the TOML files of a folder, those with the nearest names first; empty if there are none."""
     try:
-        there = sorted(entry.name for entry in folder.iterdir() if entry.suffix == ".toml")
+        there = sorted(
+            entry.name for entry in folder.iterdir() if entry.suffix == ".toml" and entry.name != _OF_PYTHON
+        )
     except OSError:
         return "" if folder.exists() else f"there is no folder {folder}"
     near = difflib.get_close_matches(name, there, n=3, cutoff=0.4) or there[:5]

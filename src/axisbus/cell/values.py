@@ -308,8 +308,12 @@ def duration(low: str, high: str) -> Reader:
                 expected, f"add the unit: {' or '.join(fit)}" if fit else "add the unit: us, ms, s or min"
             )
         seconds = _seconds(value) if isinstance(value, str) else None
-        if seconds is None or not within(seconds):
+        if seconds is None or lowest is None:
             raise Unfit(expected, "units are us, ms, s and min")
+        if not within(seconds):
+            raise Unfit(
+                expected, f'"{low}" is the shortest' if seconds < lowest else f'"{high}" is the longest'
+            )
         return float(seconds)
 
     return Reader(read, {"type": "string", "pattern": _TIME, "examples": [low, high]})

@@ -18,6 +18,7 @@ from axisbus.cli.shared.common import (
     say_note,
 )
 from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.paths import PATH
 from axisbus.machine.machine import boot
 from axisbus.wording import counted
 
@@ -61,7 +62,7 @@ class _Told:
 
 
 @click.command("boot")
-@click.argument("cell", type=click.Path(path_type=Path))
+@click.argument("cell", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the reports as JSON.")
 @beside_option
 def command(cell: Path, as_json: bool, beside: bool) -> int:

@@ -11,6 +11,7 @@ import click
 from axisbus.cell.problem import Problem, errors
 from axisbus.check.run import check
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import STYLES, say_styled
 from axisbus.wording import counted
 
@@ -18,7 +19,7 @@ _ORDER = ("note", "warning", "error")  # the worst is read last, and stands wher
 
 
 @click.command("check")
-@click.argument("cell", type=click.Path(path_type=Path), required=False)
+@click.argument("cell", type=PATH, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.option("--errors-only", is_flag=True, help="Show neither warnings nor notes.")
 @click.option("--schema", is_flag=True, help="Print a JSON Schema of cell files, for an editor's completion.")
@@ -28,13 +29,13 @@ def command(cell: Path | None, as_json: bool, errors_only: bool, schema: bool) -
     Errors keep the cell from being opened (exit code 1) and come last; warnings are dangerous or will surprise; notes are worth
     knowing.
     """
-    if schema:
+    if (cell is None) is not schema:
+        raise click.UsageError("give a cell file, or --schema (of all cell files)")
+    if cell is None:
         from axisbus.cell.json_schema import schema_of_cells
 
         say_json(schema_of_cells())
         return OK
-    if cell is None:
-        raise click.UsageError("give a cell file, or --schema")
     problems = check(cell)
     code = WRONG if errors(problems) else OK
     shown = errors(problems) if errors_only else problems

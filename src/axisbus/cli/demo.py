@@ -13,6 +13,7 @@ from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.check.checked import checked
 from axisbus.cli.shared.common import FAILURE, OK, say, say_next
 from axisbus.cli.shared.output import output_option, require_writable
+from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
@@ -37,7 +38,7 @@ class Tally:
 
 
 @click.command("demo")
-@click.argument("cell", type=click.Path(path_type=Path), required=False)
+@click.argument("cell", type=PATH, required=False)
 @output_option("The folder to write into.", default=Path("demo-output"), show_default=True)
 @click.option("--plot/--no-plot", default=True, help="Draw motion.png (needs matplotlib).")
 def command(cell: Path | None, output: Path, plot: bool) -> int:
@@ -47,7 +48,8 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     """
     path = cell or next(path for path in _CELLS if path.exists())
     _require_simulated(checked(path))
-    require_writable(output / "recording.csv", output / "motion.png")
+    for name in ("recording.csv", "motion.png"):
+        require_writable(output / name)
     tally = Tally()
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)

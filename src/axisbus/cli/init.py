@@ -14,7 +14,8 @@ from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import bus_options, parse_options
-from axisbus.cli.shared.output import output_option, require_free, write_whole
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -33,10 +34,10 @@ if TYPE_CHECKING:
     "--eds",
     "folders",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder (or file) to look for EDS files in; may be repeated.",
 )
-@click.option("--force", is_flag=True, help="Replace a cell file that is there.")
+@force_option
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 def command(
     interface: str | None,
@@ -53,7 +54,7 @@ def command(
     What only you know (units, scales, speeds, how to stop) is written as comments to confirm, with what the drives say. Only reads;
     energises nothing. Exit code 1 when something is missing in the file.
     """
-    from axisbus.drives.gim6010.factory import Listening, told
+    from axisbus.drives.gim6010.factory import Listening
     from axisbus.scaffold import match
 
     if interface is None:
@@ -65,16 +66,23 @@ def command(
         bus = open_bus(stack, None, interface, channel, bitrate, option)
         nodes = _found(bus, known, output, others, quiet=as_json)
     if not nodes:
-        raise UserError(
-            "nobody answered on the bus; no cell file was written",
-            observed="; ".join(each.strip() for each in told(others.speakers)),
-            remedy="switch the modules over to CANopen, as said"
-            if others.speakers
-            else "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)",
-        )
+        raise _nobody(others)
     made = _draft(nodes, interface, channel, bitrate, option)
     write_whole(output, made.text.encode())
     return _tell(output, nodes, made, unreadable, as_json)
+
+
+def _nobody(others: Listening) -> UserError:
+    """Return why no cell file is made: nobody answers, or who is there speaks another protocol."""
+    from axisbus.drives.gim6010.factory import REMEDIES, heard
+
+    nothing = "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
+    protocols = dict.fromkeys(each.protocol for each in others.speakers)
+    return UserError(
+        "nobody answered on the bus; no cell file was written",
+        observed="; ".join(heard(others.speakers)),
+        remedy="; ".join(REMEDIES[each] for each in protocols) or nothing,
+    )
 
 
 def _found(

@@ -15,6 +15,7 @@ from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.speech import in_commands
 from axisbus.cli.shared.terminal import coloured
 from axisbus.machine.axis import Axis
@@ -25,7 +26,7 @@ _SHOWN = 3  # of each node and sort, in one look
 
 
 @click.command("monitor")
-@click.argument("cell", type=click.Path(path_type=Path))
+@click.argument("cell", type=PATH)
 @click.option(
     "--every",
     type=Seconds(0.01),

@@ -15,6 +15,7 @@ from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
+from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.underway import Way, follow
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
@@ -27,7 +28,7 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 @click.command("move")
-@click.argument("cell", type=click.Path(path_type=Path))
+@click.argument("cell", type=PATH)
 @click.argument(
     "targets", nargs=-1, required=True, metavar="AXIS=POSITION...", shell_complete=complete_targets
 )

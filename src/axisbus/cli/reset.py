@@ -12,12 +12,13 @@ from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.speech import in_commands
 from axisbus.machine.machine import Machine
 
 
 @click.command("reset")
-@click.argument("cell", type=click.Path(path_type=Path))
+@click.argument("cell", type=PATH)
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @beside_option
 def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:

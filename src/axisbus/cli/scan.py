@@ -13,6 +13,7 @@ from axisbus.cli.shared import silence
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import coloured, say_table
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ Given = tuple[Path | None, str | None, str | None, int | None, tuple[str, ...]]
 
 
 @click.command("scan")
-@click.argument("cell", type=click.Path(path_type=Path), required=False)
+@click.argument("cell", type=PATH, required=False)
 @bus_options
 @click.option("--json", "as_json", is_flag=True, help="Print the nodes as JSON.")
 def command(

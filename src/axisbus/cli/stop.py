@@ -9,11 +9,12 @@ import click
 
 from axisbus.cell import reader as config
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
+from axisbus.cli.shared.paths import PATH
 from axisbus.machine.beside import stop_beside
 
 
 @click.command("stop")
-@click.argument("cell", type=click.Path(path_type=Path))
+@click.argument("cell", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def command(cell: Path, as_json: bool) -> int:
     """Quick-stop every axis of CELL, wait until it stands, then stop its node (NMT). Neither boots nor resets anything.

@@ -90,10 +90,12 @@ def command(
     """
     from axisbus.trace import filters as wanted
 
-    unwanted = wanted.parse(without) if without else None
-    look = Look(wanted.parse(filters), unwanted, errors_only, as_json, absolute)
+    asked = Asked(source, interface, channel, bitrate, option, cell, eds)
+    axes = asked.axes if filters or without else ()
+    unwanted = wanted.parse(without, axes) if without else None
+    look = Look(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
     with ExitStack() as stack:
-        opened = open_frames(stack, Asked(source, interface, channel, bitrate, option, cell, eds), seconds)
+        opened = open_frames(stack, asked, seconds)
         seen = _show(opened, look, count)
     _tell(opened, seen)
     if not seen.frames and interface is not None:

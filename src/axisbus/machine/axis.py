@@ -23,6 +23,9 @@ from axisbus.motion.trajectory import Trajectory
 from axisbus.units import modulo_target
 
 _HOMING_TIMEOUT = 60.0
+_NO_DEMAND = (
+    "the drive counts anew since homing ended just now, its 6062h says nothing, or the last one is too old"
+)
 Measure = Callable[[str, str], float]
 
 
@@ -204,11 +207,9 @@ class Axis:
         if silent is not None:
             raise self._unknown(what, silent)
         if value is None:
+            observed, remedy = self._why_unknown(what)
             raise StaleError(
-                f"{self.name}: its {what} is unknown",
-                axis=self.name,
-                observed=self._why_unknown(what),
-                remedy="check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)",
+                f"{self.name}: its {what} is unknown", axis=self.name, observed=observed, remedy=remedy
             )
         return value
 
@@ -229,14 +230,21 @@ class Axis:
             remedy=f"{remedy}; axis.snapshot keeps what was seen last, with its time",
         )
 
-    def _why_unknown(self, what: str) -> str:
+    def _why_unknown(self, what: str) -> tuple[str, str]:
+        """Return what is seen of a value that is not known, and what to do."""
         name = what.partition(" ")[0]
+        remedy = "check that the node is there and sends it; it must be in a TPDO (axisbus boot shows what travels how)"
         if self._session.axes[self.name].capabilities.inputs.get(name, Source.NONE) is Source.NONE:
-            return "it does not travel: no TPDO holds it, and it is not polled"
+            return "it does not travel: no TPDO holds it, and it is not polled", remedy
         snapshot = self.snapshot
         if name == "position":
-            return age_text(snapshot.now - snapshot.position_stamp)
-        return "it was never received, or the last one is too old"
+            return age_text(snapshot.now - snapshot.position_stamp), remedy
+        if name == "demand" and snapshot.position is not None:
+            return (
+                _NO_DEMAND,
+                "read it a cycle later; where it stays unknown, axisbus boot shows how 6062h travels",
+            )
+        return "it was never received, or the last one is too old", remedy
 
     # -- power and stopping ------------------------------------------------------------------------------------------
 

@@ -64,7 +64,7 @@ class Limits:
     velocity: float | None = None
     acceleration: float | None = None
     torque: float | None = None
-    torque_key: str = "max_torque"
+    torque_key: str = field(default="max_torque", repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from axisbus.errors import ArgumentError
 from axisbus.trace.decoded import Decoded, Kind, ObjectValue
@@ -15,36 +15,43 @@ _KINDS = {kind.value.lower().replace(" ", "-"): frozenset({kind}) for kind in Ki
     "pdo": frozenset({Kind.TPDO, Kind.RPDO}),
     "boot-up": frozenset({Kind.BOOT_UP}),
 }
+_LAST_NODE = 127
 _REMEDY = "write node=5 (or an axis: node=x), kind=sdo,emcy or object=6041; several are joined by commas"
 
 
-def parse(texts: Iterable[str]) -> Wanted:
+def parse(texts: Iterable[str], axes: Collection[str] = ()) -> Wanted:
     """Return a test for frames: each text must hold (``node=1,2``, ``kind=sdo``, ``object=6041``), of its values any.
 
-    An object is named by its index, with or without sub-index (hexadecimal: ``6041``, ``1018:1``), or by a part of its name.
+    A node is named by its ID or by one of ``axes``, an object by its index, with or without sub-index (hexadecimal: ``6041``,
+    ``1018:1``), or by a part of its name.
 
     Raises:
         ArgumentError: a text is none of these.
     """
-    tests = [_test(text) for text in texts]
+    tests = [_test(text, axes) for text in texts]
     return lambda one: all(test(one) for test in tests)
 
 
-def _test(text: str) -> Wanted:
+def _test(text: str, axes: Collection[str]) -> Wanted:
     key, sign, rest = text.partition("=")
     values = [value.strip() for value in rest.split(",") if value.strip()]
-    makers = {"node": _node, "kind": _kind, "object": _object}
+    makers = {"node": lambda value: _node(value, axes), "kind": _kind, "object": _object}
     if not sign or key.strip() not in makers or not values:
         raise ArgumentError(f"{text!r} is no filter", remedy=_REMEDY)
     tests = [makers[key.strip()](value) for value in values]
     return lambda one: any(test(one) for test in tests)
 
 
-def _node(text: str) -> Wanted:
-    if text.isdigit():
+def _node(text: str, axes: Collection[str]) -> Wanted:
+    if text.isdecimal() and int(text) <= _LAST_NODE:
         number = int(text)
         return lambda one: one.node == number
-    return lambda one: text in one.name.split(",")
+    if text in axes:
+        return lambda one: text in one.name.split(",")
+    known = f"axes of the cell are {', '.join(axes)}" if axes else "axes are known with a cell file only"
+    raise ArgumentError(
+        f"{text!r} is no node", observed=known, remedy="give a node ID from 1 to 127, or an axis"
+    )
 
 
 def _kind(text: str) -> Wanted:

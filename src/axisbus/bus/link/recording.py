@@ -29,15 +29,34 @@ class Skipped:
 
 
 def read(path: Path, skipped: Skipped) -> Iterator[Frame]:
-    """Yield the frames of a recording; lines that are no frames are counted in ``skipped``. Blocks as its file does.
+    """Return the frames of a recording; lines that are no frames are counted in ``skipped``. Each blocks as its file does.
 
     Raises:
-        UserError: there is no such file, its format is not known, it is damaged, or there is no frame in it.
+        UserError: there is no such file, or (with the frames) its format is not known, it is damaged, or there is no frame in it.
     """
-    if not path.is_file():
+    require(path)
+    return _frames(path, skipped)
+
+
+def require(path: Path) -> None:
+    """Check that there is a recording that can be read.
+
+    Raises:
+        UserError: there is none.
+    """
+    remedy = "give the path of a recording, or - for candump's output"
+    try:
+        if path.is_file():
+            path.open("rb").close()
+            return
+    except OSError as error:
         raise UserError(
-            f"there is no recording {path}", remedy="give the path of a recording, or - for candump's output"
-        )
+            f"{path} cannot be read", observed=error.strerror or str(error), remedy=remedy
+        ) from error
+    raise UserError(f"there is no recording {path}", remedy=remedy)
+
+
+def _frames(path: Path, skipped: Skipped) -> Iterator[Frame]:
     yield from _text(path, skipped) if path.suffix.lower() in _TEXT else _by_library(path, skipped)
     if not skipped.frames:
         seen = f"the first line is {skipped.first!r}" if skipped.first else "it is empty"

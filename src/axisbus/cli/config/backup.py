@@ -12,24 +12,27 @@ from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.cli.shared.output import output_option, require_free, require_writable, write_whole
+from axisbus.cli.shared.output import (
+    concise_option,
+    force_option,
+    output_option,
+    require_free,
+    require_writable,
+    write_whole,
+)
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node.node import Node, NodeIdentity
     from axisbus.configuration.save import Backup
 
-_PATH = click.Path(path_type=Path)
-
 
 @click.command("backup")
 @click.argument("node", shell_complete=complete_node)
 @node_options
 @output_option("The DCF to write [default: node-N-serial-S.dcf].")
-@click.option(
-    "--concise", "concise_out", type=_PATH, help="Also write a concise DCF, the content of 1F22h, here."
-)
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@concise_option("Also write a concise DCF, the content of 1F22h, here.")
+@force_option
 @click.option("--json", "as_json", is_flag=True, help="Print what was read as JSON.")
 def command(
     node: str,
@@ -46,14 +49,13 @@ def command(
     require_bus(asked)
     require_free(output, concise_out, force=force)
     if output is None:
-        require_writable(Path(_default_name(1, None)))
+        require_writable(Path(_default_name(1, None)))  # in this folder; its whole name is known later
     files = Files.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
         device = Session(stack, asked, files, [node_id]).node(node_id)
         who = device.identity()
-        target = output or Path(_default_name(node_id, who.serial))
-        require_free(target, concise_out, force=force)
+        target = output or _free_default(node_id, who.serial, force=force)
         made, origin = _taken(stack, asked, files, device, target.name)
     written = _write(made, target, concise_out)
     if as_json:
@@ -61,6 +63,12 @@ def command(
     else:
         _show(made, who, origin, node_id, written)
     return OK
+
+
+def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
+    target = Path(_default_name(node_id, serial))
+    require_free(target, force=force)
+    return target
 
 
 def _default_name(node_id: int, serial: int | None) -> str:

@@ -10,7 +10,7 @@ import click
 from axisbus import __version__
 from axisbus.cli.eds import check_text as text
 from axisbus.cli.eds.files import expanded, say_lines
-from axisbus.cli.shared.common import MISUSE, OK, WRONG, progress_bar, say_error, say_json, say_next
+from axisbus.cli.shared.common import OK, WRONG, misuse, progress_bar, say_json, say_next
 from axisbus.eds import builtin, checking
 from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules import choice, engine, sarif
@@ -96,9 +96,9 @@ def command(
     if as_list:
         return _list(wanted, as_json)
     if as_json and as_sarif:
-        return _misuse("--json and --sarif exclude each other: give one of them")
+        return misuse("--json and --sarif exclude each other: give one of them")
     if not files:
-        return _misuse("no file is given, such as: axisbus eds check drive.eds (or --list, --explain ID)")
+        return misuse("no file is given, such as: axisbus eds check drive.eds (or --list, --explain ID)")
     found = _check_all(files, wanted, None if as_json or as_sarif else _shower(shown, each, as_lines))
     if as_json:
         say_json(text.plain(found))
@@ -148,7 +148,7 @@ def _explain(rule: str) -> int:
     found = choice.starting(rule)
     if len(found) != 1:
         there = f"these begin so: {', '.join(found)}" if found and rule else "the list has all: --list"
-        return _misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")
+        return misuse(f"--explain: {rule[:20]!r} is no rule's id; {there}")
     say_lines(text.explained(rules()[found[0]]))
     return OK
 
@@ -165,8 +165,3 @@ def _list(wanted: Callable[[str], bool], as_json: bool) -> int:
 
 def _ids(given: Iterable[str]) -> list[str]:
     return [text for each in given for text in each.split(",")]
-
-
-def _misuse(message: str) -> int:
-    say_error(message)
-    return MISUSE

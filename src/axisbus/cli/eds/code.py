@@ -8,7 +8,7 @@ import click
 
 from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds, say_text
 from axisbus.cli.shared.common import OK, say, say_next
-from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.eds.report import codegen
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
@@ -17,8 +17,9 @@ from axisbus.wording import counted
 @click.command("code")
 @file_argument
 @output_option("Where to write [default: standard output].")
+@force_option
 @node_option
-def command(file: str, output: Path | None, node: int | None) -> int:
+def command(file: str, output: Path | None, force: bool, node: int | None) -> int:
     """Write a Python module of the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
 
     To standard output, or with -o to a file. The module imports nothing of axisbus; the same file gives the same text. With --node,
@@ -28,7 +29,7 @@ def command(file: str, output: Path | None, node: int | None) -> int:
         raise ArgumentError(
             f"{output.name} is no name of a Python module", remedy="give one such as -o drive.py"
         )
-    require_writable(output)
+    require_free(output, force=force)
     eds = open_eds(file)
     text = codegen.module(eds, node_of(eds, node))
     if output is None:

@@ -8,7 +8,8 @@ import click
 
 from axisbus.cli.eds.files import file_argument, say_lines
 from axisbus.cli.shared.common import OK, say, say_json, say_next
-from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.cli.shared.output import concise_option, force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.paths import PATH
 from axisbus.eds import assign, builtin, concise, configuration, dcf, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.compose import written
@@ -16,8 +17,6 @@ from axisbus.eds.io.reader import Reading
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
-
-_PATH = click.Path(path_type=Path)
 
 
 @click.command("dcf")
@@ -35,8 +34,9 @@ _PATH = click.Path(path_type=Path)
 @click.option("--network-name", help="NetworkName.")
 @click.option("--net-number", type=int, help="NetNumber.")
 @output_option("Write the DCF (with --to-eds: the EDS) here.")
-@click.option("--concise", "concise_out", type=_PATH, help="Write a concise DCF, the content of 1F22h, here.")
-@click.option("--from-concise", type=_PATH, help="Take the values of this concise DCF first.")
+@concise_option("Write a concise DCF, the content of 1F22h, here.")
+@force_option
+@click.option("--from-concise", type=PATH, help="Take the values of this concise DCF first.")
 @click.option("--values", is_flag=True, help="Print what differs from the defaults, and write nothing.")
 @click.option("--to-eds", is_flag=True, help="Take node and values out of a DCF again; needs -o.")
 @click.option("--json", "as_json", is_flag=True, help="With --values: print JSON.")
@@ -50,6 +50,7 @@ def command(
     net_number: int | None,
     output: Path | None,
     concise_out: Path | None,
+    force: bool,
     from_concise: Path | None,
     values: bool,
     to_eds: bool,
@@ -62,7 +63,7 @@ def command(
 
     Nothing is sent to a device.
     """
-    require_writable(output, concise_out)
+    require_free(output, concise_out, force=force)
     path = builtin.resolve(file, Path())
     reading = reader.read(reader.file_bytes(path), str(path))
     if to_eds:

@@ -8,7 +8,7 @@ import click
 
 from axisbus.cli.eds.files import file_argument, node_of, node_option, open_eds, say_text, tell
 from axisbus.cli.shared.common import OK, say, say_next
-from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
@@ -26,9 +26,16 @@ _FORMATS = ("csv", "json", "dbc")
 @click.option("--switched-off", is_flag=True, help="In a DBC the PDOs that are switched off, too.")
 @click.option("--words", is_flag=True, help="In a DBC a statusword as one signal, not as one for each bit.")
 @output_option("Where to write [default: standard output].")
+@force_option
 @node_option
 def command(
-    file: str, form: str | None, switched_off: bool, words: bool, output: Path | None, node: int | None
+    file: str,
+    form: str | None,
+    switched_off: bool,
+    words: bool,
+    output: Path | None,
+    force: bool,
+    node: int | None,
 ) -> int:
     """Write the dictionary of FILE (an EDS, a DCF or builtin:NAME) as CSV or JSON, or its PDOs as DBC.
 
@@ -40,7 +47,7 @@ def command(
         raise ArgumentError(
             f"--switched-off and --words say nothing for {chosen.upper()}", remedy="leave them out"
         )
-    require_writable(output)
+    require_free(output, force=force)
     eds = open_eds(file)
     text, left_out = _text(eds, chosen, node_of(eds, node), switched_off, words)
     for each in left_out:

@@ -9,13 +9,15 @@ from typing import NamedTuple
 import click
 
 from axisbus.cli.eds.files import expanded, say_lines
-from axisbus.cli.shared.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.cli.shared.output import output_option, write_whole
+from axisbus.cli.shared.common import MISUSE, OK, WRONG, misuse, say, say_error, say_json, say_next
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.eds import builtin, fix, fix_diff, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.text import Document
 from axisbus.errors import EdsError
 from axisbus.wording import counted
+
+_TYPED = 5  # files that a hint names
 
 
 class _Done(NamedTuple):
@@ -30,11 +32,12 @@ class _Done(NamedTuple):
 @click.command("fix")
 @click.argument("files", nargs=-1)
 @output_option("Write the mended file here; FILE stays. Of one file only.")
+@force_option
 @click.option(
     "--write", is_flag=True, help="Write each mended text into its file itself, whole or not at all."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print what is mended as JSON.")
-def command(files: tuple[str, ...], output: Path | None, write: bool, as_json: bool) -> int:
+def command(files: tuple[str, ...], output: Path | None, force: bool, write: bool, as_json: bool) -> int:
     """Mend in FILES (EDS, DCF, or patterns such as 'eds/*.eds') what can be mended safely, and show it as a diff; nothing is
     written without --write or -o.
 
@@ -47,9 +50,10 @@ def command(files: tuple[str, ...], output: Path | None, write: bool, as_json: b
     """
     named = list(expanded(files))
     if not named:
-        return _misuse("no file is given, such as: axisbus eds fix drive.eds")
+        return misuse("no file is given, such as: axisbus eds fix drive.eds")
     if output is not None and (write or len(named) > 1):
-        return _misuse("-o is of one file, and excludes --write: give --write to mend each file itself")
+        return misuse("-o is of one file, and excludes --write: give --write to mend each file itself")
+    require_free(output, force=force)
     done = [each for file in named if (each := _mended(file, output, write)) is not None]
     if as_json:
         plain = [_plain(each) for each in done]
@@ -93,9 +97,14 @@ def _say(done: list[_Done]) -> None:
         _summary(each)
     open_ones = [each.file for each in done if each.fixed.mended and each.target is None]
     if open_ones:
-        say_next(f"axisbus eds fix {' '.join(open_ones)} --write")
+        say_next(f"axisbus eds fix {_few(open_ones)} --write")
     elif done:
-        say_next(f"axisbus eds check {' '.join(str(each.target or each.file) for each in done)}")
+        say_next(f"axisbus eds check {_few([str(each.target or each.file) for each in done])}")
+
+
+def _few(files: list[str]) -> str:
+    """Return the files as they are to be typed; of many the first ones, for whoever gave a pattern knows it."""
+    return " ".join(files[:_TYPED]) + (" ..." if len(files) > _TYPED else "")
 
 
 def _summary(done: _Done) -> None:
@@ -113,8 +122,3 @@ def _summary(done: _Done) -> None:
         say(f"{done.file}: {many} ({rules}), not written")
     else:
         say(f"{done.target}: written with {many} ({rules})")
-
-
-def _misuse(message: str) -> int:
-    say_error(message)
-    return MISUSE

@@ -11,15 +11,17 @@ import click
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, progress_bar, say, say_next
 from axisbus.cli.shared.options import bus_options
-from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.paths import PATH
 from axisbus.wording import counted
 
 
 @click.command("from-device")
 @click.argument("node", type=click.IntRange(1, 127))
 @bus_options
-@click.option("--cell", type=click.Path(path_type=Path), help="Take the bus from this cell file instead.")
+@click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
 @output_option("Where to write [default: node-N.eds].")
+@force_option
 @click.option(
     "--skeleton", "only_skeleton", is_flag=True, help="Do not ask for the EDS that the drive stores."
 )
@@ -31,6 +33,7 @@ def command(
     option: tuple[str, ...],
     cell: Path | None,
     output: Path | None,
+    force: bool,
     only_skeleton: bool,
 ) -> int:
     """Take the EDS that the drive NODE stores (1021h), or make a skeleton of the standard objects that it answers to.
@@ -42,7 +45,7 @@ def command(
     from axisbus.eds import writer
 
     target = output or Path(f"node-{node}.eds")
-    require_writable(target)
+    require_free(target, force=force)
     with ExitStack() as stack:
         bus = open_bus(stack, cell, interface, channel, bitrate, option)
         device = stack.enter_context(Node(bus, node))

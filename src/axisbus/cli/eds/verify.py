@@ -14,6 +14,7 @@ from axisbus import eds
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.paths import PATH
 from axisbus.eds.builtin import resolve
 from axisbus.wording import counted
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 @click.argument("file")
 @click.argument("node", type=click.IntRange(1, 127))
 @bus_options
-@click.option("--cell", type=click.Path(path_type=Path), help="Take the bus from this cell file instead.")
+@click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
 @click.option("--notes", is_flag=True, help="Also show what may well differ, such as configured values.")
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 def command(

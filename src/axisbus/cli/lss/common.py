@@ -15,6 +15,7 @@ import click
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -114,7 +115,7 @@ def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
             help="Least wait for an answer; it grows by itself with the slowest answer seen.",
         ),
         bus_options,
-        click.argument("cell", type=click.Path(path_type=Path), required=False),
+        click.argument("cell", type=PATH, required=False),
     ):
         decorated = decorate(decorated)
     return decorated

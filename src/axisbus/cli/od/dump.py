@@ -12,7 +12,7 @@ from axisbus.cli.od import objects as od
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.cli.shared.output import output_option, require_writable, write_whole
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.errors import SdoAbort
 from axisbus.trace import text
 from axisbus.trace.decoded import ObjectValue
@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 @click.argument("node", shell_complete=complete_node)
 @node_options
 @output_option("Write to this file instead.")
+@force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def command(node: str, asked: Asked, output: Path | None, as_json: bool) -> int:
+def command(node: str, asked: Asked, output: Path | None, force: bool, as_json: bool) -> int:
     """Read every object of NODE that its EDS lets be read, and say what each means; writes nothing to the drive.
 
     Without an EDS the objects of CiA 301 and CiA 402 are asked for. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
     """
     require_bus(asked)
-    require_writable(output)
+    require_free(output, force=force)
     files = Files.of(asked.cell, asked.eds)
     address = files.address(node.rstrip(":"))
     with ExitStack() as stack:

@@ -92,6 +92,12 @@ def say_error(text: str) -> None:
     click.echo(f"axisbus: {text}", err=True)
 
 
+def misuse(message: str) -> int:
+    """Say what is wrong with the command line; return the exit code for it."""
+    say_error(message)
+    return MISUSE
+
+
 def say_note(text: str) -> None:
     """Print something worth knowing now to standard error, over a bar that may be drawn there."""
     click.echo(f"\r\x1b[K{text}" if sys.stderr.isatty() else text, err=True)

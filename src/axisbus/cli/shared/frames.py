@@ -14,6 +14,7 @@ import click
 from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import require_rate, simulated, with_options
 from axisbus.cli.shared.options import Decorated, parse_options
+from axisbus.cli.shared.paths import PATH
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
@@ -52,6 +53,20 @@ class Asked:
     def cell_file(self) -> Path | None:
         """The cell file, from wherever it is given."""
         return Path(self.source) if self.source is not None and self.recording is None else self.cell
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes of the cell file, which it reads; none without one.
+
+        Raises:
+            UsageError, ConfigError: as ``open_frames``.
+        """
+        from axisbus.cell import reader as config
+
+        self.check()
+        if self.cell_file is not None:
+            return tuple(config.load(self.cell_file).axes)
+        return ()
 
     def check(self) -> None:
         """Refuse what contradicts itself.
@@ -92,7 +107,7 @@ _DECORATORS: tuple[Callable[[Decorated], Decorated], ...] = (
     click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
     click.option(
         "--cell",
-        type=click.Path(path_type=Path),
+        type=PATH,
         help="Cell file to decode with; frames come from SOURCE or -i if one is given, else from its bus.",
     ),
 )

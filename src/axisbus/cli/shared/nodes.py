@@ -17,6 +17,7 @@ from axisbus.cell.quantities import Quantities
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.frames import eds_of
 from axisbus.cli.shared.options import Decorated, bus_options
+from axisbus.cli.shared.paths import PATH
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
@@ -117,7 +118,7 @@ def node_options(function: Decorated) -> Decorated:
         help="EDS or DCF of node N; without N= of every node named.",
     )
     with_cell: Decorated = click.option(
-        "--cell", type=click.Path(path_type=Path), help="Take bus, EDS files and units from this cell file."
+        "--cell", type=PATH, help="Take bus, EDS files and units from this cell file."
     )
     return with_cell(bus_options(with_eds(packed)))  # type: ignore[no-any-return]
 

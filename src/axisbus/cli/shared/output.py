@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
+from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -17,40 +18,55 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 def output_option(text: str, **more: Any) -> Callable[[_F], _F]:
     """Add ``-o``, the file that a command writes."""
-    return click.option("-o", "--output", type=click.Path(path_type=Path), help=text, **more)
+    return click.option("-o", "--output", type=PATH, help=text, **more)
 
 
-def require_writable(*paths: Path | None) -> None:
-    """Check before any work that files can be written, and that no two are the same one; None is none.
+def concise_option(text: str) -> Callable[[_F], _F]:
+    """Add ``--concise``, the concise DCF that a command writes."""
+    return click.option("--concise", "concise_out", type=PATH, help=text)
+
+
+def force_option(function: _F) -> _F:
+    """Add ``--force``, without which no file that is there is replaced (see ``require_free``)."""
+    return click.option("--force", is_flag=True, help="Replace a file that is there.")(function)
+
+
+def require_writable(output: Path | None, concise: Path | None = None) -> None:
+    """Check before any work that the files of ``-o`` and ``--concise`` can be written, and that they are two; None is none.
 
     A folder that is not there yet must be one that can be made. Nothing is left behind.
 
     Raises:
         UserError: one cannot.
     """
-    given = [path for path in paths if path is not None]
-    for number, path in enumerate(given):
+    for path, option in _given(output, concise):
         try:
             _try(path)
         except OSError as error:
-            raise _cannot(path, error) from error
-        if any(os.path.realpath(path) == os.path.realpath(other) for other in given[:number]):
-            raise UserError(f"{path} is named for two files; nothing was written", remedy="give two names")
+            raise _cannot(path, error, option) from error
+    if output is not None and concise is not None and os.path.realpath(output) == os.path.realpath(concise):
+        raise UserError(f"{concise} is named for two files; nothing was written", remedy="give two names")
 
 
-def require_free(*paths: Path | None, force: bool) -> None:
-    """As ``require_writable``; in addition none of them may be there yet, unless ``force`` is given.
+def require_free(output: Path | None, concise: Path | None = None, *, force: bool) -> None:
+    """As ``require_writable``; in addition neither of them may be there yet, unless ``force`` is given.
+
+    A device or a pipe may be there: nothing of it is replaced.
 
     Raises:
         UserError: one is, or cannot be written.
     """
-    require_writable(*paths)
-    for path in paths:
-        if path is not None and not force and os.path.lexists(path):
+    require_writable(output, concise)
+    for path, option in _given(output, concise):
+        if not force and os.path.lexists(path) and not _is_special(path):
             raise UserError(
                 f"{path} is there already; nothing was written",
-                remedy="give another name with -o, or --force to replace it",
+                remedy=f"give another name with {option}, or --force to replace it",
             )
+
+
+def _given(output: Path | None, concise: Path | None) -> list[tuple[Path, str]]:
+    return [(path, option) for path, option in ((output, "-o"), (concise, "--concise")) if path is not None]
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -109,6 +125,6 @@ def _is_special(path: Path) -> bool:
     return path.exists() and not path.is_file()
 
 
-def _cannot(path: Path, error: OSError) -> UserError:
+def _cannot(path: Path, error: OSError, option: str = "-o") -> UserError:
     why = f"[Errno {error.errno}] {error.strerror}" if error.errno is not None else str(error)
-    return UserError(f"{path} cannot be written", observed=why, remedy="give another path with -o")
+    return UserError(f"{path} cannot be written", observed=why, remedy=f"give another path with {option}")

@@ -277,10 +277,18 @@ def told(speakers: Sequence[Speaker]) -> list[str]:
     lines = []
     for protocol, remedy in REMEDIES.items():
         found = [each for each in speakers if each.protocol is protocol]
+        lines += [*heard(found), f"  remedy:   {remedy}"] if found else []
+    return lines
+
+
+def heard(speakers: Sequence[Speaker]) -> list[str]:
+    """Return who speaks what, a line for each protocol; empty where there is nobody."""
+    lines = []
+    for protocol in Protocol:
+        found = [each for each in speakers if each.protocol is protocol]
         if found:
             who = counted(len(found), "module speaks", "modules speak")
             lines.append(f"{who} {protocol.value}, not CANopen: {', '.join(each.words for each in found)}")
-            lines.append(f"  remedy:   {remedy}")
     return lines
 
 
