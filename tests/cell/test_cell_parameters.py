@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus import eds
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.described import Drive
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.writes import axis_writes, node_writes
@@ -18,8 +18,8 @@ from kit import cells
 BENCH = eds.loads(cells.DRIVE.encode(), "drive.eds")
 
 
-def cell_with(*changes: tuple[str, str]) -> config.CellConfig:
-    cell, problems = config.loads(cells.changed(cells.CLEAN, *changes))
+def cell_with(*changes: tuple[str, str]) -> reader.CellConfig:
+    cell, problems = reader.loads(cells.changed(cells.CLEAN, *changes))
     assert cell is not None
     assert problems == []
     return cell
@@ -241,7 +241,7 @@ def test_whether_a_quick_stop_holds_follows_the_word_else_the_objects_else_the_e
 
 def test_the_make_by_the_identity_explains_faults() -> None:
     text = '[bus]\ninterface="sim"\nscan_period="4ms"\n[nodes.1]\neds="builtin:gim6010-8"\n[axes.x]\nnode=1\nunit="deg"\nscale=1\n'
-    cell, _ = config.loads(text)
+    cell, _ = reader.loads(text)
     assert cell is not None
     module = eds.load(builtin.resolve("builtin:gim6010-8", cell.folder))
     made = axis_parameters(cell, "x", module)

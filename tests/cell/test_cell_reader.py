@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.problem import Problem
 from axisbus.errors import ConfigError
 from kit import cells
 from kit.cells.slips import MINIMAL, SLIPS
 
 
-def read(text: str) -> tuple[config.CellConfig, list[Problem]]:
-    cell, problems = config.loads(text)
+def read(text: str) -> tuple[reader.CellConfig, list[Problem]]:
+    cell, problems = reader.loads(text)
     assert cell is not None, problems
     return cell, problems
 
@@ -29,7 +29,7 @@ def told(text: str) -> list[str]:
 
 
 def test_the_whole_clean_cell_is_read_as_written() -> None:
-    cell = config.load(cells.HERE / "clean.toml")
+    cell = reader.load(cells.HERE / "clean.toml")
     bus = cell.bus
     assert (bus.interface, bus.channel, bus.bitrate, bus.master_id) == (
         "pcan",
@@ -256,7 +256,7 @@ def test_double_brackets_are_told_as_such() -> None:
 def test_load_raises_the_first_error_and_lists_the_others(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("sync = true", "sync = 3"), ("method = 17", "method = 300"))
     with pytest.raises(ConfigError) as caught:
-        config.load(path)
+        reader.load(path)
     error = caught.value
     assert (error.file, error.line) == (str(path), 8)
     assert error.message == f"{path}:8: sync in [bus] cannot be used"
@@ -268,13 +268,13 @@ def test_load_raises_the_first_error_and_lists_the_others(tmp_path: Path) -> Non
 def test_load_takes_a_cell_with_warnings_only(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
     path.write_text(MINIMAL.split("[axes.x]", maxsplit=1)[0])
-    cell = config.load(path)
+    cell = reader.load(path)
     assert cell.axes == {}
-    assert [problem.severity.value for problem in config.read(path)[1]] == ["warning"]
+    assert [problem.severity.value for problem in reader.read(path)[1]] == ["warning"]
 
 
 def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
-    cell, problems = config.read(tmp_path / "missing.toml")
+    cell, problems = reader.read(tmp_path / "missing.toml")
     assert cell is None
     (problem,) = problems
     assert (problem.file, problem.line) == (str(tmp_path / "missing.toml"), 0)
@@ -283,7 +283,7 @@ def test_read_returns_what_load_would_raise(tmp_path: Path) -> None:
 
 
 def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
-    cell, (problem,) = config.loads("[bus]\na = \n", "cell.toml")
+    cell, (problem,) = reader.loads("[bus]\na = \n", "cell.toml")
     assert cell is None
     assert problem.line == 2
     assert problem.message.startswith("this is no TOML")
@@ -292,8 +292,8 @@ def test_a_syntax_error_is_not_said_with_its_place_twice() -> None:
 def test_a_cell_file_that_is_not_there_is_not_taken_for_a_project_file(tmp_path):
     (tmp_path / "pyproject.toml").write_text("")
     with pytest.raises(ConfigError) as caught:
-        config.load(tmp_path / "cell.toml")
+        reader.load(tmp_path / "cell.toml")
     assert "pyproject" not in str(caught.value)
     (tmp_path / "cells.toml").write_text("")
     with pytest.raises(ConfigError, match=r"there is: cells\.toml"):
-        config.load(tmp_path / "cell.toml")
+        reader.load(tmp_path / "cell.toml")

@@ -15,9 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cell import reader as config
-from axisbus.cell import schema, values
-from axisbus.cell import words as cellwords
+from axisbus.cell import reader, schema, values, words
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
 from kit import cells, pages
@@ -61,7 +59,7 @@ def refused(text: str) -> list[str]:
 
 def wrong(text: str) -> list[str]:
     """The errors that the reader finds in a text that is TOML."""
-    _, problems = config.loads(text)
+    _, problems = reader.loads(text)
     return [f"{each.message}; {each.remedy}" for each in problems if each.severity is Severity.ERROR]
 
 
@@ -127,8 +125,8 @@ def test_names_of_any_language_are_taken(name: str) -> None:
 
 @pytest.mark.parametrize("table", TABLES)
 def test_each_key_has_its_words(table: str) -> None:
-    assert list(getattr(cellwords, table)) == list(TABLES[table])
-    assert all(getattr(cellwords, table).values())
+    assert list(getattr(words, table)) == list(TABLES[table])
+    assert all(getattr(words, table).values())
 
 
 # -- each key by itself --------------------------------------------------------------------------------------------------------

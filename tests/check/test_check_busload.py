@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cell import reader as config
-from axisbus.check import traffic as plannedload
+from axisbus.cell import reader
+from axisbus.check import traffic
 from axisbus.check.busload import Meter, actual_bits, plain_bits, worst_bits
 from axisbus.cia301.frame import Frame
 from axisbus.core.runtime import load_dictionaries
@@ -101,8 +101,8 @@ def test_no_time_has_no_load():
 
 def test_the_plan_of_the_example_by_hand():
     """Each 4 ms: SYNC, for each of three drives two RPDOs (7 and 6 bytes), three TPDOs (7, 6 and 4); in 100 ms 4 heartbeats."""
-    cell = config.load(CELL)
-    found = plannedload.streams(cell, load_dictionaries(cell))
+    cell = reader.load(CELL)
+    found = traffic.streams(cell, load_dictionaries(cell))
     assert sum(1 for stream in found if stream.kind == "RPDO") == 6
     per_cycle = 47 + 3 * ((47 + 56) + (47 + 48) + (47 + 56) + (47 + 48) + (47 + 32))
     assert sum(stream.least for stream in found) == pytest.approx(per_cycle / 0.004 + 4 * 55 / 0.1)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.problem import Problem, errors
 from axisbus.check import devices
@@ -60,7 +60,7 @@ def examine(text: str) -> list[Problem]:
 
     A cell without errors must be good for parameters of each of its axes.
     """
-    cell, problems = config.loads(text, FILE)
+    cell, problems = reader.loads(text, FILE)
     found = problems if cell is None else check_cell(cell, problems)
     count = text.count("\n") + 1
     for problem in found:
@@ -130,7 +130,7 @@ def test_any_bytes(data: bytes) -> None:
         found = check(FILE)
         assert found
         try:
-            config.load(FILE)
+            reader.load(FILE)
         except ConfigError:
             return
         raise AssertionError("200 bytes are no cell")

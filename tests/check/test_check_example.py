@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from axisbus import eds
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.parameters import axis_parameters
 from axisbus.check.run import check
 from axisbus.eds import builtin
@@ -65,7 +65,7 @@ def test_the_example_has_neither_error_nor_warning() -> None:
 
 
 def test_the_example_is_three_axes_in_a_group() -> None:
-    cell = config.load(EXAMPLE)
+    cell = reader.load(EXAMPLE)
     assert cell.bus.interface == "sim"
     assert {name: axis.node for name, axis in cell.axes.items()} == {"x": 1, "y": 2, "z": 3}
     assert cell.groups["xyz"].axes == ("x", "y", "z")
@@ -97,7 +97,7 @@ def test_any_makers_file_can_be_checked_and_turned_into_parameters(tmp_path: Pat
         path.write_text(cells.CLEAN.replace('"drive.eds"', f"'{file}'"))
         problems = check(path)
         assert problems
-        cell, _ = config.read(path)
+        cell, _ = reader.read(path)
         assert cell is not None
         try:
             model = eds.load(file)

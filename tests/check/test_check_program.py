@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.program_file import wanted_program
 from axisbus.errors import ConfigError
 from kit import cells
@@ -28,7 +28,7 @@ def node(lines: str):
     text = (
         f"[bus]\ninterface = 'sim'\nscan_period = '4ms'\n[nodes.1]\neds = 'x.eds'\n[nodes.1.program]\n{lines}"
     )
-    made, problems = config.loads(text)
+    made, problems = reader.loads(text)
     return made, [each for each in problems if "no axis" not in each.message]
 
 
@@ -59,7 +59,7 @@ def test_a_program_may_be_known_by_its_identification():
 
 
 def test_a_node_without_the_table_has_no_expected_program():
-    made, _ = config.loads("[bus]\ninterface = 'sim'\nscan_period = '4ms'\n[nodes.1]\neds = 'x.eds'\n")
+    made, _ = reader.loads("[bus]\ninterface = 'sim'\nscan_period = '4ms'\n[nodes.1]\neds = 'x.eds'\n")
     assert made.nodes[1].program is None
     assert wanted_program(made, made.nodes[1]) is None
 
@@ -88,7 +88,7 @@ def test_values_that_cannot_be(lines, words):
 
 
 def test_a_key_that_stands_in_the_table_of_the_node_is_sent_to_its_own():
-    _, problems = config.loads(
+    _, problems = reader.loads(
         "[bus]\ninterface = 'sim'\nscan_period = '4ms'\n[nodes.1]\neds = 'x.eds'\ndownload = true\n"
     )
     assert any("it belongs in [nodes.1.program]" in each.remedy for each in problems)
@@ -147,7 +147,7 @@ def test_a_file_that_is_never_used_is_noted(tmp_path):
 
 def test_a_file_that_vanishes_between_check_and_boot_is_told_with_its_line(tmp_path):
     path = cell(tmp_path, DATE + "file = 'firmware.bin'\ndownload = true\n")
-    made = config.load(path)
+    made = reader.load(path)
     (tmp_path / "firmware.bin").unlink()
     with pytest.raises(ConfigError) as caught:
         wanted_program(made, made.nodes[1])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from kit import cells
 
 SYNC = "sync = true\n"
@@ -30,7 +30,7 @@ def bus(*lines: str) -> tuple[str, str]:
 
 
 def test_the_defaults_are_those_of_the_standard(tmp_path: Path) -> None:
-    read = config.load(cells.write(tmp_path)).bus
+    read = reader.load(cells.write(tmp_path)).bus
     assert (read.sync_cob_id, read.time_cob_id, read.sync_counter, read.sync_producer) == (
         0x80,
         0x100,
@@ -49,7 +49,7 @@ def test_everything_that_may_be_said_is_read(tmp_path: Path) -> None:
         'time = "1s"',
         "time_cob_id = 0x104",
     )
-    read = config.read(cells.write(tmp_path, bus(*lines)))[0]
+    read = reader.read(cells.write(tmp_path, bus(*lines)))[0]
     assert read is not None
     assert (read.bus.sync_cob_id, read.bus.sync_counter, read.bus.sync_timeout) == (0x90, 240, 0.02)
     assert (read.bus.time, read.bus.time_cob_id, read.bus.hears_sync) == (1.0, 0x104, True)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia305 import master as lss_master
+from axisbus.cia305 import master
 from axisbus.cia305.dialogue import Pace
 from axisbus.cia305.exclude import GIVEN_UP
 from axisbus.cia305.fastscan import FastScan
@@ -248,7 +248,7 @@ def test_such_a_slave_is_given_a_node_id_by_the_address_that_was_found(stack: ty
     slave, other = stack(1, 2, 3, 4), stack(1, 2, 3, 5)
     line = Line(slave, other)
     for each, node_id in zip(scan(line).slaves, (11, 12), strict=True):
-        line.run(lss_master.set_node_id(Pace(), each.address, node_id, store=True))
+        line.run(master.set_node_id(Pace(), each.address, node_id, store=True))
     assert (slave.active, other.active, slave.stored, other.stored) == (11, 12, [11], [12])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.cia305 import services as lss
+from axisbus.cia305 import services
 from axisbus.cia305.services import LssAddress, Service, State
 from axisbus.errors import ArgumentError
 
@@ -14,20 +14,20 @@ ADDRESS = LssAddress(0x11223344, 0x55667788, 0x99AABBCC, 0xDDEEFF00)
 @pytest.mark.parametrize(
     ("frame", "digits"),
     [
-        (lss.switch_global(State.WAITING), "04 00 00 00 00 00 00 00"),
-        (lss.switch_global(State.CONFIGURATION), "04 01 00 00 00 00 00 00"),
-        (lss.configure_node_id(5), "11 05 00 00 00 00 00 00"),
-        (lss.configure_node_id(255), "11 FF 00 00 00 00 00 00"),
-        (lss.configure_bit_timing(2), "13 00 02 00 00 00 00 00"),
-        (lss.configure_bit_timing(7, table=128), "13 80 07 00 00 00 00 00"),
-        (lss.activate_bit_timing(1.0), "15 E8 03 00 00 00 00 00"),
-        (lss.activate_bit_timing(65.535), "15 FF FF 00 00 00 00 00"),
-        (lss.store_configuration(), "17 00 00 00 00 00 00 00"),
-        (lss.identify_non_configured(), "4C 00 00 00 00 00 00 00"),
-        (lss.inquire(Service.INQUIRE_VENDOR_ID), "5A 00 00 00 00 00 00 00"),
-        (lss.inquire(Service.INQUIRE_NODE_ID), "5E 00 00 00 00 00 00 00"),
-        (lss.fastscan(0, 0x80, 0, 0), "51 00 00 00 00 80 00 00"),
-        (lss.fastscan(0x11223344, 31, 3, 0), "51 44 33 22 11 1F 03 00"),
+        (services.switch_global(State.WAITING), "04 00 00 00 00 00 00 00"),
+        (services.switch_global(State.CONFIGURATION), "04 01 00 00 00 00 00 00"),
+        (services.configure_node_id(5), "11 05 00 00 00 00 00 00"),
+        (services.configure_node_id(255), "11 FF 00 00 00 00 00 00"),
+        (services.configure_bit_timing(2), "13 00 02 00 00 00 00 00"),
+        (services.configure_bit_timing(7, table=128), "13 80 07 00 00 00 00 00"),
+        (services.activate_bit_timing(1.0), "15 E8 03 00 00 00 00 00"),
+        (services.activate_bit_timing(65.535), "15 FF FF 00 00 00 00 00"),
+        (services.store_configuration(), "17 00 00 00 00 00 00 00"),
+        (services.identify_non_configured(), "4C 00 00 00 00 00 00 00"),
+        (services.inquire(Service.INQUIRE_VENDOR_ID), "5A 00 00 00 00 00 00 00"),
+        (services.inquire(Service.INQUIRE_NODE_ID), "5E 00 00 00 00 00 00 00"),
+        (services.fastscan(0, 0x80, 0, 0), "51 00 00 00 00 80 00 00"),
+        (services.fastscan(0x11223344, 31, 3, 0), "51 44 33 22 11 1F 03 00"),
     ],
 )
 def test_a_frame(frame: bytes, digits: str) -> None:
@@ -35,7 +35,7 @@ def test_a_frame(frame: bytes, digits: str) -> None:
 
 
 def test_selective_switching_is_four_frames() -> None:
-    assert lss.switch_selective(ADDRESS) == (
+    assert services.switch_selective(ADDRESS) == (
         bytes.fromhex("40 44332211 000000"),
         bytes.fromhex("41 88776655 000000"),
         bytes.fromhex("42 CCBBAA99 000000"),
@@ -46,7 +46,7 @@ def test_selective_switching_is_four_frames() -> None:
 def test_identifying_is_six_frames() -> None:
     low = LssAddress(1, 2, 3, 4)
     high = LssAddress(1, 2, 5, 6)
-    assert [frame[:2].hex() for frame in lss.identify_remote(low, high)] == [
+    assert [frame[:2].hex() for frame in services.identify_remote(low, high)] == [
         "4601",
         "4702",
         "4803",
@@ -70,24 +70,24 @@ def test_identifying_is_six_frames() -> None:
     ],
 )
 def test_the_table_of_bit_timings(bitrate: int, index: int) -> None:
-    assert lss.bit_timing_index(bitrate) == index
+    assert services.bit_timing_index(bitrate) == index
 
 
 def test_a_rate_that_is_reserved_or_unknown_is_refused_with_those_that_are() -> None:
     with pytest.raises(ArgumentError, match="no bit rate of 100000") as caught:
-        lss.bit_timing_index(100_000)
+        services.bit_timing_index(100_000)
     assert "125_000" in caught.value.remedy
 
 
 @pytest.mark.parametrize("node_id", [1, 127, 255])
 def test_node_ids_that_can_be_given(node_id: int) -> None:
-    lss.require_node_id(node_id)
+    services.require_node_id(node_id)
 
 
 @pytest.mark.parametrize("node_id", [-1, 0, 128, 254, 256])
 def test_node_ids_that_cannot(node_id: int) -> None:
     with pytest.raises(ArgumentError, match=f"node-ID {node_id} cannot"):
-        lss.require_node_id(node_id)
+        services.require_node_id(node_id)
 
 
 def test_a_number_beyond_32_bits_is_no_address() -> None:
@@ -107,7 +107,7 @@ def test_a_number_beyond_32_bits_is_no_address() -> None:
     ],
 )
 def test_error_codes_in_words(service: Service, code: int, specific: int, words: str) -> None:
-    text, remedy = lss.refusal(service, code, specific)
+    text, remedy = services.refusal(service, code, specific)
     assert words in text
     assert remedy
 

@@ -363,9 +363,9 @@ def test_a_drive_without_the_objects_is_not_enabled_for_them(tmp_path):
     cell.write_text(
         Path(commands.CELL).read_text("utf-8").replace("builtin:gim6010-8", "poor.eds", 1), "utf-8"
     )
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
 
-    rehearsal = Rehearsal(config.load(cell))
+    rehearsal = Rehearsal(reader.load(cell))
     rehearsal["x"].home()
     with pytest.raises(StateError, match="cannot run"):
         rehearsal["x"].move_absolute(1.0)

@@ -9,8 +9,7 @@ import time
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.configuration import preconditions as guard
-from axisbus.configuration import store
+from axisbus.configuration import preconditions, store
 from axisbus.drives import registry
 from axisbus.drives.make import Make
 from axisbus.eds import load, loads
@@ -365,7 +364,7 @@ def test_an_energised_drive_is_not_configured(axisbus, bus, saved):
 
 def test_an_operational_node_is_not_configured(axisbus, bus, saved, monkeypatch):
     options, stand_ins = bus
-    monkeypatch.setattr(guard, "LISTEN", 20.0)  # ends with the first heartbeat
+    monkeypatch.setattr(preconditions, "LISTEN", 20.0)  # ends with the first heartbeat
     _set(stand_ins, {(0x1017, 0): 50})
     _set_nmt(stand_ins, NmtCommand.START)
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)

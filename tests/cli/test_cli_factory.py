@@ -9,8 +9,7 @@ import struct
 import can
 import pytest
 
-from axisbus.bus.link import adapter, listenonly
-from axisbus.bus.link import other_rates as otherrates
+from axisbus.bus.link import adapter, listenonly, other_rates
 from axisbus.errors import AdapterError, ArgumentError
 from kit import commands
 from kit.talker import Talker
@@ -167,7 +166,7 @@ class Wire:
 def wire(monkeypatch):
     found = Wire(500_000)
     monkeypatch.setattr(adapter, "open_adapter", found.open)
-    monkeypatch.setattr(otherrates, "SECONDS", 0.3)
+    monkeypatch.setattr(other_rates, "SECONDS", 0.3)
     return found
 
 
@@ -177,23 +176,23 @@ def wire(monkeypatch):
 def test_another_rate_is_tried_in_listen_only_mode_or_not_at_all(interface, wire):
     """Whatever python-can knows: each opening at another rate carries the option that silences the controller."""
     given = {"listen_only": False, "state": can.BusState.ACTIVE, "monitor": False, "operation_mode": "normal"}
-    if not otherrates.possible(interface, {}):
+    if not other_rates.possible(interface, {}):
         with pytest.raises(ArgumentError, match="no listen-only mode"):
-            otherrates.find(interface, "1", 1_000_000, given)
+            other_rates.find(interface, "1", 1_000_000, given)
         assert wire.opened == []
         return
-    otherrates.find(interface, "1", 1_000_000, given)
+    other_rates.find(interface, "1", 1_000_000, given)
     silencing = listenonly.silent(interface, {})
     assert silencing
-    assert [rate for rate, _ in wire.opened] == [rate for rate in otherrates.RATES if rate != 1_000_000]
+    assert [rate for rate, _ in wire.opened] == [rate for rate in other_rates.RATES if rate != 1_000_000]
     for _, options in wire.opened:
         assert {key: options[key] for key in silencing} == silencing
 
 
 def test_adapters_with_a_listen_only_mode():
-    having = {name for name in adapter.can.interfaces.VALID_INTERFACES if otherrates.possible(name, {})}
+    having = {name for name in adapter.can.interfaces.VALID_INTERFACES if other_rates.possible(name, {})}
     assert having == {"cantact", "pcan", "seeedstudio", "slcan", "systec", "vector"}
-    assert not otherrates.possible("pcan", {"timing": object()})
+    assert not other_rates.possible("pcan", {"timing": object()})
 
 
 def test_scan_of_a_silent_bus_finds_its_rate(axisbus, wire):
@@ -257,7 +256,7 @@ def test_a_rate_that_an_adapter_does_not_have_is_passed_over(wire, monkeypatch):
         return wire.open(interface, channel, bitrate, options)
 
     monkeypatch.setattr(adapter, "open_adapter", picky)
-    assert otherrates.find("slcan", "1", 1_000_000, {}) is None
+    assert other_rates.find("slcan", "1", 1_000_000, {}) is None
     monkeypatch.setattr(adapter, "open_adapter", lambda *_: picky(*_[:2], 1, {}))
     with pytest.raises(AdapterError):
-        otherrates.find("slcan", "1", 1_000_000, {})
+        other_rates.find("slcan", "1", 1_000_000, {})

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from kit import commands
 
 SIM = ("-i", "sim", "-c", commands.CELL)
@@ -42,7 +42,7 @@ def test_the_cell_file_that_init_makes_of_it_can_be_booted(axisbus, tmp_path):
     code, out, _ = axisbus("init", *SIM, "--output", made)
     assert code == 0
     assert "MISSING" not in out
-    assert config.load(made).bus.interface == "sim"
+    assert reader.load(made).bus.interface == "sim"
     code, out, _ = axisbus("boot", made)
     assert code == 0
     assert "3 of 3 nodes came up" in out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Sign, sign_of
@@ -14,7 +14,7 @@ from kit.cell import cell_text
 
 
 def cell_of(folder: Path, names: str = "xy", bus: str = "", more: str = "") -> CellConfig:
-    cell, _ = config.loads(cell_text(names, bus=bus, more=more), str(folder / "cell.toml"))
+    cell, _ = reader.loads(cell_text(names, bus=bus, more=more), str(folder / "cell.toml"))
     assert cell is not None
     return cell
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cia305 import master as lss_master
+from axisbus.cia305 import master
 from axisbus.cia305.dialogue import Answer, Ask, Heard, Pace, Timing
 from axisbus.cia305.fastscan import FastScan, Known
 from axisbus.cia305.services import LssAddress
@@ -28,15 +28,15 @@ turns = st.tuples(st.lists(said, max_size=3), st.lists(st.floats(0.0, 100.0), ma
 dialogues: dict[str, Callable[[Pace], Any]] = {
     "fast scan": lambda pace: FastScan(pace, most=3).run(),
     "fast scan of a known maker": lambda pace: FastScan(pace, Known(vendor_id=0xC0B00), most=3).run(),
-    "inquire": lambda pace: lss_master.inquire(pace, ADDRESS),
-    "inquire the only one": lambda pace: lss_master.inquire(pace, None),
-    "set node-ID": lambda pace: lss_master.set_node_id(pace, ADDRESS, 5, store=True),
-    "set bit rate of all": lambda pace: lss_master.set_bit_rate(pace, None, 500_000, store=True),
-    "set bit rate": lambda pace: lss_master.set_bit_rate(pace, [ADDRESS], 500_000, store=False),
-    "store": lambda pace: lss_master.store(pace, None),
-    "activate": lambda pace: lss_master.activate(pace, [ADDRESS], 0.1),
-    "identify": lambda pace: lss_master.identify(pace, ADDRESS, ADDRESS),
-    "any unconfigured": lambda pace: lss_master.any_unconfigured(pace),
+    "inquire": lambda pace: master.inquire(pace, ADDRESS),
+    "inquire the only one": lambda pace: master.inquire(pace, None),
+    "set node-ID": lambda pace: master.set_node_id(pace, ADDRESS, 5, store=True),
+    "set bit rate of all": lambda pace: master.set_bit_rate(pace, None, 500_000, store=True),
+    "set bit rate": lambda pace: master.set_bit_rate(pace, [ADDRESS], 500_000, store=False),
+    "store": lambda pace: master.store(pace, None),
+    "activate": lambda pace: master.activate(pace, [ADDRESS], 0.1),
+    "identify": lambda pace: master.identify(pace, ADDRESS, ADDRESS),
+    "any unconfigured": lambda pace: master.any_unconfigured(pace),
 }
 
 
@@ -62,7 +62,7 @@ def run(dialogue: Generator[Ask, Heard, Any], take: Callable[[int, Ask], Heard])
         while True:
             assert len(ask.frame) == 8
             assert ask.settle <= CEILING
-            assert ask.wait <= max(8 * CEILING, lss_master.STORE_WAIT)
+            assert ask.wait <= max(8 * CEILING, master.STORE_WAIT)
             count += 1
             assert count < MOST_ASKS, "there is no end to it"
             ask = dialogue.send(take(count, ask))
@@ -77,7 +77,7 @@ def run(dialogue: Generator[Ask, Heard, Any], take: Callable[[int, Ask], Heard])
 def test_whatever_slaves_say_the_dialogue_ends(name, script):
     dialogue = dialogues[name](Pace(Timing(ceiling=CEILING)))
     result, _ = run(dialogue, lambda count, ask: heard(ask, script[count % len(script)]))
-    if isinstance(result, lss_master.Inquired):
+    if isinstance(result, master.Inquired):
         assert result.node_id is None or result.node_id in {*range(1, 128), 255}
 
 
@@ -111,8 +111,8 @@ def test_a_node_id_that_cannot_be_is_not_believed(told):
         number = ADDRESS.serial_number if ask.expects == 0x5D else told
         return Heard((Answer(bytes([ask.expects]) + number.to_bytes(4, "little") + bytes(3), 0.001),))
 
-    result, _ = run(lss_master.inquire(Pace(), ADDRESS), take)
-    assert result == lss_master.Inquired(ADDRESS, None)
+    result, _ = run(master.inquire(Pace(), ADDRESS), take)
+    assert result == master.Inquired(ADDRESS, None)
     assert not result.configured
 
 
@@ -124,6 +124,6 @@ def test_an_answer_that_is_cut_short_confirms_nothing(cut):
         whole = ADDRESS.serial_number.to_bytes(4, "little") if ask.expects == 0x5D else b"\xff\0"
         return Heard((Answer(bytes([ask.expects]) + (cut if ask.expects == 0x11 else whole), 0.001),))
 
-    result, _ = run(lss_master.set_node_id(Pace(), ADDRESS, 5, store=False), take)
+    result, _ = run(master.set_node_id(Pace(), ADDRESS, 5, store=False), take)
     assert isinstance(result, LssTimeout)
     assert "configure node-ID" in str(result)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.bus.link import candump, errorframe, recording
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.check.busload import Meter
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Cast, Signs, words
@@ -21,7 +21,7 @@ from axisbus.trace import known, plain, text
 from axisbus.trace.decoder import Decoder
 from kit import fuzz_frames as fuzz
 
-CELL = config.load(Path(__file__).parents[2] / "examples" / "cell.toml")
+CELL = reader.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)
 KNOWN = {
     "nothing": known.NOTHING,

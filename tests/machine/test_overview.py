@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli import monitor_listen
 from axisbus.core.runtime import load_dictionaries
 from axisbus.machine.overview import Overview
 
-CELL = config.load(Path(__file__).parents[2] / "examples" / "cell.toml")
+CELL = reader.load(Path(__file__).parents[2] / "examples" / "cell.toml")
 FILES = load_dictionaries(CELL)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.core.runtime import load_dictionaries
 from axisbus.eds import builtin, load
 from axisbus.trace import known
@@ -19,7 +19,7 @@ CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 
 @pytest.fixture(scope="module")
 def cell() -> known.Known:
-    loaded = config.load(CELL)
+    loaded = reader.load(CELL)
     return known.of_cell(loaded, load_dictionaries(loaded))
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from axisbus import Machine
 from axisbus.bus.link.listen import listen
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
 from axisbus.core.runtime import load_dictionaries
 from axisbus.sim.build import device_from_eds
@@ -31,7 +31,7 @@ def session(tmp_path_factory):
     path = tmp_path_factory.mktemp("trace") / "cell.toml"
     text = CELL.read_text().replace('interface = "sim"', 'interface = "virtual"\nchannel = "trace-session"')
     path.write_text(text)
-    loaded = config.load(path)
+    loaded = reader.load(path)
     files = load_dictionaries(loaded)
     devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in files.items()]
     with listen("virtual", "trace-session", None, {}) as listener:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.boot import identity
-from axisbus.boot import program_text as programtext
+from axisbus.boot import identity, program_text
 from axisbus.cell.model import NodeConfig
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as o
@@ -44,8 +43,8 @@ def as_error(outcome: Outcome, node: NodeConfig, cause: AxisbusError | None) -> 
         error = identity.another_device(outcome, node)
     elif outcome.letter is Letter.J:
         error = _configuration(outcome, cause)
-    elif outcome.letter in programtext.LETTERS:
-        error = programtext.as_error(outcome, node, cause)
+    elif outcome.letter in program_text.LETTERS:
+        error = program_text.as_error(outcome, node, cause)
     elif outcome.letter in _ERROR_CONTROL:
         error = _error_control(outcome)
     elif cause is not None:

@@ -20,10 +20,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from axisbus.boot import dcf
-from axisbus.boot import error_state as errorstate
+from axisbus.boot import dcf, error_state, program_text
 from axisbus.boot import identity as ids
-from axisbus.boot import program_text as programtext
 from axisbus.boot.configure import Watch, plan_of
 from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.boot.objects import Objects, Progress, read_int
@@ -31,9 +29,7 @@ from axisbus.boot.report import AxisReport, NodeReport
 from axisbus.boot.requests import Answerer, Locals, Nmt
 from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.cell import mode_list as modelist
-from axisbus.cell import proposal, torque
-from axisbus.cell import sync_window as syncwindow
+from axisbus.cell import mode_list, proposal, sync_window, torque
 from axisbus.cell.described import Drive
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
@@ -170,7 +166,7 @@ class NodeBoot:
                 self._add_errors(report.error, always=outcome.step == "start")
             return
         report.nmt = self._comms.state()
-        report.program = programtext.line(outcome.program)
+        report.program = program_text.line(outcome.program)
         if self.found_enabled:
             report.configured = "NOT configured: a drive of this node was found enabled"
         elif any(text.startswith("configuration") for text in outcome.skipped):
@@ -184,7 +180,7 @@ class NodeBoot:
         """Add what the node itself says of its errors; where it says of none only if that is worth a word."""
         last, ago = self._comms.last_emcy() or (None, 0.0)
         with self._comms.trying(1, DEADLINE):
-            found = errorstate.read(self._objects, last, ago)
+            found = error_state.read(self._objects, last, ago)
         if always or found.tells:
             error.observed = "; ".join(filter(None, (error.observed, found.words(self._make))))
         if always and not found.tells:
@@ -257,10 +253,10 @@ class NodeBoot:
         if not any(axis.in_one_sync for axis in self._report.axes):
             return
         bus, window = self._cell.bus, read_int(self._objects, o301.SYNC_WINDOW)
-        if syncwindow.misses(window, bus):
-            remedy = syncwindow.remedy(self._objects.node_id)
+        if sync_window.misses(window, bus):
+            remedy = sync_window.remedy(self._objects.node_id)
             self._report.warnings.append(
-                f"it may discard our synchronous RPDOs: {syncwindow.closes(window, bus)}; {remedy}"
+                f"it may discard our synchronous RPDOs: {sync_window.closes(window, bus)}; {remedy}"
             )
 
     def _arm(self, control: ErrorControl) -> None:
@@ -354,7 +350,7 @@ class NodeBoot:
             return tuple(modes.short(mode) for mode in sorted(parameters.modes)), ()
         claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
         drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
-        shown = modelist.of(drive, None if claimed is None else frozenset(modes.supported(claimed)))
+        shown = mode_list.of(drive, None if claimed is None else frozenset(modes.supported(claimed)))
         return tuple(modes.short(mode) for mode in shown.modes), shown.doubts
 
     def _read(self, axis: AxisConfig, index: int) -> int | None:

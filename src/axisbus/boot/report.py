@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from axisbus.boot import program_text as programtext
-from axisbus.boot import text as boottext
+from axisbus.boot import program_text
+from axisbus.boot import text as boot_text
 from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.proposal import ScaleReport
@@ -71,13 +71,13 @@ class NodeReport:
             "device": self.device,
             "identity": self.identity,
             "nmt": self.nmt,
-            "program": programtext.as_json(None if self.outcome is None else self.outcome.program),
+            "program": program_text.as_json(None if self.outcome is None else self.outcome.program),
             "configured": self.configured,
             "watchdog": None if self.watchdog is None else self.watchdog.kind.value,
             "warnings": list(self.warnings),
             "steps": list(self.steps),
             "optional": self.optional,
-            "boot": None if self.outcome is None else boottext.as_json(self.outcome),
+            "boot": None if self.outcome is None else boot_text.as_json(self.outcome),
             "error": None if self.error is None else _error(self.error),
             "axes": [_axis(axis) for axis in self.axes],
         }
@@ -86,11 +86,11 @@ class NodeReport:
         lines = [f"node {self.node_id}: {self.device or 'not identified'}"]
         if self.absent:
             lines[0] = f"node {self.node_id}: not there; it is optional"
-            return lines + boottext.rows(self.outcome)
+            return lines + boot_text.rows(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
             lines.append(f"  FAILED{step}: " + str(self.error).replace("\n", "\n  "))
-            return lines + boottext.rows(self.outcome)
+            return lines + boot_text.rows(self.outcome)
         rows = [
             ("identity", self.identity),
             ("NMT state", self.nmt),
@@ -99,7 +99,7 @@ class NodeReport:
             ("watchdog", f"{self.watchdog.kind.value}: {self.watchdog.text}" if self.watchdog else ""),
         ]
         lines += [f"  {title:<14}{text}" for title, text in rows if text]
-        lines += boottext.rows(self.outcome)
+        lines += boot_text.rows(self.outcome)
         for axis in self.axes:
             lines += _axis_lines(axis)
         lines += [f"  WARNING  {warning}" for warning in self.warnings]

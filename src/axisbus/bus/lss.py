@@ -24,7 +24,7 @@ from axisbus.bus.node.nmt import NodeMonitor
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.cia305 import master as lss_master
+from axisbus.cia305 import master
 from axisbus.cia305.dialogue import Answer, Ask, Dialogue, Heard, Pace, Timing
 from axisbus.cia305.fastscan import FastScan
 from axisbus.cia305.found import Known, Scanned
@@ -102,7 +102,7 @@ class LssMaster:
         Raises:
             LssTimeout, LssError: nobody has this identity, or several answer.
         """
-        return self.run(lss_master.inquire(self.pace, address))
+        return self.run(master.inquire(self.pace, address))
 
     def set_node_id(
         self, address: LssAddress | None, node_id: int, *, store: bool = False, reset: bool = False
@@ -123,7 +123,7 @@ class LssMaster:
         if node_id not in (before.node_id, UNCONFIGURED):
             self._require_free(node_id)
         with closing(NodeMonitor(self._channel, node_id)) as monitor:
-            done = self.run(lss_master.set_node_id(self.pace, before.address, node_id, store=store))
+            done = self.run(master.set_node_id(self.pace, before.address, node_id, store=store))
             if reset and before.configured and before.node_id is not None:
                 nmt.send(self._channel, NmtCommand.RESET_COMMUNICATION, before.node_id)
             elif before.configured:
@@ -145,7 +145,7 @@ class LssMaster:
         """
         bit_timing_index(bitrate)
         _require_some(addresses)
-        self.run(lss_master.set_bit_rate(self.pace, addresses, bitrate, store=store))
+        self.run(master.set_bit_rate(self.pace, addresses, bitrate, store=store))
 
     def activate(self, addresses: Sequence[LssAddress] | None, delay: float) -> None:
         """Have slaves (None: all) change to the bit rate that they were told; blocks until they have (twice ``delay`` s).
@@ -165,7 +165,7 @@ class LssMaster:
         The slaves are at the old rate for ``delay`` s from then on, change over, and are silent for as long again.
         """
         _require_some(addresses)
-        self.run(lss_master.activate(self.pace, addresses, delay), leave=False)
+        self.run(master.activate(self.pace, addresses, delay), leave=False)
         return time.monotonic()
 
     @property
@@ -179,7 +179,7 @@ class LssMaster:
         Raises:
             LssRefused: it cannot; LssTimeout, LssError: as ``inquire``.
         """
-        self.run(lss_master.store(self.pace, address))
+        self.run(master.store(self.pace, address))
 
     def identify(self, low: LssAddress, high: LssAddress) -> bool:
         """Return whether a slave with revision and serial number in these ranges is there, with or without a node-ID.
@@ -187,11 +187,11 @@ class LssMaster:
         Raises:
             ArgumentError: the two differ in vendor-ID or product code.
         """
-        return self.run(lss_master.identify(self.pace, low, high))
+        return self.run(master.identify(self.pace, low, high))
 
     def any_unconfigured(self) -> bool:
         """Return whether a slave without a node-ID is there (by its own service, which not every slave has)."""
-        return self.run(lss_master.any_unconfigured(self.pace))
+        return self.run(master.any_unconfigured(self.pace))
 
     # -- how it runs --------------------------------------------------------------------------------------------------------------
 

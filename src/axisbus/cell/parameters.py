@@ -37,7 +37,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
     """Return the parameters of the axis ``name``.
 
     ``eds`` is that of the axis's node; ``make`` None: the one that the EDS's identity names. Blocks for nothing, raises nothing for
-    a cell that ``config.load`` returned.
+    a cell that ``reader.load`` returned.
     """
     axis = cell.axes[name]
     drive = Drive.of(axis, cell.nodes[axis.node], eds)

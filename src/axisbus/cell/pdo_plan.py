@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import Change, Policy, make_plan, spare_cob_ids
-from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell import pdo_tables
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import Pdo
@@ -21,7 +21,7 @@ def travelling(
 
     It is what boot does when the drive takes what its EDS says it takes.
     """
-    device = pdomodel.device_pdos(node, eds)
+    device = pdo_tables.device_pdos(node, eds)
     seen: set[tuple[bool, int]] = set()
     policy = _policy(cell, node)
     for axis in cell.axes_of(node.node_id):
@@ -48,7 +48,7 @@ def _policy(cell: CellConfig, node: NodeConfig) -> Policy:
         remap=node.remappable and not node.pdos,
         taken=frozenset(base + other for other in others for base in (*cob.RPDO, *cob.TPDO)),
         spare=spare_cob_ids(frozenset(cell.nodes), node.node_id),
-        fixed=pdomodel.fixed_pdos(node.pdos),
-        timed=pdomodel.timed_pdos(node.pdos),
-        requests=pdomodel.requested_pdos(node.pdos),
+        fixed=pdo_tables.fixed_pdos(node.pdos),
+        timed=pdo_tables.timed_pdos(node.pdos),
+        requests=pdo_tables.requested_pdos(node.pdos),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell import pdo_tables
 from axisbus.cell.model import BusConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.case import Case, Check, Found
@@ -99,7 +99,7 @@ def _traffic(case: Case) -> Iterator[Traffic]:
     for node, eds, dictionary in case.nodes:
         for receive, pdo in travelling(case.cell, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
-            asked_every = None if receive else pdomodel.requested_pdos(node.pdos).get(pdo.number)
+            asked_every = None if receive else pdo_tables.requested_pdos(node.pdos).get(pdo.number)
             count = per_cycle(pdo, receive, bus) if asked_every is None else bus.scan_period / asked_every
             frames[key] = frames.get(key, 0.0) + count
             if asked_every is not None:

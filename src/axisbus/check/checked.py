@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import errors
 from axisbus.check.run import check_cell
@@ -17,8 +17,8 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
     Raises:
         ConfigError: there is an error; the first is told, and the others listed.
     """
-    cell, problems = config.read(path)
+    cell, problems = reader.read(path)
     wrong = errors(problems if cell is None else check_cell(cell, problems))
     if cell is None or wrong:
-        raise config.as_exception(wrong)
+        raise reader.as_exception(wrong)
     return replace(cell, bus=replace(cell.bus, beside=True)) if beside else cell

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell import pdo_tables
 from axisbus.cell.model import NodeConfig
 from axisbus.cell.pdo_tables import NodePdo
 from axisbus.check.case import Case, Check, Found
@@ -61,7 +61,7 @@ def duplicates(case: Case) -> Found:
 def restricted(case: Case) -> Found:
     """Find PDOs on COB-IDs that belong to other services."""
     for node, eds, _ in case.nodes:
-        for each in pdomodel.node_pdos(node, eds):
+        for each in pdo_tables.node_pdos(node, eds):
             if each.config is None or each.config.cob_id is None:
                 continue
             cob_id, line = each.config.cob_id, each.config.at.of("cob_id")
@@ -127,7 +127,7 @@ _MOVED = "by the EDS; boot gives them COB-IDs of their own, but until then a run
 
 
 def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
-    for each in pdomodel.node_pdos(node, eds):
+    for each in pdo_tables.node_pdos(node, eds):
         cob_id = each.pdo.cob_id
         if not each.pdo.valid or cob_id > cob.ID_MASK_11 or not cob_id & 0x7F:
             continue  # off, of 29 bits, or written without node ID: boot gives it one

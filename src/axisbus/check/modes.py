@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cell import mode_list as modelist
+from axisbus.cell import mode_list
 from axisbus.cell.described import Drive
 from axisbus.check.case import Case, Check, Found, title, titles
 from axisbus.cia402 import objects
@@ -32,7 +32,7 @@ _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 def summary(case: Case) -> Found:
     """Note for each axis which modes its objects and 6502h show, and where the two differ."""
     for drive in case.drives:
-        shown = modelist.of(drive)
+        shown = mode_list.of(drive)
         runs = [FACTS[mode].short for mode in USED if mode in shown.modes]
         unclaimed = [
             f"not {FACTS[mode].short} ({titles(missing)} missing)"

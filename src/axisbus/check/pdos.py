@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell import pdo_tables
 from axisbus.cell.model import NodeConfig, PdoConfig
 from axisbus.cell.problem import Problem
 from axisbus.check.case import Case, Check, Found
@@ -35,7 +35,7 @@ def _tables(case: Case) -> Iterator[tuple[NodeConfig, Eds, Dictionary, PdoConfig
     """The PDO tables whose PDO is in the EDS."""
     for node, eds, dictionary in case.nodes:
         for config in node.pdos:
-            if pdomodel.communication_index(config.receive, config.number) in eds:
+            if pdo_tables.communication_index(config.receive, config.number) in eds:
                 yield node, eds, dictionary, config
 
 
@@ -43,10 +43,10 @@ def exists(case: Case) -> Found:
     """Check that the drive has the PDO."""
     for node, eds, _ in case.nodes:
         for config in node.pdos:
-            index = pdomodel.communication_index(config.receive, config.number)
+            index = pdo_tables.communication_index(config.receive, config.number)
             if index not in eds:
                 there = [
-                    each.name for each in pdomodel.node_pdos(node, eds) if each.receive is config.receive
+                    each.name for each in pdo_tables.node_pdos(node, eds) if each.receive is config.receive
                 ]
                 yield case.error(
                     config.at.line,
@@ -59,7 +59,7 @@ def exists(case: Case) -> Found:
 def entries(case: Case) -> Found:
     """Check that the communication parameters that a table sets are there and can be written."""
     for node, eds, _, config in _tables(case):
-        index = pdomodel.communication_index(config.receive, config.number)
+        index = pdo_tables.communication_index(config.receive, config.number)
         for key, subindex in _ENTRIES.items():
             if not config.at.gives(key):
                 continue
@@ -85,7 +85,7 @@ def mapping(case: Case) -> Found:
 def _fixed(case: Case, node: NodeConfig, eds: Eds, config: PdoConfig) -> Found:
     if config.map is None:
         return
-    line, index = config.at.of("map"), pdomodel.mapping_index(config.receive, config.number)
+    line, index = config.at.of("map"), pdo_tables.mapping_index(config.receive, config.number)
     if not node.remappable:
         yield case.error(
             line,
@@ -109,7 +109,7 @@ def _element(
     line = config.at.of("map")
     where = f"node {node.node_id}: {config.name}"
     try:
-        mapped, size = pdomodel.map_entry(key, dictionary)
+        mapped, size = pdo_tables.map_entry(key, dictionary)
     except ArgumentError as error:
         yield case.error(line, f"{where}: {error.message}", error.observed, error.remedy)
         return
@@ -212,7 +212,7 @@ def controlword_last(case: Case) -> Found:
 def _known(config: PdoConfig, dictionary: Dictionary) -> Iterator[tuple[MappedObject, int | None]]:
     for key in config.map or ():
         try:
-            yield pdomodel.map_entry(key, dictionary)
+            yield pdo_tables.map_entry(key, dictionary)
         except ArgumentError:
             continue  # reported by ``mapping``
 
@@ -281,7 +281,7 @@ def _transmission_type(node: NodeConfig, eds: Eds, config: PdoConfig) -> int | N
     """Return the type that a PDO is configured to have; None where boot chooses it."""
     if config.transmission is not None:
         return config.transmission
-    fixed = eds.get(pdomodel.communication_index(config.receive, config.number), o.PDO_TRANSMISSION_TYPE)
+    fixed = eds.get(pdo_tables.communication_index(config.receive, config.number), o.PDO_TRANSMISSION_TYPE)
     if fixed is None or fixed.writable:
         return None
     value = fixed.initial(node.node_id)

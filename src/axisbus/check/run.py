@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import Problem
 from axisbus.check import (
@@ -54,7 +54,7 @@ def check(path: str | Path) -> list[Problem]:
 
     Blocks for as long as its files take to read; sends nothing. Raises nothing: a file that cannot be read is a problem, too.
     """
-    cell, problems = config.read(path)
+    cell, problems = reader.read(path)
     return problems if cell is None else check_cell(cell, problems)
 
 

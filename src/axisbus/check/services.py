@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from axisbus.cell import sync_window as syncwindow
+from axisbus.cell import sync_window
 from axisbus.cell.model import BusConfig
 from axisbus.check.case import Case, Check, Found
 from axisbus.check.cobids import RESTRICTED
@@ -122,12 +122,12 @@ def window(case: Case) -> Found:
     bus = case.cell.bus
     for node, eds, _ in case.nodes:
         length = case.node_number(node, o.SYNC_WINDOW)
-        if syncwindow.misses(length, bus) and any(case.cell.axes_of(node.node_id)):
+        if sync_window.misses(length, bus) and any(case.cell.axes_of(node.node_id)):
             yield case.warning(
                 node.at.line,
                 f"node {node.node_id} may discard the master's synchronous RPDOs",
-                f"{syncwindow.closes(length, bus)} ({eds.source})",
-                syncwindow.remedy(node.node_id),
+                f"{sync_window.closes(length, bus)} ({eds.source})",
+                sync_window.remedy(node.node_id),
             )
 
 

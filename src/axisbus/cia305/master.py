@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from axisbus.cia301 import cob
-from axisbus.cia305 import services as lss
+from axisbus.cia305 import services
 from axisbus.cia305.dialogue import (
     CONFIRM_WAIT,
     STORE_WAIT,
@@ -43,7 +43,7 @@ class Inquired:
     @property
     def configured(self) -> bool:
         """Whether it has a node-ID."""
-        return self.node_id is not None and self.node_id != lss.UNCONFIGURED
+        return self.node_id is not None and self.node_id != services.UNCONFIGURED
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class NodeIdSet:
     @property
     def at_once(self) -> bool:
         """Whether it uses the new one already."""
-        return self.old == lss.UNCONFIGURED
+        return self.old == services.UNCONFIGURED
 
 
 def name(address: LssAddress | None) -> str:
@@ -82,19 +82,19 @@ def inquire(pace: Pace, address: LssAddress | None) -> Dialogue[Inquired]:
     if address is not None:
         yield from _same_serial(pace, address)
     try:
-        answer = yield from confirmed(pace, lss.inquire(Service.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2)
+        answer = yield from confirmed(pace, services.inquire(Service.INQUIRE_NODE_ID), who, CONFIRM_WAIT / 2)
     except LssTimeout:  # older slaves do not have this service
         return Inquired(found, None)
     told = answer[1]
-    known = told in cob.NODE_IDS or told == lss.UNCONFIGURED
+    known = told in cob.NODE_IDS or told == services.UNCONFIGURED
     return Inquired(found, told if known else None)  # 0 would be everybody in the commands that follow
 
 
 def _own_address(pace: Pace) -> Dialogue[LssAddress]:
     numbers = []
-    for service in lss.INQUIRIES:
-        answer = yield from confirmed(pace, lss.inquire(service), name(None))
-        numbers.append(lss.number_in(answer))
+    for service in services.INQUIRIES:
+        answer = yield from confirmed(pace, services.inquire(service), name(None))
+        numbers.append(services.number_in(answer))
     return LssAddress(*numbers)
 
 
@@ -105,20 +105,22 @@ def numbers_of(pace: Pace, address: LssAddress) -> Dialogue[tuple[LssAddress | N
         LssError: several slaves answer, and not the same.
     """
     numbers = []
-    for service in lss.INQUIRIES:
+    for service in services.INQUIRIES:
         answer = yield from _told(pace, service, address)
         if answer is None:
             break
-        numbers.append(lss.number_in(answer))
+        numbers.append(services.number_in(answer))
     node_id = yield from _told(pace, Service.INQUIRE_NODE_ID, address)
-    whole = LssAddress(*numbers) if len(numbers) == len(lss.INQUIRIES) else None
+    whole = LssAddress(*numbers) if len(numbers) == len(services.INQUIRIES) else None
     return whole, None if node_id is None else node_id[1]
 
 
 def _told(pace: Pace, service: Service, address: LssAddress) -> Dialogue[bytes | None]:
     """Inquire; None where the slave does not have the service."""
     try:
-        return (yield from confirmed(pace, lss.inquire(service), name(address), CONFIRM_WAIT / 2, many=True))
+        return (
+            yield from confirmed(pace, services.inquire(service), name(address), CONFIRM_WAIT / 2, many=True)
+        )
     except LssTimeout:
         return None
 
@@ -127,15 +129,15 @@ def _same_serial(pace: Pace, address: LssAddress) -> Dialogue[None]:
     """Check that the slave that answers is the one that is meant, and the only one, before anything is changed."""
     service = Service.INQUIRE_SERIAL_NUMBER
     try:
-        answer = yield from confirmed(pace, lss.inquire(service), name(address), CONFIRM_WAIT / 2)
+        answer = yield from confirmed(pace, services.inquire(service), name(address), CONFIRM_WAIT / 2)
     except LssTimeout:  # it need not have this service
         return
-    if lss.number_in(answer) != address.serial_number:
+    if services.number_in(answer) != address.serial_number:
         raise LssError(
             f"another LSS slave than {address} answered",
             service=service.text,
             slave=str(address),
-            observed=f"its serial number is 0x{lss.number_in(answer):X}",
+            observed=f"its serial number is 0x{services.number_in(answer):X}",
             remedy="see whether a second LSS master is on the bus, and try again",
         )
 
@@ -147,12 +149,12 @@ def set_node_id(pace: Pace, address: LssAddress | None, node_id: int, *, store: 
         ArgumentError: the node-ID is none.
         LssRefused: the slave does not take or store it; LssTimeout, LssError: as ``inquire``.
     """
-    lss.require_node_id(node_id)
+    services.require_node_id(node_id)
     before = yield from inquire(pace, address)
     who = name(before.address)
-    yield from configured(pace, lss.configure_node_id(node_id), who)
+    yield from configured(pace, services.configure_node_id(node_id), who)
     if store:
-        yield from configured(pace, lss.store_configuration(), who, STORE_WAIT)
+        yield from configured(pace, services.store_configuration(), who, STORE_WAIT)
     yield from all_waiting(pace)
     return NodeIdSet(before.address, before.node_id, node_id, store)
 
@@ -166,13 +168,13 @@ def set_bit_rate(
         ArgumentError: CiA 305 has no such rate.
         LssRefused: a slave does not take or store it; LssTimeout, LssError: as ``inquire``.
     """
-    frame = lss.configure_bit_timing(lss.bit_timing_index(bitrate))
+    frame = services.configure_bit_timing(services.bit_timing_index(bitrate))
     for address in [None] if addresses is None else addresses:
         yield from enter(pace, address)
         who = "an LSS slave (all were asked)" if address is None else name(address)
         yield from configured(pace, frame, who, many=address is None)
         if store:
-            keep = lss.store_configuration()
+            keep = services.store_configuration()
             yield from configured(pace, keep, who, STORE_WAIT, many=address is None)
     yield from all_waiting(pace)
 
@@ -184,7 +186,7 @@ def store(pace: Pace, address: LssAddress | None) -> Dialogue[None]:
         LssRefused: it cannot; LssTimeout, LssError: as ``inquire``.
     """
     before = yield from inquire(pace, address)
-    yield from configured(pace, lss.store_configuration(), name(before.address), STORE_WAIT)
+    yield from configured(pace, services.store_configuration(), name(before.address), STORE_WAIT)
     yield from all_waiting(pace)
 
 
@@ -199,7 +201,7 @@ def activate(pace: Pace, addresses: Sequence[LssAddress] | None, delay: float) -
     """
     require_delay(delay)
     yield from (enter(pace, None) if addresses is None else _gather(pace, addresses))
-    yield from say(pace, lss.activate_bit_timing(delay), 0.0)
+    yield from say(pace, services.activate_bit_timing(delay), 0.0)
 
 
 def require_delay(delay: float) -> None:
@@ -208,10 +210,10 @@ def require_delay(delay: float) -> None:
     Raises:
         ArgumentError: it is not 0.01 to 65.535 s.
     """
-    if not SHORTEST_DELAY <= delay <= lss.LONGEST_DELAY:
+    if not SHORTEST_DELAY <= delay <= services.LONGEST_DELAY:
         raise ArgumentError(
             f"a switch delay of {delay:g} s cannot be used",
-            remedy=f"give one from {SHORTEST_DELAY:g} to {lss.LONGEST_DELAY:g} s",
+            remedy=f"give one from {SHORTEST_DELAY:g} to {services.LONGEST_DELAY:g} s",
         )
 
 
@@ -225,12 +227,12 @@ def identify(pace: Pace, low: LssAddress, high: LssAddress) -> Dialogue[bool]:
     """
     if low.parts[:2] != high.parts[:2]:
         raise ArgumentError("identify remote slave takes one vendor-ID and one product code")
-    return (yield from _anybody(pace, lss.identify_remote(low, high)))
+    return (yield from _anybody(pace, services.identify_remote(low, high)))
 
 
 def any_unconfigured(pace: Pace) -> Dialogue[bool]:
     """Return whether any slave has no node-ID; changes no state."""
-    return (yield from _anybody(pace, (lss.identify_non_configured(),)))
+    return (yield from _anybody(pace, (services.identify_non_configured(),)))
 
 
 def _anybody(pace: Pace, frames: Sequence[bytes]) -> Dialogue[bool]:

@@ -71,11 +71,11 @@ def command(
 
 
 def _planned(path: Path, bitrate: int | None) -> dict[str, Any]:
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
     from axisbus.check.traffic import streams
     from axisbus.core.runtime import load_dictionaries
 
-    cell = config.load(path)
+    cell = reader.load(path)
     rate = bitrate or _rate(cell, None, None)
     found = streams(cell, load_dictionaries(cell))
     return {

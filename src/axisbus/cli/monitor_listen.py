@@ -9,7 +9,7 @@ from typing import Any
 
 from axisbus.bus.link.listen import Listener
 from axisbus.bus.link.listenonly import manner
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cia301.mastersigns import words
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.core.listening import listen_to
@@ -24,7 +24,7 @@ _NOTHING = "nothing was heard: nobody sends, or not on this channel or at this b
 
 def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     """Show what is heard every so many seconds, ``count`` times (None: until Ctrl-C)."""
-    cell = config.load(path)
+    cell = reader.load(path)
     overview = Overview(cell, load_dictionaries(cell))
     with ExitStack() as stack, suppress(KeyboardInterrupt):  # the usual end of listening
         listener = listen_to(cell, stack, silent=True)

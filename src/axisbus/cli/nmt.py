@@ -44,7 +44,7 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     refused without --force. A node confirms by its heartbeat, by node guarding (never where that would arm its life guarding), by
     its boot-up message, or by its SDO server. Exit code 3 when one does not.
     """
-    from axisbus.bus.node import nmt_by_hand as nmt_confirm
+    from axisbus.bus.node import nmt_by_hand
 
     require_bus(asked)
     files = Files.of(asked.cell, asked.eds)
@@ -57,10 +57,10 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
         known = list(files.cell.nodes) if everybody and files.cell is not None else ids
         session = Session(stack, asked, files, known)
         nodes = [session.node(node_id) for node_id in known or _everybody(session)]
-        found = nmt_confirm.ways(nodes)
+        found = nmt_by_hand.ways(nodes)
         if order is not NmtCommand.START and not force:
             _require_at_rest(nodes)
-        outcomes = nmt_confirm.command(session.bus, nodes, order, found, everybody=everybody)
+        outcomes = nmt_by_hand.command(session.bus, nodes, order, found, everybody=everybody)
         errors = {each.node_id: _errors(session.node(each.node_id)) for each in outcomes if each.disobeyed}
     failed = [each for each in outcomes if not each.ok]
     if as_json:
@@ -103,10 +103,10 @@ def _require_at_rest(nodes: list[Node]) -> None:
 
 def _errors(node: Node) -> str:
     """Return what a node says that is there, and does not do what it was told."""
-    from axisbus.boot import error_state as errorstate
+    from axisbus.boot import error_state
 
     last = node.emcy.history[-1] if node.emcy.history else None
-    return errorstate.read(node.sdo, last, 0.0 if last is None else time.monotonic() - last.stamp).words()
+    return error_state.read(node.sdo, last, 0.0 if last is None else time.monotonic() - last.stamp).words()
 
 
 def _plain(outcome: Outcome) -> dict[str, object]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.paths import PATH
 from axisbus.machine.beside import stop_beside
@@ -22,7 +22,7 @@ def command(cell: Path, as_json: bool) -> int:
     Works beside a running master, which then sees its nodes lost. Not an emergency stop: that belongs in hardware.
     Exit code 3 when an axis could not be confirmed as stopped.
     """
-    results = stop_beside(config.load(cell))
+    results = stop_beside(reader.load(cell))
     failed = [result for result in results if not result.ok]
     if as_json:
         say_json([asdict(result) for result in results])

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from axisbus.bus.node.node import Node
-from axisbus.configuration import compare, live, store
-from axisbus.configuration import guarded_write as careful
+from axisbus.configuration import compare, guarded_write, live, store
 from axisbus.drives import registry
 from axisbus.errors import NodeError, StateError
 
@@ -60,14 +59,14 @@ def keep(node: Node, tell: Tell | None = None) -> Kept:
 
 
 def _require_at_rest(node: Node) -> None:
-    found = careful.energised(node)
+    found = guarded_write.energised(node)
     if found:
         raise StateError(
             f"node {node.node_id} is energised: storing may restart it, and let its load go; nothing was sent",
             observed="; ".join(found),
             remedy="stop it first: axisbus stop CELL",
         )
-    careful.require_no_other_master(node)
+    guarded_write.require_no_other_master(node)
     why_not = store.can_store(node)
     if why_not:
         raise StateError(f"node {node.node_id} cannot store its parameters: {why_not}; nothing was sent")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from axisbus.bus.node.node import Node, NodeIdentity
 from axisbus.cia301 import objects as o
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.configuration import guarded_write as careful
+from axisbus.configuration import guarded_write
 from axisbus.eds.model import Eds
 from axisbus.errors import SdoAbort, StateError, UserError
 
@@ -104,14 +104,14 @@ def require_at_rest(node: Node) -> None:
         StateError: it may not; nothing was written.
         SdoError, AdapterError: it does not answer.
     """
-    found = careful.energised(node)
+    found = guarded_write.energised(node)
     if found:
         raise StateError(
             f"node {node.node_id} is energised: it is not configured; nothing was written",
             observed="; ".join(found),
             remedy="stop it first: axisbus stop CELL",
         )
-    careful.require_no_other_master(node, heartbeats=False)
+    guarded_write.require_no_other_master(node, heartbeats=False)
     state = _state(node)
     if state is None:
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.cell import pdo_tables as pdomodel
+from axisbus.cell import pdo_tables
 from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.cell.quantities import Quantities
@@ -65,7 +65,7 @@ def of_cell(cell: CellConfig, files: Mapping[int, Eds]) -> Known:
 
 
 def _node(node: NodeConfig, eds: Eds, name: str = "", planned: tuple[DirectedPdo, ...] = ()) -> KnownNode:
-    device = pdomodel.device_pdos(node, eds)
+    device = pdo_tables.device_pdos(node, eds)
     own = [DirectedPdo(True, pdo) for pdo in device.rpdos] + [DirectedPdo(False, pdo) for pdo in device.tpdos]
     identity = eds.identity
     return KnownNode(

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from axisbus.cia305 import services as lss
+from axisbus.cia305 import services
 from axisbus.cia305.services import PARTS, Service, State
 from axisbus.wording import counted
 
-_NUMBERS = dict(zip(lss.SELECTIVE, PARTS, strict=True))
-_INQUIRED = dict(zip(lss.INQUIRIES, PARTS, strict=True))
+_NUMBERS = dict(zip(services.SELECTIVE, PARTS, strict=True))
+_INQUIRED = dict(zip(services.INQUIRIES, PARTS, strict=True))
 _RANGES = dict(
     zip(
-        lss.IDENTIFY,
+        services.IDENTIFY,
         (*PARTS[:2], *(f"{end} {part}" for part in PARTS[2:] for end in ("lowest", "highest"))),
         strict=True,
     )
 )
-_KBIT = {entry: f"{rate // 1000} kbit/s" for rate, entry in lss.BIT_TIMINGS.items()}
+_KBIT = {entry: f"{rate // 1000} kbit/s" for rate, entry in services.BIT_TIMINGS.items()}
 
 Words = Callable[[bytes], str]
 
@@ -40,14 +40,14 @@ def _number(data: bytes) -> int:
 
 def _bit_timing(data: bytes) -> str:
     table, entry = data[1], data[2]
-    if table != lss.STANDARD_TABLE:
+    if table != services.STANDARD_TABLE:
         return f"set bit rate: entry {entry} of the maker's table {table}"
-    rate = "found out by itself" if entry == lss.AUTOMATIC_RATE else _KBIT.get(entry, f"entry {entry}")
+    rate = "found out by itself" if entry == services.AUTOMATIC_RATE else _KBIT.get(entry, f"entry {entry}")
     return f"set bit rate: {rate}"
 
 
 def _fast_scan(data: bytes) -> str:
-    if data[5] == lss.ALL_BITS:
+    if data[5] == services.ALL_BITS:
         return "fast scan: is anybody unconfigured?"
     part = PARTS[data[6]] if data[6] < len(PARTS) else f"part {data[6]}"
     return f"fast scan: {part} 0x{_number(data):08X} from bit {data[5]} on" + (
@@ -68,12 +68,13 @@ def _said(text: str) -> Words:
 
 def _result(text: str, service: Service) -> Words:
     return lambda data: (
-        f"{text}: " + ("done" if not data[1] else f"refused: {lss.refusal(service, data[1], data[2])[0]}")
+        f"{text}: "
+        + ("done" if not data[1] else f"refused: {services.refusal(service, data[1], data[2])[0]}")
     )
 
 
 def _node_id(data: bytes) -> str:
-    return "" if data[1] == lss.UNCONFIGURED else f" {data[1]}"
+    return "" if data[1] == services.UNCONFIGURED else f" {data[1]}"
 
 
 _REQUESTS: dict[int, Words] = {

@@ -148,13 +148,13 @@ def _select(eds: Eds, node_id: int, wish: _Wish) -> None:
 
 
 def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
-    from axisbus.configuration import preconditions as guard
+    from axisbus.configuration import preconditions
     from axisbus.configuration.restore import Restore
     from axisbus.configuration.values import require_within_limits, select
     from axisbus.drives import registry
 
     who = device.identity()
-    guard.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
+    preconditions.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
     make = registry.find(who.vendor_id, who.product_code)
     selection = select(eds, device.node_id, make, wish.include, wish.exclude)
     bars = stack.enter_context(ExitStack())
@@ -184,10 +184,9 @@ def _ready(device: Node, wish: _Wish) -> str:
     Raises:
         StateError: it may not, or cannot store though it should.
     """
-    from axisbus.configuration import preconditions as guard
-    from axisbus.configuration import store
+    from axisbus.configuration import preconditions, store
 
-    guard.require_at_rest(device)
+    preconditions.require_at_rest(device)
     why_not = store.can_store(device)
     if wish.store and why_not:
         raise StateError(

@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cli.shared.nodes import Address, Files
-from axisbus.configuration import notation as objecttext
+from axisbus.configuration import notation
 from axisbus.eds.dictionary import Dictionary, Entry
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, AxisbusError
@@ -67,7 +67,7 @@ def _targets(files: Files, arguments: tuple[str, ...]) -> Iterator[Target]:
     for node, wanted in split(arguments):
         address = files.address(node)
         dictionary = Dictionary(files.eds_for(address.node_id), address.node_id)
-        for entry in objecttext.find(dictionary, wanted, address.drive_axis):
+        for entry in notation.find(dictionary, wanted, address.drive_axis):
             yield Target(address, entry, f"{node}:{wanted}")
 
 
@@ -106,7 +106,7 @@ def plain(node_id: int, value: ObjectValue) -> dict[str, Any]:
 
 def kind_of(text: str | None) -> DataType | None:
     """Return the data type that --type names; raises ArgumentError where it names none."""
-    return None if text is None else objecttext.data_type(text)
+    return None if text is None else notation.data_type(text)
 
 
 def may_read(eds: Eds) -> Iterable[tuple[int, int]]:
@@ -164,7 +164,7 @@ def _objects(files: Files, node: str, prefix: str, part: str) -> Iterator[Comple
     except ArgumentError:
         return
     for entry in eds or ():
-        name = objecttext.spelling(entry.name)
+        name = notation.spelling(entry.name)
         if name.lower().startswith(part.lower()) and part:
             yield CompletionItem(f"{prefix}{name}", help=f"{entry.index:04X}h")
         elif f"{entry.index:04X}".startswith(part.upper()):

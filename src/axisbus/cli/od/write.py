@@ -12,8 +12,7 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
-from axisbus.configuration import guarded_write as careful
-from axisbus.configuration import notation as objecttext
+from axisbus.configuration import guarded_write, notation
 from axisbus.configuration.guarded_write import Written, is_command
 from axisbus.eds.dictionary import Dictionary
 from axisbus.trace import text
@@ -47,16 +46,16 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move
     target = _one(od.targets(files, arguments[:-1]))
     node_id, entry = target.address.node_id, target.entry
     eds = files.eds_for(node_id)
-    careful.require_writable(eds, node_id, entry, data_type)
+    guarded_write.require_writable(eds, node_id, entry, data_type)
     quantity = files.quantities.of(node_id, entry.index, entry.subindex)
-    value = objecttext.value(arguments[-1], entry, data_type or entry.data_type, quantity)
+    value = notation.value(arguments[-1], entry, data_type or entry.data_type, quantity)
     checked_bytes(entry, value, data_type)  # before the bus is opened
     if not may_move:
-        careful.require_harmless(eds, node_id, entry)
+        guarded_write.require_harmless(eds, node_id, entry)
     with ExitStack() as stack:
         node = Session(stack, asked, files, [node_id]).node(node_id)
-        written = careful.write(node, entry, value, data_type, may_move=may_move)
-        now = careful.energised(node) if may_move else []
+        written = guarded_write.write(node, entry, value, data_type, may_move=may_move)
+        now = guarded_write.energised(node) if may_move else []
     if as_json:
         say_json(_plain(files, target, value, written, now))
     else:

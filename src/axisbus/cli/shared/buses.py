@@ -44,9 +44,9 @@ def open_bus(
         return stack.enter_context(Channel.open(interface, channel, bitrate, **options))
     if cell is None:
         raise click.UsageError(_NO_BUS)
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
 
-    return _stand_ins(stack, with_options(config.load(cell), channel, bitrate, option))
+    return _stand_ins(stack, with_options(reader.load(cell), channel, bitrate, option))
 
 
 def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
@@ -56,7 +56,7 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
         UsageError: no cell is given, or an option, which a bus of stand-ins cannot have.
         ConfigError: the cell file is wrong.
     """
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
 
     if channel is None:
         raise click.UsageError(
@@ -64,7 +64,7 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
         )
     if option:
         raise click.UsageError("-i sim has no adapter, and so no options for one: leave -O out")
-    loaded = config.load(Path(channel))
+    loaded = reader.load(Path(channel))
     if loaded.bus.interface == SIMULATED:
         return loaded
     return replace(loaded, bus=replace(loaded.bus, interface=SIMULATED, options={}))
@@ -133,8 +133,8 @@ def opening_of(
         return Opening("virtual", None)
     if interface is not None or cell is None:
         return Opening(interface or "", channel, bitrate, parse_options(option))
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
 
-    bus = with_options(config.load(cell), channel, bitrate, option).bus
+    bus = with_options(reader.load(cell), channel, bitrate, option).bus
     virtual = bus.interface == SIMULATED
     return Opening("virtual" if virtual else bus.interface, bus.channel, bus.bitrate, bus.options)

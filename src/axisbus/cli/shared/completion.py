@@ -62,9 +62,9 @@ def _cell(ctx: click.Context) -> CellConfig | None:
     given = ctx.params.get("cell")
     if given is None:
         return None
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
 
-    return config.read(Path(str(given)))[0]
+    return reader.read(Path(str(given)))[0]
 
 
 def _axes_and_groups(cell: CellConfig | None) -> Iterator[tuple[str, str]]:

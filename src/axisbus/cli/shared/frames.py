@@ -61,11 +61,11 @@ class Asked:
         Raises:
             UsageError, ConfigError: as ``open_frames``.
         """
-        from axisbus.cell import reader as config
+        from axisbus.cell import reader
 
         self.check()
         if self.cell_file is not None:
-            return tuple(config.load(self.cell_file).axes)
+            return tuple(reader.load(self.cell_file).axes)
         return ()
 
     def check(self) -> None:
@@ -159,14 +159,14 @@ def _live(
 def _known(asked: Asked) -> tuple[CellConfig | None, Known]:
     from dataclasses import replace
 
-    from axisbus.cell import reader as config
+    from axisbus.cell import reader
     from axisbus.core.runtime import load_dictionaries
     from axisbus.trace import known
 
     files = dict(eds_of(text) for text in asked.eds)
     if asked.cell_file is None:
         return None, known.of_eds(files)
-    loaded = config.load(asked.cell_file)
+    loaded = reader.load(asked.cell_file)
     found = known.of_cell(
         loaded, {**load_dictionaries(loaded), **{n: eds for n, eds in files.items() if n in loaded.nodes}}
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from axisbus.cell import reader as config
+from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.quantities import Quantities
 from axisbus.cli.shared.buses import open_bus
@@ -51,7 +51,7 @@ class Files:
         numbered = dict(eds_of(text) for text in eds if "=" in text)
         plain = [text for text in eds if "=" not in text]
         every = load(builtin.resolve(plain[-1], Path())) if plain else None
-        return cls(config.load(cell) if cell is not None else None, numbered, every)
+        return cls(reader.load(cell) if cell is not None else None, numbered, every)
 
     def address(self, text: str) -> Address:
         """Return the node that ``text`` means: a node ID, or an axis of the cell.

@@ -32,13 +32,13 @@ def listen(opening: Opening, *, quiet: bool = False) -> Heard | None:
     Raises:
         AdapterError: the adapter cannot be opened again.
     """
-    from axisbus.bus.link import other_rates as otherrates
+    from axisbus.bus.link import other_rates
 
-    if not otherrates.possible(opening.interface, opening.options):
+    if not other_rates.possible(opening.interface, opening.options):
         return None
     if not quiet:
         say_note("nothing was heard; listening at other bit rates, in the adapter's listen-only mode")
-    return otherrates.find(opening.interface, opening.channel, opening.bitrate, opening.options)
+    return other_rates.find(opening.interface, opening.channel, opening.bitrate, opening.options)
 
 
 def lines(heard: Heard) -> list[str]:
@@ -52,10 +52,9 @@ def lines(heard: Heard) -> list[str]:
 
 def advice(opening: Opening) -> list[str]:
     """Return what to do where nothing was heard at any rate that could be tried."""
-    from axisbus.bus.link import adapter
-    from axisbus.bus.link import other_rates as otherrates
+    from axisbus.bus.link import adapter, other_rates
 
-    if otherrates.possible(opening.interface, opening.options):
+    if other_rates.possible(opening.interface, opening.options):
         return ["nothing was heard at any other bit rate either", _ALONE]
     if opening.interface == "socketcan":
         return [_SYSTEM.format(opening.channel, BIT_RATE), _ALONE]

@@ -14,8 +14,7 @@ from axisbus.eds import layout
 from axisbus.eds.io import values
 from axisbus.eds.layout import Layout
 from axisbus.eds.model import Eds, Object, Variable
-from axisbus.eds.report import compare_object, overview, pdo_text, wording
-from axisbus.eds.report import consequences as matters
+from axisbus.eds.report import compare_object, consequences, overview, pdo_text, wording
 from axisbus.eds.report.difference import Difference, Group
 from axisbus.wording import counted
 
@@ -74,11 +73,11 @@ def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
     for key, title in _DEVICE:
         texts = (overview.text(ours.get(key)), overview.text(theirs.get(key)))
         if texts[0] != texts[1]:
-            yield Difference(Group.IDENTITY, title, *texts, matters=matters.DEVICE.get(title, ""))
+            yield Difference(Group.IDENTITY, title, *texts, matters=consequences.DEVICE.get(title, ""))
     for key, title in _DEVICE_NUMBERS:
         given = ours.get(key, "").strip(), theirs.get(key, "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
-            yield Difference(Group.IDENTITY, title, *given, matters=matters.DEVICE.get(title, ""))
+            yield Difference(Group.IDENTITY, title, *given, matters=consequences.DEVICE.get(title, ""))
     yield from _commissioning(a, b)
     yield from _modes(a, b, node_id)
 
@@ -114,7 +113,9 @@ def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
         if gone:
             words = " ".join(short if axis == 1 else f"{short} (axis {axis})" for axis, short in sorted(gone))
             texts = (words, "") if change.startswith("no") else ("", words)
-            yield Difference(Group.IDENTITY, f"modes {change} (6502h)", *texts, matters=matters.modes(change))
+            yield Difference(
+                Group.IDENTITY, f"modes {change} (6502h)", *texts, matters=consequences.modes(change)
+            )
 
 
 def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
@@ -125,7 +126,7 @@ def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[Difference]:
             yield from _mapping(one, other)
             continue
         texts = [pdo_text.heading(each) if each is not None else "" for each in (one, other)]
-        yield Difference(Group.PDO, name, texts[0], texts[1], matters=matters.pdo(one))
+        yield Difference(Group.PDO, name, texts[0], texts[1], matters=consequences.pdo(one))
 
 
 def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
@@ -140,7 +141,7 @@ def _mapping(one: Layout, other: Layout) -> Iterator[Difference]:
             texts[0] or "nothing",
             texts[1] or "nothing",
             one.mapping,
-            matters=matters.mapping(one, other),
+            matters=consequences.mapping(one, other),
         )
 
 
@@ -169,12 +170,12 @@ def _presence(a: Eds, b: Eds, group: Group) -> Iterator[Difference]:
         other = b.objects.get(entry.index)
         if other is None:
             yield _one_sided(
-                entry, None, group, matters.presence(a, entry.index, None, group is Group.REMOVED)
+                entry, None, group, consequences.presence(a, entry.index, None, group is Group.REMOVED)
             )
             continue
         for sub in entry.subs.values():
             if sub.subindex not in other.subs and entry.is_record == other.is_record:
-                text = matters.presence(a, entry.index, sub.subindex, group is Group.REMOVED)
+                text = consequences.presence(a, entry.index, sub.subindex, group is Group.REMOVED)
                 yield _one_sided(entry, sub, group, text)
 
 

@@ -9,8 +9,7 @@ from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
 from axisbus.eds.model import Number, Object, Variable
-from axisbus.eds.report import consequences as matters
-from axisbus.eds.report import wording
+from axisbus.eds.report import consequences, wording
 from axisbus.eds.report.difference import Difference, Group
 
 Default = Number | float | str | bytes | None
@@ -44,21 +43,21 @@ _FACTS = (
         "DataType",
         lambda entry, _: entry.data_type,
         lambda entry, _: wording.type_name(entry),
-        matters.data_type,
+        consequences.data_type,
     ),
     _Fact(
         Group.TYPES,
         "AccessType",
         lambda entry, _: entry.access,
         lambda entry, _: entry.access,
-        matters.access,
+        consequences.access,
     ),
     _Fact(
         Group.TYPES,
         "PDOMapping",
         lambda entry, _: entry.pdo_mapping,
         lambda entry, _: "mappable" if entry.pdo_mapping else "not mappable",
-        matters.mappable,
+        consequences.mappable,
     ),
     _Fact(
         Group.TYPES,
@@ -72,14 +71,14 @@ _FACTS = (
         "LowLimit",
         lambda entry, node_id: _resolved(entry.low, node_id),
         lambda entry, node_id: wording.value(entry.low, entry, node_id),
-        matters.low_limit,
+        consequences.low_limit,
     ),
     _Fact(
         Group.LIMITS,
         "HighLimit",
         lambda entry, node_id: _resolved(entry.high, node_id),
         lambda entry, node_id: wording.value(entry.high, entry, node_id),
-        matters.high_limit,
+        consequences.high_limit,
     ),
     _Fact(
         Group.NAMES,
@@ -102,14 +101,14 @@ _VALUES = (
         "DefaultValue",
         lambda entry, node_id: _resolved(entry.default, node_id),
         lambda entry, node_id: wording.value(entry.default, entry, node_id),
-        matters.default,
+        consequences.default,
     ),
     _Fact(
         Group.DEFAULTS,
         "ParameterValue",
         lambda entry, node_id: _resolved(entry.parameter_value, node_id),
         lambda entry, node_id: wording.value(entry.parameter_value, entry, node_id),
-        matters.default,
+        consequences.default,
     ),
 )
 
