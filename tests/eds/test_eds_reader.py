@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import Number, ObjectType, Severity, loads
+from axisbus.eds.io import reader
 from kit.eds.texts import HEAD, HEAD_LINES, only, read, record, rules, variable
+
+EDS_FOLDER = Path(__file__).parents[2] / "eds"
 
 
 def test_a_plain_variable_has_everything_that_its_section_says() -> None:
@@ -235,3 +240,53 @@ def test_limits_of_zero_are_none_in_a_file_that_writes_them_beside_other_default
     eds = read(body)
     assert [eds.objects[index].subs[0].high for index in (0x2000, 0x2001, 0x2002)] == [None] * 3
     assert [finding.rule for finding in eds.findings] == ["V018"] * 3
+
+
+def test_entries_that_differ_in_name_alone_are_told_apart_by_name_and_line() -> None:
+    bodies = [variable("2000", ParameterName="A"), variable("2001", ParameterName=" B "), variable("2002")]
+    eds = read("".join(bodies))
+    first, second, third = (eds.objects[index] for index in (0x2000, 0x2001, 0x2002))
+    assert [entry.name for entry in (first, second, third)] == ["A", "B", "Thing"]
+    assert [entry.subs[0].name for entry in (first, second, third)] == ["A", "B", "Thing"]
+    assert [entry.subs[0].index for entry in (first, second, third)] == [0x2000, 0x2001, 0x2002]
+    lines = [entry.line for entry in (first, second, third)]
+    assert lines == [HEAD_LINES + 1 + number * bodies[0].count("\n") for number in range(3)]
+    assert [entry.subs[0].line for entry in (first, second, third)] == lines
+
+
+def test_one_text_means_what_the_place_of_its_section_makes_of_it() -> None:
+    text = "ParameterName=x\nObjectType=0x8\nDataType=0x0007\nAccessType=rw\n"
+    untyped = text.replace("ObjectType=0x8\n", "")
+    body = f"[2000]\n{text}[2000sub1]\n{text}[2001]\n{text}[2001sub1]\n{text}[2002]\n{text}"
+    body += f"[2003]\n{untyped}[2004]\n{untyped}[2004sub1]\n{untyped}[2005]\n{untyped}[2006]\n{untyped}[2006sub1]\n{untyped}"
+    eds = read(body)
+    kinds = {index: eds.objects[index].object_type for index in range(0x2000, 0x2007)}
+    assert [kinds[index] for index in (0x2000, 0x2001, 0x2002)] == [ObjectType.ARRAY] * 3
+    assert [kinds[index] for index in (0x2003, 0x2005)] == [ObjectType.VAR] * 2
+    assert [kinds[index] for index in (0x2004, 0x2006)] == [ObjectType.RECORD] * 2
+    assert [list(eds.objects[index].subs) for index in (0x2001, 0x2002, 0x2003)] == [[1], [], [0]]
+    assert {eds.objects[index].subs[1].object_type for index in (0x2000, 0x2001, 0x2004)} == {ObjectType.VAR}
+
+
+def test_arrays_of_one_text_each_have_their_own_compact_entries() -> None:
+    text = "ParameterName=x\nObjectType=0x8\nDataType=0x0007\nAccessType=rw\nCompactSubObj=2\n"
+    own = "ParameterName=own\nDataType=0x0005\nAccessType=ro\n"
+    eds = read(f"[2000]\n{text}[2000sub1]\n{own}[2001]\n{text}[2001sub2]\n{own}")
+    names = [[sub.name for sub in eds.objects[index].subs.values()] for index in (0x2000, 0x2001)]
+    assert names == [["NrOfObjects", "own", "x2"], ["NrOfObjects", "x1", "own"]]
+
+
+def test_what_is_wrong_in_sections_that_are_alike_is_found_in_each() -> None:
+    indices = [0x2000, 0x2001, 0x2002]
+    eds = read("".join(variable(f"{index:04X}", DefaultValue="0x1FFFFFFFF") for index in indices))
+    assert [entry.subs[0].default for entry in eds][1:] == [None] * 3
+    assert [(found.rule, found.index) for found in eds.findings] == [("V005", index) for index in indices]
+
+
+@pytest.mark.parametrize("name", ["generic-cia402.eds", "gim6010-8.eds"])
+def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(name: str) -> None:
+    data = (EDS_FOLDER / name).read_bytes()
+    looked_at, checked = (reader.read(data, name).eds for _ in range(2))
+    one_by_one = list(looked_at)
+    assert checked.findings is not None
+    assert one_by_one == list(checked)

@@ -158,6 +158,28 @@ def variable(
     return cast("Variable", made)
 
 
+def variable_like(like: Variable, index: int, subindex: int, name: str, line: int) -> Variable:
+    """Return what differs from ``like`` in these alone, in a tenth of the time of ``dataclasses.replace``."""
+    made: Any = _Draft()
+    made.index = index
+    made.subindex = subindex
+    made.name = name
+    made.data_type = like.data_type
+    made.access = like.access
+    made.default = like.default
+    made.parameter_value = like.parameter_value
+    made.low = like.low
+    made.high = like.high
+    made.pdo_mapping = like.pdo_mapping
+    made.object_flags = like.object_flags
+    made.line = line
+    made.object_type = like.object_type
+    made.denotation = like.denotation
+    made.more = like.more
+    made.__class__ = Variable
+    return cast("Variable", made)
+
+
 @dataclass(frozen=True, slots=True)
 class Object:
     """One index of the dictionary; a VAR or DOMAIN holds itself as sub-index 0.
@@ -179,6 +201,36 @@ class Object:
     def is_record(self) -> bool:
         """Whether it has sub-indices (ARRAY, RECORD, DEFSTRUCT)."""
         return self.object_type in (ObjectType.ARRAY, ObjectType.RECORD, ObjectType.DEFSTRUCT)
+
+
+class _ObjectDraft:
+    """An Object while it is filled, for the reason of ``_Draft``."""
+
+    __slots__ = Object.__slots__
+
+
+def object_of(
+    index: int,
+    name: str,
+    object_type: ObjectType,
+    subs: Mapping[int, Variable],
+    line: int,
+    denotation: str,
+    links: tuple[int, ...],
+    more: Mapping[str, str],
+) -> Object:
+    """Return ``Object`` of all these, for readers of large files: in a quarter of the time."""
+    made: Any = _ObjectDraft()
+    made.index = index
+    made.name = name
+    made.object_type = object_type
+    made.subs = subs
+    made.line = line
+    made.denotation = denotation
+    made.links = links
+    made.more = more
+    made.__class__ = Object
+    return cast("Object", made)
 
 
 @dataclass(frozen=True, slots=True)

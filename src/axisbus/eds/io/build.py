@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import compact, values
@@ -11,7 +12,7 @@ from axisbus.eds.io.findings import Findings
 from axisbus.eds.io.sections import Sorted
 from axisbus.eds.io.text import Document, Section
 from axisbus.eds.io.values import Default, Problem
-from axisbus.eds.model import Number, Object, ObjectType, Variable, variable
+from axisbus.eds.model import Number, Object, ObjectType, Variable, object_of, variable, variable_like
 
 ACCESS_TYPES = frozenset(("ro", "wo", "rw", "rwr", "rww", "const"))
 
@@ -34,7 +35,9 @@ _SPELLED = {
     )
 }
 _MODELLED = frozenset(_SPELLED) | {"parametername", "denotation", "subnumber", "compactsubobj"}
+_Made = TypeVar("_Made", Object, Variable)
 _NOTHING: Mapping[str, str] = {}
+_NO_SECTIONS: Mapping[int, Section] = {}
 _BOTH_ZERO = "V018"
 
 
@@ -45,57 +48,109 @@ class Builder:
         self._document = document
         self._parts = parts
         self._findings = findings
+        # What the first section of each text (but for the name) became, by that text: others of the file that say the same
+        # are made like it. There are three, for a text means another thing alone, above sub-indices and in a sub-index.
+        self._alone: dict[str | None, Variable] = {}
+        self._records: dict[str | None, Object] = {}
+        self._within: dict[str | None, Variable] = {}
 
     def object(self, index: int) -> Object:
         """Return the object at ``index``, a RECORD where only its sub-indices are described."""
         head = self._parts.heads.get(index)
-        sub_sections = self._parts.subs.get(index, {})
+        sub_sections = self._parts.subs.get(index)
         if head is None:
-            head = next(iter(sub_sections.values()))
-            self._note("O005", f"[{head.name}] has no parent [{index:04X}]", head, "", index)
-            name, object_type = f"{index:04X}", ObjectType.RECORD
-        else:
-            name = self._name(head, index)
-            object_type = self._object_type(head, index, bool(sub_sections))
+            return self._without_head(index, sub_sections or _NO_SECTIONS)
+        if sub_sections is None:
+            return self._without_subs(head, index)
+        name, rest = head.name_and_rest()
+        like = self._records.get(rest)
+        if like is None:
+            made = self._object(head, index, sub_sections)
+            if made.object_type in _WITH_SUBS and "compactsubobj" not in head.entries:
+                self._keep(self._records, rest, made)
+            return made
+        subs, links = self._subs(sub_sections, index), self._links(index)
+        return object_of(index, name, like.object_type, subs, head.line, like.denotation, links, like.more)
+
+    def _without_head(self, index: int, sub_sections: Mapping[int, Section]) -> Object:
+        first = next(iter(sub_sections.values()))
+        self._note("O005", f"[{first.name}] has no parent [{index:04X}]", first, "", index)
+        name = f"{index:04X}"
+        subs = self._subs(sub_sections, index, self._compact_subs(first, index, name))
+        return object_of(index, name, ObjectType.RECORD, subs, first.line, "", self._links(index), _NOTHING)
+
+    def _without_subs(self, head: Section, index: int) -> Object:
+        name, rest = head.name_and_rest()
+        like = self._alone.get(rest)
+        if like is not None:
+            return self._holding(variable_like(like, index, 0, name, head.line))
+        made = self._object(head, index, _NO_SECTIONS)
+        if made.object_type not in _WITH_SUBS:
+            self._keep(self._alone, rest, made.subs[0])
+        return made
+
+    def _object(self, head: Section, index: int, sub_sections: Mapping[int, Section]) -> Object:
+        """Return the object of a section that is taken apart."""
+        name = self._name(head, index)
+        object_type = self._object_type(head, index, bool(sub_sections))
         if object_type in _WITH_SUBS:
-            subs = self._subs(head, index, name, sub_sections)
-        else:
-            subs = {0: self.variable(head, index, 0, name, object_type)}
-            if sub_sections:
-                text = f"[{head.name}] is a {object_type.name}, but has sub-indices"
-                self._note("O011", text, head, "objecttype", index)
-        entries = head.entries if index in self._parts.heads else _NOTHING
-        denotation = entries.get("denotation", "")
-        return Object(
-            index, name, object_type, subs, head.line, denotation, self._links(index), _more(entries)
-        )
+            subs = self._subs(sub_sections, index, self._compact_subs(head, index, name))
+            more, denotation = _more(head.entries), head.entries.get("denotation", "")
+            return object_of(index, name, object_type, subs, head.line, denotation, self._links(index), more)
+        only = self.variable(head, index, 0, name, object_type)
+        if sub_sections:
+            text = f"[{head.name}] is a {object_type.name}, but has sub-indices"
+            self._note("O011", text, head, "objecttype", index)
+        return self._holding(only)
+
+    def _holding(self, only: Variable) -> Object:
+        """Return the object that holds itself as sub-index 0."""
+        index, name, line = only.index, only.name, only.line
+        links, subs = self._links(index), {0: only}
+        return object_of(index, name, only.object_type, subs, line, only.denotation, links, only.more)
+
+    def _sub(self, section: Section, index: int, subindex: int) -> Variable:
+        name, rest = section.name_and_rest()
+        like = self._within.get(rest)
+        if like is not None:
+            return variable_like(like, index, subindex, name, section.line)
+        kind = self._sub_type(section, index, subindex)
+        made = self.variable(section, index, subindex, self._name(section, index, subindex), kind)
+        self._keep(self._within, rest, made)
+        return made
+
+    def _keep(self, made: dict[str | None, _Made], rest: str | None, entry: _Made) -> None:
+        """Keep what a section says for those that say the same; with findings wanted, each section is taken apart for its own."""
+        if rest is not None and self._findings is None:
+            made[rest] = entry
 
     def _links(self, index: int) -> tuple[int, ...]:
         """Return the indices of ``[xxxxObjectLinks]`` (DS 306 4.6.4)."""
-        listed = self._parts.beside.get((index, "objectlinks"))
+        beside = self._parts.beside
+        listed = beside.get((index, "objectlinks")) if beside else None  # few files have such a section
         if listed is None:
             return ()
         texts = [text for key, text in listed.entries.items() if key.isdecimal()]
         return tuple(number for number in map(values.plain, texts) if number is not None)
 
     def _subs(
-        self, head: Section, index: int, name: str, sub_sections: Mapping[int, Section]
+        self, sub_sections: Mapping[int, Section], index: int, compacted: compact.SubIndices | None = None
     ) -> Mapping[int, Variable]:
-        compacted = self._compact_subs(head, index, name) if "compactsubobj" in head.entries else None
+        subs = {subindex: self._sub(section, index, subindex) for subindex, section in sub_sections.items()}
         beside = self._parts.beside
-        subs: dict[int, Variable] = {}
-        for subindex, section in sub_sections.items():
-            sub_name = self._name(section, index, subindex)
-            kind = self._sub_type(section, index, subindex)
-            subs[subindex] = self.variable(section, index, subindex, sub_name, kind)
-        for kind_of_list in ("value", "denotation"):
+        for kind_of_list in ("value", "denotation") if beside else ():
             listed = beside.get((index, kind_of_list))
             if listed is not None:
                 self._apply(subs, compacted or {}, listed, kind_of_list, index)
-        return dict(sorted(subs.items())) if compacted is None else compacted.with_own(subs)
+        if compacted is not None:
+            return compacted.with_own(subs)
+        order = sorted(subs)
+        return subs if order == list(subs) else {subindex: subs[subindex] for subindex in order}
 
     def _compact_subs(self, head: Section, index: int, name: str) -> compact.SubIndices | None:
-        text = head.entries["compactsubobj"]
+        text = head.entries.get("compactsubobj")
+        if text is None:
+            return None
         count = values.plain(text) if text else 0
         if count is None or not 0 <= count <= compact.MAX_ENTRIES:
             self._note("O013", f"CompactSubObj={text} is no number of entries", head, "compactsubobj", index)

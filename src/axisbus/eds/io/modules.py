@@ -34,8 +34,8 @@ class _Parts(NamedTuple):
 def modules(document: Document, findings: Findings | None = None) -> dict[int, Module]:
     """Return the kinds of module by number; what is odd about their objects goes to ``findings``."""
     found: dict[int, _Parts] = {}
-    for name, section in document.sections.items():
-        match = _SECTION.fullmatch(name) if name[:1] == "m" else None
+    for name in [name for name in document.sections if name[:1] == "m"]:
+        match, section = _SECTION.fullmatch(name), document.sections[name]
         if match is not None:
             parts = found.setdefault(int(match[1]), _Parts({}, {}, {}))
             if match[2]:

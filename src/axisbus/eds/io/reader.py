@@ -4,7 +4,8 @@ Theory of operation. Reading a file is only three quick steps: ``text`` decodes 
 sections begin, losing nothing; ``sections`` tells objects, sub-indices and the rest apart by the sections' names; ``fileobjects``
 notes which indices there are. An object is made when it is first looked at: then its sections are taken apart into keys, ``build``
 makes the object, with ``values`` for each number and text, and ``compact`` adds what the file only implies. A machine looks at
-some tens of a drive's thousand objects, so most of a file is never parsed.
+some tens of a drive's thousand objects, so most of a file is never parsed. Most sections of a file repeat another but for
+the name: ``build`` takes each text apart once and makes the entries of the others like the first.
 
 Nothing in a text stops the reading: what is not understood is absent in the model and named in a finding. The findings take a
 pass over the whole file, which is made when they are first asked for; it makes the objects on its way. They are those that

@@ -12,6 +12,10 @@ from axisbus.eds.io.text import Section
 MAX_SUBINDEX = 0xFF
 
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub(0*)([0-9a-f]{1,2}))?")
+_INDEX = re.compile(r"[0-9a-f]{4}")
+_SUBINDICES = {
+    f"{number:x}": number for number in range(MAX_SUBINDEX + 1)
+}  # as nearly every file writes them
 _BESIDE = re.compile(r"([0-9a-f]{4})(name|value|denotation|objectlinks)")
 _KNOWN = re.compile(
     r"fileinfo|deviceinfo|dummyusage|comments|mandatoryobjects|optionalobjects|manufacturerobjects"
@@ -63,32 +67,55 @@ class Sorted:
             yield from subs.values()
 
 
+class _Indices(dict[str, int | None]):
+    """Numbers by their four digits, None for other texts; each is worked out once, for sub-indices repeat that of their object."""
+
+    def __missing__(self, digits: str) -> int | None:
+        self[digits] = index = int(digits, 16) if _INDEX.fullmatch(digits) else None
+        return index
+
+
 def sort(sections: Mapping[str, Section]) -> Sorted:
     """Sort the sections of a document by their (lower-case) names; unknown ones are kept as information."""
     heads: dict[int, Section] = {}
     subs: dict[int, dict[int, Section]] = {}
-    beside: dict[tuple[int, str], Section] = {}
     types: dict[int, Section] = {}
     other: dict[str, Section] = {}
     again: list[tuple[Section, Section]] = []
+    indices = _Indices()
     for name, section in sections.items():
-        found = _OBJECT.fullmatch(name)
-        if found is None:
-            listed = _BESIDE.fullmatch(name)
-            if listed is not None:
-                beside[int(listed[1], 16), listed[2]] = section
+        digits, is_sub, number = name.partition("sub")
+        index = indices[digits]
+        subindex = _SUBINDICES.get(number) if is_sub else 0
+        if subindex is None:
+            subindex = _led_by_zeros(number)
+        if index is None or subindex is None:
             other[name] = section
-        elif found[3] is None:
-            heads[int(name, 16)] = section
+        elif not is_sub:
+            heads[index] = section
         else:
-            of_index = subs.setdefault(int(found[1], 16), {})
-            first = of_index.setdefault(int(found[3], 16), section)
+            first = subs.setdefault(index, {}).setdefault(subindex, section)
             if first is not section:
                 again.append((section, first))
-        typed = _TYPE_SUB.fullmatch(name) if name.endswith("sub1") else None
-        if typed is not None:
-            types[int(typed[1], 16)] = section
-    return Sorted(heads, subs, beside, types, Info(other), tuple(again))
+        if number == "1":
+            _note_type(name, section, types)
+    return Sorted(heads, subs, _beside(other), types, Info(other), tuple(again))
+
+
+def _led_by_zeros(number: str) -> int | None:
+    return _SUBINDICES.get(number.lstrip("0") or "0") if number else None
+
+
+def _note_type(name: str, section: Section, types: dict[int, Section]) -> None:
+    typed = _TYPE_SUB.fullmatch(name)
+    if typed is not None:
+        types[int(typed[1], 16)] = section
+
+
+def _beside(other: Mapping[str, Section]) -> dict[tuple[int, str], Section]:
+    """Return the sections of lists beside an object, by its index and the kind of list."""
+    listed = ((_BESIDE.fullmatch(name), section) for name, section in other.items())
+    return {(int(found[1], 16), found[2]): section for found, section in listed if found is not None}
 
 
 def report(sections: Mapping[str, Section], parts: Sorted, findings: Findings) -> None:

@@ -21,6 +21,14 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 _NO_KEY = (";", "[")
+_KEYS = {
+    key: key.lower()
+    for key in (
+        *("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "ParameterValue"),
+        *("LowLimit", "HighLimit", "PDOMapping", "ObjFlags", "SubNumber"),
+    )
+}  # as nearly every file writes them
+_NAME = "ParameterName="
 _BLANK_OR_COMMENT = ("", ";")  # how a line may begin that is no entry
 # ü ä Ä ö Ö Ü of code page 850 inside a word; in code page 1252 these bytes are quotation marks and signs, which stand at its edge.
 _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
@@ -28,9 +36,12 @@ _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
 
 def entry_of(raw: str) -> tuple[str, str]:
     """Return lower-case key and trimmed value of a line; the key is empty where it is no entry (comment, header, blank)."""
-    key, equals, value = raw.partition("=")
-    key = key.strip().lower() if equals else ""
-    return "" if key[:1] in _NO_KEY else key, value.strip()
+    given, equals, value = raw.partition("=")
+    key = _KEYS.get(given) if equals else ""
+    if key is None:
+        key = given.strip().lower()
+        key = "" if key[:1] in _NO_KEY else key
+    return key, value.strip()
 
 
 class _Entries(dict[str, tuple[str, str]]):
@@ -70,6 +81,14 @@ class Section:
             entries.pop("", None)
             self._entries = entries
         return self._entries
+
+    def name_and_rest(self) -> tuple[str, str | None]:
+        """Return the ParameterName in its first line, where most files have it, and the text of the other lines, else None."""
+        first, last = self.line, self.end - 1
+        raw = self._lines[first] if first < last else ""
+        if raw[: len(_NAME)] != _NAME:
+            return "", None
+        return raw[len(_NAME) :].strip(), "\n".join(self._lines[first + 1 : last])
 
     def every(self) -> Iterator[tuple[int, str, str]]:
         """Yield line (from 1), lower-case key and value of all entries, also of those whose key is there twice."""
@@ -134,7 +153,7 @@ def parse(content: Text) -> Document:
 
 def document(lines: Sequence[str], newline: str, encoding: str, bom: bytes) -> Document:
     """Return the document of these lines."""
-    starts = [at for at, raw in enumerate(lines, 1) if "[" in raw and raw.lstrip()[:1] == "["]
+    starts = _starts(lines)
     known = _Entries()
     sections: dict[str, Section] = {}
     repeated = []
@@ -144,6 +163,18 @@ def document(lines: Sequence[str], newline: str, encoding: str, bom: bytes) -> D
         if sections.setdefault(name.lower(), section) is not section:
             repeated.append(section)
     return Document(lines, newline, encoding, bom, sections, repeated)
+
+
+def _starts(lines: Sequence[str]) -> list[int]:
+    """Return the line numbers (from 1) of the section headers."""
+    starts, at = [], 0
+    for raw in [
+        raw for raw in lines if "[" in raw
+    ]:  # few lines, which ``index`` finds faster than a count of all
+        at = lines.index(raw, at) + 1
+        if raw.lstrip()[0] == "[":
+            starts.append(at)
+    return starts
 
 
 def decode(data: bytes) -> Text:
