@@ -14,8 +14,8 @@ demo: $(READY)            ## the main job on the simulated cell; writes demo-out
 quick: $(READY)           ## the quick tests, in two processes: after each edit
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
-test: $(READY)            ## all tests, in five processes (many wait for drives in real time); first compiled once, for all of them
-	$(BIN)/python -m pytest --collect-only -qq > /dev/null || true
+test: $(READY)            ## all tests, in five processes (many wait for drives in real time); in a new tree compiled once, for all of them
+	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux

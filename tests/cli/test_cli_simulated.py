@@ -7,7 +7,7 @@ import json
 import pytest
 
 from axisbus.cell import reader
-from kit import commands
+from kit import cells, commands
 
 SIM = ("-i", "sim", "-c", commands.CELL)
 
@@ -30,7 +30,7 @@ def test_scan_of_a_cell_file_names_what_is_next(axisbus):
 
 def test_a_cell_with_an_adapter_of_its_own_is_simulated_too(axisbus, tmp_path):
     path = tmp_path / "cell.toml"
-    text = (commands.ROOT / "tests" / "machine" / "cells" / "clean.toml").read_text(encoding="utf-8")
+    text = cells.CLEAN
     path.write_text(text.replace('"drive.eds"', '"builtin:generic-cia402"'), encoding="utf-8")
     code, out, _ = axisbus("scan", "-i", "sim", "-c", path, "--json")
     assert code == 0
