@@ -68,7 +68,8 @@ def test_every_report_is_made(damages: list[tuple[int, tuple[str, str]]]) -> Non
         lines[at] = f"{key}={text}" if kind == "value" and separator else text
     eds = loads("\n".join(lines).encode(), "damaged.eds")
     page = reference(eds, 5)
-    assert all(f"{index:04X}h" in html(page) for index in eds.objects)
+    text = html(page)
+    assert all(f"{index:04X}h" in text for index in eds.objects)
     assert page.title.split()[0] in markdown(page)
     assert len([line for line in show.tree(eds, 5, Screen(80)) if line.startswith("  ")]) > len(eds.objects)
     for entry in list(eds)[::5]:
