@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cia301.cob import SYNC, TIME
+from axisbus.errors import StateError
 from axisbus.units import INCREMENTS as INCREMENTS
 
 SIMULATED = "sim"  # the interface of a cell whose drives are stand-ins
@@ -284,6 +285,13 @@ class CellConfig:
     def folder(self) -> Path:
         """The folder that paths in the file are relative to."""
         return Path(self.file).parent
+
+    def no_axis(self, name: str, *, groups: bool = False) -> StateError:
+        """Return that the cell has no axis of this name; ``groups``: one of its groups could have been named as well."""
+        others = f"; its groups are {', '.join(self.groups)}" if groups and self.groups else ""
+        return StateError(
+            f"the cell has no axis {name!r}", observed=f"it has {', '.join(self.axes) or 'none'}{others}"
+        )
 
     def axes_of(self, node_id: int) -> Iterator[AxisConfig]:
         """The axes of a node."""

@@ -88,39 +88,43 @@ def _look(machine: Machine, as_json: bool, told: set[str], drops: DropNews) -> N
         }
         say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
         return
-    for axis in machine:
-        seen = describe(axis)
+    for row in map(_row, machine):
         say(
-            f"{seen['axis']:<8} {seen['state']:<18} {_number(seen['position'], axis.unit):>20} "
-            f"{_number(seen['velocity'], axis.unit + '/s'):>20}  {seen['power']}, {seen['mode']}  {seen['bits']}"
+            f"{row['axis']:<8} {row['state']:<18} {row['position']:>20} "
+            f"{row['velocity']:>20}  {row['power']}, {row['mode']}  {row['bits']}"
         )
-        if seen["error"]:
-            say("         " + str(seen["error"]).replace("\n", "\n         "))
-    for line in [*news(machine, told), *_dropped(machine, drops)]:
+        if row["error"]:
+            say("         " + row["error"].replace("\n", "\n         "))
+    for line in _since(machine, told, drops):
         say(f"         {line}")
 
 
 def _rows(machine: Machine, told: set[str], drops: DropNews) -> tuple[list[dict[str, str]], list[str]]:
     """Return each axis's values as texts, and what has happened since the last look: news, and errors that are new."""
-    rows, lines = [], []
-    for axis in machine:
-        seen = describe(axis)
-        numbers = {
-            "position": _number(seen["position"], axis.unit),
-            "velocity": _number(seen["velocity"], axis.unit + "/s"),
-        }
-        row = {key: str(value or "") for key, value in seen.items()} | numbers
-        rows.append(row)
-        if row["error"] and f"{axis.name} {row['error']}" not in told:
-            lines.append(f"{axis.name}: {row['error']}")
-    lines += [*news(machine, told), *_dropped(machine, drops)]
-    told.update(f"{row['axis']} {row['error']}" for row in rows if row["error"])
+    rows = [_row(axis) for axis in machine]
+    wrong = {
+        f"{row['axis']} {row['error']}": f"{row['axis']}: {row['error']}" for row in rows if row["error"]
+    }
+    lines = [line for key, line in wrong.items() if key not in told]
+    lines += _since(machine, told, drops)
+    told.update(wrong)
     return rows, lines
 
 
-def _dropped(machine: Machine, drops: DropNews) -> list[str]:
-    line = words(drops.take(machine.dropped, time.monotonic()))
-    return [line] if line else []
+def _row(axis: Axis) -> dict[str, str]:
+    """Return an axis's present values as texts."""
+    seen = describe(axis)
+    numbers = {
+        "position": _number(seen["position"], axis.unit),
+        "velocity": _number(seen["velocity"], axis.unit + "/s"),
+    }
+    return {key: str(value or "") for key, value in seen.items()} | numbers
+
+
+def _since(machine: Machine, told: set[str], drops: DropNews) -> list[str]:
+    """Return what has happened since the last look: news, and frames that were dropped."""
+    dropped = words(drops.take(machine.dropped, time.monotonic()))
+    return [*news(machine, told), *([dropped] if dropped else [])]
 
 
 def plain_drop(drop: Drop) -> dict[str, object]:

@@ -12,7 +12,7 @@ import click
 from axisbus.cli.shared import silence
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.options import bus_options, bus_words
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.terminal import coloured, say_table
 
@@ -47,9 +47,10 @@ def command(
     from axisbus.drives.gim6010.factory import Listening, told
 
     others = Listening()
-    found, failed = _scan((cell, interface, channel, bitrate, option), others)
+    given = (cell, interface, channel, bitrate, option)
+    found, failed = _scan(given, others)
     speakers, elsewhere = others.speakers, None
-    opening = opening_of(cell, interface, channel, bitrate, option)
+    opening = opening_of(*given)
     if not others.frames:
         elsewhere = silence.listen(opening, quiet=as_json)
     if failed is not None and elsewhere is None and not speakers:
@@ -61,7 +62,7 @@ def command(
     for line in told(speakers):
         say(line)
     if found:
-        _next(cell, interface, channel, bitrate)
+        _next(given)
     if not found and not speakers:
         say("nobody answered: check supply, cable and termination; then the bit rate")
         silence.show(elsewhere, opening)
@@ -103,14 +104,13 @@ def _show(found: list[Found]) -> None:
             _lines(node)
 
 
-def _next(cell: Path | None, interface: str | None, channel: str | None, bitrate: int | None) -> None:
+def _next(given: Given) -> None:
+    cell, interface, channel, bitrate, option = given
     if interface is None:
         say_next(f"axisbus boot {cell}")
         return
-    given = f"-i {interface}" + "".join(
-        f" {flag} {value}" for flag, value in (("-c", channel), ("-b", bitrate)) if value is not None
-    )
-    say_next(f"a first cell file of them: axisbus init {given} -o cell.toml")
+    bus = bus_words(None, interface, channel, bitrate, option)
+    say_next(f"a first cell file of them: axisbus init {bus} -o cell.toml")
 
 
 def _lines(node: Found) -> None:

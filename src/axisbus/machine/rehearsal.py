@@ -19,7 +19,7 @@ from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
 from axisbus.core.runtime import load_dictionaries
 from axisbus.core.scan import Lateness
-from axisbus.errors import LimitError, StateError
+from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import NOBODY
@@ -64,9 +64,7 @@ class Rehearsal:
             StateError: the cell has no such axis.
         """
         if name not in self._parameters:
-            raise StateError(
-                f"the cell has no axis {name!r}", observed=f"it has {', '.join(self._parameters) or 'none'}"
-            )
+            raise self.cell.no_axis(name)
         return Axis(self._parameters[name], self._commanding)
 
     def see(self, name: str, snapshot: Snapshot) -> None:

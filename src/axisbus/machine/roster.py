@@ -42,7 +42,7 @@ class Roster:
             return self.axes[name]
         if name in self._cell.axes:
             raise absent_axis(name, self._booted[self._cell.axes[name].node])
-        raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(self.axes)}")
+        raise self._cell.no_axis(name)
 
     def group(self, names: tuple[str, ...]) -> Group:
         """Return the group of this name in cell.toml, or one of the axes named, in this order.

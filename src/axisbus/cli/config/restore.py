@@ -18,11 +18,11 @@ from axisbus.errors import BusError, EdsError, SdoAbort, StateError
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.node.node import Node, NodeIdentity
     from axisbus.configuration.restore import Report, Restore
     from axisbus.configuration.values import Item, Selection
     from axisbus.drives.make import Make
-    from axisbus.eds.model import Eds
+    from axisbus.eds.model import Eds, Identity
 
 STOPPED = 130  # by Ctrl-C, as shells have it
 
@@ -94,7 +94,7 @@ def command(
     files = Files.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
-    _select(eds, node_id, wish)  # what the file cannot give is told before the bus is opened
+    _selection(eds, node_id, eds.identity, wish)  # what the file cannot give is told before the bus is opened
     with ExitStack() as stack:
         device = Session(stack, asked, files, [node_id]).node(node_id)
         return _run(stack, device, eds, wish, as_json)
@@ -134,8 +134,8 @@ def _concise_values(file: str, files: Files, node_id: int) -> Eds:
 # -- the run -----------------------------------------------------------------------------------------------------------
 
 
-def _select(eds: Eds, node_id: int, wish: _Wish) -> None:
-    """Choose from the file for the device that it names.
+def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish) -> tuple[Selection, Make]:
+    """Choose from the file for a device: the one that it names, or the one that is there; return its make too.
 
     Raises:
         ArgumentError: an object is not in it, or has no value that can be written.
@@ -143,20 +143,18 @@ def _select(eds: Eds, node_id: int, wish: _Wish) -> None:
     from axisbus.configuration.values import select
     from axisbus.drives import registry
 
-    make = registry.find(eds.identity.vendor_id, eds.identity.product_code)
-    select(eds, node_id, make, wish.include, wish.exclude)
+    make = registry.find(who.vendor_id, who.product_code)
+    return select(eds, node_id, make, wish.include, wish.exclude), make
 
 
 def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
     from axisbus.configuration import preconditions
     from axisbus.configuration.restore import Restore
-    from axisbus.configuration.values import require_within_limits, select
-    from axisbus.drives import registry
+    from axisbus.configuration.values import require_within_limits
 
     who = device.identity()
     preconditions.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
-    make = registry.find(who.vendor_id, who.product_code)
-    selection = select(eds, device.node_id, make, wish.include, wish.exclude)
+    selection, make = _selection(eds, device.node_id, who, wish)
     bars = stack.enter_context(ExitStack())
     restore = Restore(device.sdo, selection, bars.enter_context(progress_phases(quiet=as_json)))
     differing = restore.look()

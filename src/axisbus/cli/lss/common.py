@@ -14,7 +14,7 @@ import click
 
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.numbers import Seconds
-from axisbus.cli.shared.options import bus_options
+from axisbus.cli.shared.options import bus_options, bus_words
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 from axisbus.wording import counted
@@ -67,17 +67,12 @@ class Where:
     @property
     def words(self) -> str:
         """The same as typed, to be repeated in a hint; without the bit rate, which a hint may have to change."""
-        texts = [str(self.cell)] if self.cell is not None else []
-        for flag, value in (("-i", self.interface), ("-c", self.channel)):
-            texts += [flag, value] if value is not None else []
-        for each in self.option:
-            texts += ["-O", each]
-        return " ".join(texts)
+        return bus_words(self.cell, self.interface, self.channel, None, self.option)
 
     @property
     def words_and_rate(self) -> str:
         """The same with the bit rate."""
-        return self.words + (f" -b {self.bitrate}" if self.bitrate is not None else "")
+        return bus_words(*self.bus)
 
 
 def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:

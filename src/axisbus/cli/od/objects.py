@@ -11,6 +11,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from axisbus.cia301.datatypes import DataType, Value
+from axisbus.cli.shared.completion import nodes_and_axes
 from axisbus.cli.shared.nodes import Address, Files
 from axisbus.configuration import notation
 from axisbus.eds.dictionary import Dictionary, Entry
@@ -144,18 +145,9 @@ def _complete(files: Files, before: tuple[str, ...], incomplete: str) -> Iterato
     elif colon:
         yield from _objects(files, node, f"{node}:", part)
     else:
-        for name, help_text in _nodes(files):
+        for name, help_text in nodes_and_axes(files.cell):
             if name.startswith(incomplete):
                 yield CompletionItem(f"{name}:", help=help_text)
-
-
-def _nodes(files: Files) -> Iterator[tuple[str, str]]:
-    if files.cell is None:
-        return
-    for node_id, node in files.cell.nodes.items():
-        yield str(node_id), node.file or ""
-    for name, axis in files.cell.axes.items():
-        yield name, f"axis of node {axis.node}"
 
 
 def _objects(files: Files, node: str, prefix: str, part: str) -> Iterator[CompletionItem]:

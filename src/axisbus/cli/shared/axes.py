@@ -40,5 +40,4 @@ def _named(cell: CellConfig, name: str) -> tuple[str, ...]:
         return (name,)
     if name in cell.groups:
         return cell.groups[name].axes
-    groups = f"; its groups are {', '.join(cell.groups)}" if cell.groups else ""
-    raise StateError(f"the cell has no axis {name!r}", observed=f"it has {', '.join(cell.axes)}{groups}")
+    raise cell.no_axis(name, groups=True)

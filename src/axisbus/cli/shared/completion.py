@@ -33,12 +33,12 @@ def complete_targets(ctx: click.Context, _: click.Parameter, incomplete: str) ->
 
 def complete_node(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
     """Return the nodes and axes of the cell file."""
-    return _fitting(incomplete, _nodes(_cell(ctx)))
+    return _fitting(incomplete, nodes_and_axes(_cell(ctx)))
 
 
 def complete_nodes_or_all(ctx: click.Context, _: click.Parameter, incomplete: str) -> Items:
     """Return the nodes and axes of the cell file, and the word for all of them."""
-    return _fitting(incomplete, [*_nodes(_cell(ctx)), ("all", "every node of the bus")])
+    return _fitting(incomplete, [*nodes_and_axes(_cell(ctx)), ("all", "every node of the bus")])
 
 
 def complete_interface(_: click.Context, __: click.Parameter, incomplete: str) -> Items:
@@ -68,20 +68,20 @@ def _cell(ctx: click.Context) -> CellConfig | None:
 
 
 def _axes_and_groups(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
-    if cell is None:
-        return
-    for name, axis in cell.axes.items():
-        yield name, f"axis of node {axis.node}"
-    for name, group in cell.groups.items():
+    yield from _axes(cell)
+    for name, group in cell.groups.items() if cell is not None else ():
         yield name, f"group of {', '.join(group.axes)}"
 
 
-def _nodes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
-    if cell is None:
-        return
-    for node_id, node in cell.nodes.items():
+def nodes_and_axes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
+    """Yield what may name a node, each with what it is."""
+    for node_id, node in cell.nodes.items() if cell is not None else ():
         yield str(node_id), node.file or ""
-    for name, axis in cell.axes.items():
+    yield from _axes(cell)
+
+
+def _axes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
+    for name, axis in cell.axes.items() if cell is not None else ():
         yield name, f"axis of node {axis.node}"
 
 

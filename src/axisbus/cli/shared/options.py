@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -46,6 +47,25 @@ def bus_options(function: Decorated) -> Decorated:
     ):
         function = decorate(function)
     return function
+
+
+def bus_words(
+    cell: Path | None,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int | None,
+    option: tuple[str, ...],
+) -> str:
+    """Return the bus as it was typed, to be repeated in a hint."""
+    words = [str(cell)] if cell is not None else []
+    for flag, value in (
+        ("-i", interface),
+        ("-c", channel),
+        *(("-O", each) for each in option),
+        ("-b", bitrate),
+    ):
+        words += [flag, str(value)] if value is not None else []
+    return " ".join(words)
 
 
 def parse_options(pairs: tuple[str, ...]) -> dict[str, Any]:

@@ -156,9 +156,7 @@ def _hex(number: int | None) -> str:
 def _file(eds: Eds) -> str:
     """Return name, version, date and author of the file."""
     info = eds.info.get("fileinfo", {})
-    version = ".".join(
-        part for key in ("fileversion", "filerevision") if (part := overview.text(info.get(key)))
-    )
+    version = overview.file_version(info)
     date = overview.text(info.get("modificationdate")) or overview.text(info.get("creationdate"))
     author = overview.text(info.get("modifiedby")) or overview.text(info.get("createdby"))
     parts = (

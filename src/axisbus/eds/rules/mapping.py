@@ -52,9 +52,7 @@ def communications(sheet: Sheet) -> Iterator[tuple[bool, Object]]:
 
 
 def _objects(sheet: Sheet, first: int) -> Iterator[Object]:
-    for index, entry in sheet.eds.objects.items():
-        if first <= index < first + o.PDOS_OF_A_KIND:
-            yield entry
+    yield from sheet.blocks.get(first // o.PDOS_OF_A_KIND, ())
 
 
 def used(sheet: Sheet, entry: Object) -> list[Variable]:

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import NamedTuple
 
+from axisbus.cia301.objects import PDOS_OF_A_KIND
 from axisbus.eds.io import values
 from axisbus.eds.io.build import ACCESS_TYPES
 from axisbus.eds.io.reader import Reading
@@ -124,6 +125,14 @@ class Sheet:
                 variable = entry.subs.get(subindex)
                 if variable is not None:
                     yield Described(variable, section)
+
+    @cached_property
+    def blocks(self) -> Mapping[int, tuple[Object, ...]]:
+        """The objects in blocks of 200h, as many as there may be PDO parameters of a kind, by their index divided by 200h."""
+        found: dict[int, list[Object]] = {}
+        for index, entry in self.eds.objects.items():
+            found.setdefault(index // PDOS_OF_A_KIND, []).append(entry)
+        return {number: tuple(entries) for number, entries in found.items()}
 
     @cached_property
     def records(self) -> tuple[tuple[Object, Section], ...]:
