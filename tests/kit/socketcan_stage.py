@@ -21,8 +21,8 @@ CELL = """
 [bus]
 interface = "socketcan"
 channel = "{channel}"
-scan_period = "60ms"
-heartbeat = "500ms"
+scan_period = "100ms"
+heartbeat = "1s"
 [nodes.1]
 eds = "builtin:generic-cia402"
 [nodes.2]
