@@ -93,7 +93,9 @@ def test_the_story_of_the_axis_can_be_read(session):
 def test_filters(session):
     frames, cell = session
     decoded = _decode(frames, cell)
-    commands = [one for one in decoded if filters.parse(["node=x", "object=6040", "kind=rpdo,sdo"])(one)]
+    commands = [
+        one for one in decoded if filters.parse(["node=x", "object=6040", "kind=rpdo,sdo"], axes=("x",))(one)
+    ]
     assert commands
     assert {one.node for one in commands} == {1}
     named = filters.parse(["object=controlword"])
