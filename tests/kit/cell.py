@@ -259,7 +259,7 @@ class Stage:
     def __exit__(self, *_: object) -> None:
         for machine in self._cells:
             if isinstance(machine._core.scan.cycle, DirectCycle):
-                EXIT.part(machine._core.scan)
+                EXIT.part(machine.session)
                 machine._core.scan.ended = True
             else:
                 with suppress(Exception):  # a story has told what becomes of it

@@ -524,4 +524,4 @@ AxisUnderFire.TestCase.settings = settings(
     max_examples=300, stateful_step_count=40, deadline=None, derandomize=True, phases=(Phase.generate,)
 )
 TestAxisUnderFire = AxisUnderFire.TestCase
-TestAxisUnderFire.pytestmark = [pytest.mark.timeout(50)]
+TestAxisUnderFire.pytestmark = [pytest.mark.timeout(120)]
