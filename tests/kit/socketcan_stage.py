@@ -22,7 +22,7 @@ CELL = """
 interface = "socketcan"
 channel = "{channel}"
 scan_period = "100ms"
-heartbeat = "1s"
+heartbeat = "500ms"
 [nodes.1]
 eds = "builtin:generic-cia402"
 [nodes.2]
