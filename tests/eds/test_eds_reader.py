@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import pytest
@@ -283,10 +284,108 @@ def test_what_is_wrong_in_sections_that_are_alike_is_found_in_each() -> None:
     assert [(found.rule, found.index) for found in eds.findings] == [("V005", index) for index in indices]
 
 
+# Lines of which sections are made that are alike in all sorts of ways, and in some only seem to be.
+LINES = (
+    *(
+        "ParameterName=A",
+        "ParameterName=B",
+        " parametername=C",
+        "ObjectType=0x7",
+        "ObjectType=0x8",
+        "ObjectType=2",
+        "ObjectType=9",
+    ),
+    *(
+        "DataType=0x0007",
+        "DataType=0x0003",
+        "DataType=9",
+        "AccessType=rw",
+        "AccessType=ro",
+        "CompactSubObj=2",
+        "SubNumber=1",
+    ),
+    *(
+        "DefaultValue=0",
+        "DefaultValue=5",
+        "DefaultValue=",
+        "defaultvalue=7",
+        "DefaultValue =8",
+        ";DefaultValue=9",
+        "XDefaultValue=1",
+    ),
+    *(
+        "LowLimit=0",
+        "HighLimit=0",
+        "LowLimit=1",
+        "HighLimit=9",
+        "ParameterValue=3",
+        "Denotation=x",
+        "PDOMapping=1",
+        "Other=4",
+        "",
+    ),
+)
+
+
+def alike(seed: int) -> bytes:
+    """Return a file of sections of few different lines."""
+    chosen = random.Random(seed)
+    pool = chosen.sample(LINES, 9)
+    text = HEAD
+    for index in range(0x2000, 0x2010):
+        subs = ["", *(f"sub{number}" for number in range(chosen.randrange(3)))]
+        for sub in subs[chosen.random() < 0.1 and len(subs) > 1 :]:
+            body = [chosen.choice(pool) for _ in range(chosen.randrange(6))]
+            text += "\n".join([f"[{index:04X}{sub}]", "ParameterName=N", *body, ""])
+    return text.encode()
+
+
+@pytest.mark.parametrize("seed", range(0, 400, 50))
+def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(seed: int) -> None:
+    """What wants findings takes every section apart; what does not makes many like others."""
+    for number in range(seed, seed + 50):
+        looked_at, checked = (reader.read(alike(number), "test.eds").eds for _ in range(2))
+        assert checked.findings is not None
+        for entry, same in zip(looked_at, checked, strict=True):
+            assert (entry, dict(entry.subs)) == (same, dict(same.subs)), number
+
+
 @pytest.mark.parametrize("name", ["generic-cia402.eds", "gim6010-8.eds"])
-def test_objects_are_the_same_whether_looked_at_alone_or_with_the_findings(name: str) -> None:
+def test_objects_of_our_files_are_the_same_looked_at_alone_or_with_the_findings(name: str) -> None:
     data = (EDS_FOLDER / name).read_bytes()
     looked_at, checked = (reader.read(data, name).eds for _ in range(2))
     one_by_one = list(looked_at)
     assert checked.findings is not None
     assert one_by_one == list(checked)
+
+
+@pytest.mark.parametrize("sub", ["", "sub1"])
+def test_of_two_defaults_in_sections_that_are_alike_the_first_counts(sub: str) -> None:
+    bodies = {
+        0x2000: "defaultvalue=7\nDefaultValue=1\n",
+        0x2001: "defaultvalue=7\nDefaultValue=2\n",
+        0x2002: "DefaultValue=3\ndefaultvalue=7\n",
+        0x2003: "DefaultValue=4\ndefaultvalue=7\n",
+        0x2004: ";DefaultValue=5\n",
+        0x2005: ";DefaultValue=6\n",
+        0x2006: "",
+    }
+    parts = {index: f"ParameterName=x\nDataType=7\nAccessType=rw\n{body}" for index, body in bodies.items()}
+    heads = {index: f"[{index:04X}]\nParameterName=x\nObjectType=9\n" if sub else "" for index in parts}
+    eds = read("".join(f"{heads[index]}[{index:04X}{sub}]\n{part}" for index, part in parts.items()))
+    found = [eds.objects[index].subs[1 if sub else 0].default for index in bodies]
+    assert found == [Number(7), Number(7), Number(3), Number(4), None, None, None]
+
+
+@pytest.mark.parametrize("sub", ["", "sub1"])
+@pytest.mark.parametrize("first", [0, 5])
+def test_limits_of_zero_follow_the_default_of_their_own_section(sub: str, first: int) -> None:
+    indices = {0x2000: first, 0x2001: 5 - first, 0x2002: 0}
+    limited = "ParameterName=x\nDataType=7\nAccessType=rw\nLowLimit=0\nHighLimit=0\nDefaultValue="
+    heads = {index: f"[{index:04X}]\nParameterName=x\nObjectType=9\n" if sub else "" for index in indices}
+    eds = read(
+        "".join(f"{heads[at]}[{at:04X}{sub}]\n{limited}{default}\n" for at, default in indices.items())
+    )
+    found = [eds.objects[index].subs[1 if sub else 0] for index in indices]
+    limits = {0: (Number(0), Number(0)), 5: (None, None)}
+    assert [(entry.low, entry.high) for entry in found] == [limits[default] for default in indices.values()]

@@ -158,7 +158,14 @@ def variable(
     return cast("Variable", made)
 
 
-def variable_like(like: Variable, index: int, subindex: int, name: str, line: int) -> Variable:
+def variable_like(
+    like: Variable,
+    index: int,
+    subindex: int,
+    name: str,
+    default: Number | float | str | bytes | None,
+    line: int,
+) -> Variable:
     """Return what differs from ``like`` in these alone, in a tenth of the time of ``dataclasses.replace``."""
     made: Any = _Draft()
     made.index = index
@@ -166,7 +173,7 @@ def variable_like(like: Variable, index: int, subindex: int, name: str, line: in
     made.name = name
     made.data_type = like.data_type
     made.access = like.access
-    made.default = like.default
+    made.default = default
     made.parameter_value = like.parameter_value
     made.low = like.low
     made.high = like.high

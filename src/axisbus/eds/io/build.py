@@ -39,6 +39,7 @@ _Made = TypeVar("_Made", Object, Variable)
 _NOTHING: Mapping[str, str] = {}
 _NO_SECTIONS: Mapping[int, Section] = {}
 _BOTH_ZERO = "V018"
+_DEFAULT = "defaultvalue"
 
 
 class Builder:
@@ -62,7 +63,7 @@ class Builder:
             return self._without_head(index, sub_sections or _NO_SECTIONS)
         if sub_sections is None:
             return self._without_subs(head, index)
-        name, rest = head.name_and_rest()
+        name, _, rest = head.apart()
         like = self._records.get(rest)
         if like is None:
             made = self._object(head, index, sub_sections)
@@ -80,12 +81,13 @@ class Builder:
         return object_of(index, name, ObjectType.RECORD, subs, first.line, "", self._links(index), _NOTHING)
 
     def _without_subs(self, head: Section, index: int) -> Object:
-        name, rest = head.name_and_rest()
+        name, text, rest = head.apart()
         like = self._alone.get(rest)
         if like is not None:
-            return self._holding(variable_like(like, index, 0, name, head.line))
+            default = values.parse(text, like.data_type).value if text else None
+            return self._holding(variable_like(like, index, 0, name, default, head.line))
         made = self._object(head, index, _NO_SECTIONS)
-        if made.object_type not in _WITH_SUBS:
+        if made.object_type not in _WITH_SUBS and not _limits_hang_on_default(head.entries, made.subs[0]):
             self._keep(self._alone, rest, made.subs[0])
         return made
 
@@ -110,18 +112,20 @@ class Builder:
         return object_of(index, name, only.object_type, subs, line, only.denotation, links, only.more)
 
     def _sub(self, section: Section, index: int, subindex: int) -> Variable:
-        name, rest = section.name_and_rest()
+        name, text, rest = section.apart()
         like = self._within.get(rest)
         if like is not None:
-            return variable_like(like, index, subindex, name, section.line)
+            default = values.parse(text, like.data_type).value if text else None
+            return variable_like(like, index, subindex, name, default, section.line)
         kind = self._sub_type(section, index, subindex)
         made = self.variable(section, index, subindex, self._name(section, index, subindex), kind)
-        self._keep(self._within, rest, made)
+        if not _limits_hang_on_default(section.entries, made):
+            self._keep(self._within, rest, made)
         return made
 
     def _keep(self, made: dict[str | None, _Made], rest: str | None, entry: _Made) -> None:
         """Keep what a section says for those that say the same; with findings wanted, each section is taken apart for its own."""
-        if rest is not None and self._findings is None:
+        if rest is not None and self._findings is None and _DEFAULT not in rest.lower():
             made[rest] = entry
 
     def _links(self, index: int) -> tuple[int, ...]:
@@ -187,36 +191,40 @@ class Builder:
         self, section: Section, index: int, subindex: int, name: str, object_type: ObjectType
     ) -> Variable:
         """Return the entry that a section describes; what ``name`` and ``object_type`` default to, the caller knows."""
-        entries = (
-            section.entries
-        )  # asked before each helper is called: a file has tens of thousands of keys, most of them plain
-        type_text = entries.get("datatype", "")
+        # Asked before each helper is called: a file has tens of thousands of keys, most of them plain or not there.
+        entries = section.entries
+        get = entries.get
+        type_text, access, default, value = (
+            get("datatype", ""),
+            get("accesstype"),
+            get("defaultvalue"),
+            get("parametervalue"),
+        )
+        low, high, mapping, flags = (
+            get("lowlimit"),
+            get("highlimit"),
+            get("pdomapping", "0"),
+            get("objflags", "0"),
+        )
         data_type = _PLAIN_DATA_TYPES.get(type_text) or self._data_type(
             section, type_text, index, subindex, object_type
         )
-        limited = "lowlimit" in entries or "highlimit" in entries
-        low, high = self._limits(section, data_type, index, subindex) if limited else (None, None)
-        access = entries.get("accesstype")
-        mapping, flags = entries.get("pdomapping", "0"), entries.get("objflags", "0")
+        bottom, top = self._limits(section, data_type, index, subindex) if low or high else (None, None)
         return variable(
             index,
             subindex,
             name,
             data_type,
             access if access in ACCESS_TYPES else self._access(section, index, subindex, object_type),
-            self._value(section, "defaultvalue", data_type, index, subindex)
-            if "defaultvalue" in entries
-            else None,
-            self._value(section, "parametervalue", data_type, index, subindex)
-            if "parametervalue" in entries
-            else None,
-            low,
-            high,
+            self._value(section, "defaultvalue", data_type, index, subindex) if default else None,
+            self._value(section, "parametervalue", data_type, index, subindex) if value else None,
+            bottom,
+            top,
             mapping == "1" or (mapping != "0" and bool(self._flag(section, "pdomapping", index, subindex))),
             self._flag(section, "objflags", index, subindex) if flags != "0" else 0,
             section.line,
             object_type,
-            entries.get("denotation", ""),
+            get("denotation", ""),
             _more(entries),
         )
 
@@ -334,6 +342,11 @@ class Builder:
             return
         line, column = self._document.place(section, key) if key else (section.line, 1)
         self._findings.add(rule, message, line=line, column=column, index=index, subindex=subindex)
+
+
+def _limits_hang_on_default(entries: Mapping[str, str], made: Variable) -> bool:
+    """Whether the limits may be others beside another default: two limits of 0 are; see ``Builder._only_zero``."""
+    return bool(entries.get("lowlimit") and entries.get("highlimit")) and made.low == made.high
 
 
 def _is_zero(text: str | None, data_type: DataType) -> bool:

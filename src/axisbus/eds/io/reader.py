@@ -90,12 +90,13 @@ def read(data: bytes, source: str) -> Reading:
             observed=_looks_like(data),
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )
-    if max(content.text.count("\n"), content.text.count("\r")) > MAX_LINES:
+    size = len(content.text)  # nothing needs to be counted in a text that is shorter than what is too many
+    if size > MAX_LINES and max(content.text.count("\n"), content.text.count("\r")) > MAX_LINES:
         raise EdsError(
             "the file has more lines than any EDS", file=source, observed=f"more than {MAX_LINES} lines",
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",
         )  # fmt: skip
-    if content.text.count("[") > MAX_SECTIONS:
+    if size > MAX_SECTIONS and content.text.count("[") > MAX_SECTIONS:
         raise EdsError(
             "the file has more sections than any device has objects", file=source, observed=f"more than {MAX_SECTIONS} brackets",
             remedy=f"give an EDS; {_WHAT_IS_AN_EDS}",

@@ -24,7 +24,7 @@ _KNOWN = re.compile(
     r"|m[0-9]+(?:fixed[0-9a-f]{4}(?:sub[0-9a-f]+)?|subext[0-9a-f]{4})"
     r"|[0-9a-f]{2,3}(?:sub[0-9a-f]+)?"  # types that CanFestival's editor defines, such as [A0sub1]
 )
-_TYPE_SUB = re.compile(r"0*([0-9a-f]{1,4})sub1")
+_TYPE = re.compile(r"0*[0-9a-f]{1,4}")
 
 
 class Info(Mapping[str, Mapping[str, str]]):
@@ -86,19 +86,20 @@ def sort(sections: Mapping[str, Section]) -> Sorted:
     for name, section in sections.items():
         digits, is_sub, number = name.partition("sub")
         index = indices[digits]
-        subindex = _SUBINDICES.get(number) if is_sub else 0
+        if index is not None and not is_sub:
+            heads[index] = section
+            continue
+        subindex = _SUBINDICES.get(number)
         if subindex is None:
             subindex = _led_by_zeros(number)
         if index is None or subindex is None:
             other[name] = section
-        elif not is_sub:
-            heads[index] = section
         else:
             first = subs.setdefault(index, {}).setdefault(subindex, section)
             if first is not section:
                 again.append((section, first))
         if number == "1":
-            _note_type(name, section, types)
+            _note_type(digits, section, types)
     return Sorted(heads, subs, _beside(other), types, Info(other), tuple(again))
 
 
@@ -106,10 +107,9 @@ def _led_by_zeros(number: str) -> int | None:
     return _SUBINDICES.get(number.lstrip("0") or "0") if number else None
 
 
-def _note_type(name: str, section: Section, types: dict[int, Section]) -> None:
-    typed = _TYPE_SUB.fullmatch(name)
-    if typed is not None:
-        types[int(typed[1], 16)] = section
+def _note_type(digits: str, section: Section, types: dict[int, Section]) -> None:
+    if _TYPE.fullmatch(digits):
+        types[int(digits, 16)] = section
 
 
 def _beside(other: Mapping[str, Section]) -> dict[tuple[int, str], Section]:

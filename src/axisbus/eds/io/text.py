@@ -10,6 +10,7 @@ import codecs
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from axisbus.eds.io.findings import Findings
@@ -28,7 +29,9 @@ _KEYS = {
         *("LowLimit", "HighLimit", "PDOMapping", "ObjFlags", "SubNumber"),
     )
 }  # as nearly every file writes them
-_NAME = "ParameterName="
+# What stands before a section's name: the end of the line before it, and a bracket, which may be indented.
+_HEADERS = {end: re.compile(rf"{end}[^\S{end}]*\[") for end in ("\n", "\r")}
+_NAME, _DEFAULT = "ParameterName=", "DefaultValue="
 _BLANK_OR_COMMENT = ("", ";")  # how a line may begin that is no entry
 # ü ä Ä ö Ö Ü of code page 850 inside a word; in code page 1252 these bytes are quotation marks and signs, which stand at its edge.
 _CP850_LETTER = re.compile(rb"[A-Za-z][\x81\x84\x8e\x94\x99\x9a][a-z]")
@@ -45,7 +48,10 @@ def entry_of(raw: str) -> tuple[str, str]:
 
 
 class _Entries(dict[str, tuple[str, str]]):
-    """Lines to (key, value), each different line worked out once."""
+    """Lines to (key, value), each different line of a document worked out once; ``newline`` parts the lines."""
+
+    def __init__(self, newline: str) -> None:
+        self.newline = newline
 
     def __missing__(self, raw: str) -> tuple[str, str]:
         self[raw] = entry = entry_of(raw)
@@ -55,16 +61,16 @@ class _Entries(dict[str, tuple[str, str]]):
 class Section:
     """One ``[section]``: its ``name`` as written, its ``line`` (from 1), and ``end``, the number of the line after its last.
 
-    Its entries are taken from the lines when first asked for, which is all the state that it has.
+    Its entries are taken from its text when first asked for, which is all the state that it has.
     """
 
-    __slots__ = ("_entries", "_known", "_lines", "_places", "end", "line", "name")
+    __slots__ = ("_body", "_entries", "_known", "_places", "end", "line", "name")
 
-    def __init__(self, name: str, line: int, end: int, lines: Sequence[str], known: _Entries) -> None:
+    def __init__(self, name: str, line: int, end: int, body: str, known: _Entries) -> None:
         self.name = name
         self.line = line
         self.end = end
-        self._lines = lines
+        self._body = body
         self._known = known
         self._entries: dict[str, str] | None = None
         self._places: dict[str, int] | None = None
@@ -73,7 +79,7 @@ class Section:
     def entries(self) -> Mapping[str, str]:
         """Values (trimmed) by lower-case key, in the file's order; of two equal keys the first counts."""
         if self._entries is None:
-            body = self._lines[self.line : self.end - 1]
+            body = self.lines()
             entries = dict(map(self._known.__getitem__, body))  # of two equal keys the last, but quick
             if len(entries) < len(body):
                 entries = dict(map(self._known.__getitem__, reversed(body)))
@@ -82,17 +88,28 @@ class Section:
             self._entries = entries
         return self._entries
 
-    def name_and_rest(self) -> tuple[str, str | None]:
-        """Return the ParameterName in its first line, where most files have it, and the text of the other lines, else None."""
-        first, last = self.line, self.end - 1
-        raw = self._lines[first] if first < last else ""
-        if raw[: len(_NAME)] != _NAME:
-            return "", None
-        return raw[len(_NAME) :].strip(), "\n".join(self._lines[first + 1 : last])
+    def apart(self) -> tuple[str, str, str | None]:
+        """Return ParameterName, DefaultValue ("" for none), and the text of the other lines; None for that where it does not begin
+        with its name, as in most files.
+        """
+        if self._body[: len(_NAME)] != _NAME:
+            return "", "", None
+        newline = self._known.newline
+        first, _, rest = self._body.partition(newline)
+        name = first[len(_NAME) :].strip()
+        before, found, behind = rest.partition(_DEFAULT)
+        if not found or before[-1:] not in ("", newline):
+            return name, "", rest
+        default, _, behind = behind.partition(newline)
+        return name, default.strip(), before + behind
+
+    def lines(self) -> list[str]:
+        """Return the lines below its header."""
+        return self._body.split(self._known.newline) if self.end > self.line + 1 else []
 
     def every(self) -> Iterator[tuple[int, str, str]]:
         """Yield line (from 1), lower-case key and value of all entries, also of those whose key is there twice."""
-        for number, raw in enumerate(self._lines[self.line : self.end - 1], self.line + 1):
+        for number, raw in enumerate(self.lines(), self.line + 1):
             key, value = self._known[raw]
             if key:
                 yield number, key, value
@@ -111,20 +128,25 @@ class Section:
         return f"<[{self.name}], line {self.line}>"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Document:
-    """A file's text: ``newline`` joins ``lines`` to the whole again, ``bom`` and ``encoding`` make bytes of it.
+    """A file's text: ``newline`` parts its ``lines``, ``bom`` and ``encoding`` make bytes of it.
 
     Where the line ending is CR LF, the lines keep their CR. ``sections`` is by lower-case name in the file's order; of two with
     one name it holds the first, and ``repeated`` the others.
     """
 
-    lines: Sequence[str]
+    text: str
     newline: str
     encoding: str
     bom: bytes
     sections: Mapping[str, Section]
     repeated: Sequence[Section] = ()
+
+    @cached_property
+    def lines(self) -> Sequence[str]:
+        """All lines, for those that go through a whole file; the model does not need them."""
+        return self.text.split(self.newline)
 
     def place(self, section: Section, key: str) -> tuple[int, int]:
         """Return line and column (from 1) of the value of ``key``; those of the section where it has no such key."""
@@ -146,35 +168,28 @@ class Text(NamedTuple):
 
 def parse(content: Text) -> Document:
     """Take a text apart into lines and sections; never raises, and leaves to ``report`` what is odd."""
-    text, encoding, bom = content
-    newline = "\n" if "\n" in text else "\r"
-    return document(text.split(newline), newline, encoding, bom)
+    return _document(content.text, "\n" if "\n" in content.text else "\r", content.encoding, content.bom)
 
 
 def document(lines: Sequence[str], newline: str, encoding: str, bom: bytes) -> Document:
     """Return the document of these lines."""
-    starts = _starts(lines)
-    known = _Entries()
+    return _document(newline.join(lines), newline, encoding, bom)
+
+
+def _document(text: str, newline: str, encoding: str, bom: bytes) -> Document:
+    known = _Entries(newline)
     sections: dict[str, Section] = {}
     repeated = []
-    for line, end in zip(starts, [*starts[1:], len(lines) + 1], strict=False):
-        name = lines[line - 1].lstrip()[1:].partition("]")[0].strip()
-        section = Section(name, line, end, lines, known)
-        if sections.setdefault(name.lower(), section) is not section:
+    preface, *parts = _HEADERS[newline].split(newline + text)  # every header follows the end of a line
+    line = preface.count(newline) + 1
+    for part in parts:
+        header, _, body = part.partition(newline)
+        end = line + part.count(newline) + 1
+        section = Section(header.partition("]")[0].strip(), line, end, body, known)
+        line = end
+        if sections.setdefault(section.name.lower(), section) is not section:
             repeated.append(section)
-    return Document(lines, newline, encoding, bom, sections, repeated)
-
-
-def _starts(lines: Sequence[str]) -> list[int]:
-    """Return the line numbers (from 1) of the section headers."""
-    starts, at = [], 0
-    for raw in [
-        raw for raw in lines if "[" in raw
-    ]:  # few lines, which ``index`` finds faster than a count of all
-        at = lines.index(raw, at) + 1
-        if raw.lstrip()[0] == "[":
-            starts.append(at)
-    return starts
+    return Document(text, newline, encoding, bom, sections, repeated)
 
 
 def decode(data: bytes) -> Text:
