@@ -1,10 +1,17 @@
-"""Whose an exception is: of a program's own code, or Ctrl-C and SIGTERM, which came while that code ran."""
+"""Whose an exception or a thread is: of a program's own code, or Ctrl-C and SIGTERM; the program's, or axisbus's."""
 
 from __future__ import annotations
 
 import signal
 import threading
 import traceback
+
+_OURS = "axisbus "  # how the names of all threads begin that may not wait for a machine, or for a disk
+
+
+def in_thread_of_ours() -> bool:
+    """Whether the caller runs in a thread that drives a bus, such as the scan's."""
+    return threading.current_thread().name.startswith(_OURS)
 
 
 def is_own(error: BaseException) -> bool:

@@ -21,13 +21,13 @@ import math
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
 from axisbus.cia402.starvation import Starvation
 from axisbus.core.ending import ended, refused_while_leaving, too_many
 from axisbus.core.inbox import Inbox, Waiting
 from axisbus.core.inherited import inherited
-from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
@@ -42,6 +42,13 @@ from axisbus.motion.ticket import Status, Ticket, unattended
 from axisbus.session import Observer, Target
 
 _HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
+
+
+class Wakes(Protocol):
+    """Who wakes a program that waits for the end of a command."""
+
+    def notify(self) -> None:
+        """Wake everybody who waits."""
 
 
 class Lateness:
@@ -90,7 +97,7 @@ class Scan:
         self.observers: list[Observer] = []
         self.failure: BaseException | None = None
         self.ended = False
-        self.waiter: ThreadWaiter | None = None
+        self.waiter: Wakes | None = None
         self._work = [(name, ports[name], core) for name, core in self.axes.items()]
         self._members = {name: list(axes) for name, axes in (groups or {}).items()}
         self._on_lost_node = on_lost_node

@@ -5,13 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from axisbus.core.inherited import inherited
+from axisbus.core.scan import Scan
 from axisbus.errors import AxisbusError, StateError
-
-if TYPE_CHECKING:
-    from axisbus.core.scan import Scan
 
 
 class ThreadWaiter:

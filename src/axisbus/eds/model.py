@@ -166,25 +166,24 @@ def variable_like(
     default: Number | float | str | bytes | None,
     line: int,
 ) -> Variable:
-    """Return what differs from ``like`` in these alone, in a tenth of the time of ``dataclasses.replace``."""
-    made: Any = _Draft()
-    made.index = index
-    made.subindex = subindex
-    made.name = name
-    made.data_type = like.data_type
-    made.access = like.access
-    made.default = default
-    made.parameter_value = like.parameter_value
-    made.low = like.low
-    made.high = like.high
-    made.pdo_mapping = like.pdo_mapping
-    made.object_flags = like.object_flags
-    made.line = line
-    made.object_type = like.object_type
-    made.denotation = like.denotation
-    made.more = like.more
-    made.__class__ = Variable
-    return cast("Variable", made)
+    """Return what differs from ``like`` in these alone, much faster than ``dataclasses.replace`` does."""
+    return variable(
+        index,
+        subindex,
+        name,
+        like.data_type,
+        like.access,
+        default,
+        like.parameter_value,
+        like.low,
+        like.high,
+        like.pdo_mapping,
+        like.object_flags,
+        line,
+        like.object_type,
+        like.denotation,
+        like.more,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from axisbus.errors import AxisbusError, ScanError, in_a_line
+from axisbus.interruption import in_thread_of_ours
 
 log = logging.getLogger("axisbus")
 
-_OURS = "axisbus "  # how the names of all threads begin that may not wait for a machine
 _THREAD = "closing an axisbus machine"
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
 
@@ -109,7 +109,7 @@ class Closing:
     def _may_not_wait(self) -> bool:
         if self._in_cycle is not None:
             return self._in_cycle()
-        return threading.current_thread().name.startswith(_OURS)
+        return in_thread_of_ours()
 
     def _begin(self, reason: str) -> None:
         """Ask for the stop, and leave the rest to a thread of its own, or to whoever closes next."""

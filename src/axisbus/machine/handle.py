@@ -14,7 +14,7 @@ from typing import Any
 
 from axisbus.cia402.port import Waiter
 from axisbus.errors import AxisbusError
-from axisbus.interruption import is_own
+from axisbus.interruption import in_thread_of_ours, is_own
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent
 from axisbus.wording import counted
@@ -185,7 +185,7 @@ class Handle:
 def _log_aside(text: str, name: str, error: BaseException) -> None:
     """Log a failure with its traceback, for which source files are read: no thread of ours, such as the scan, waits for that."""
     tell = partial(log.error, text, name, exc_info=error)
-    if not threading.current_thread().name.startswith("axisbus "):
+    if not in_thread_of_ours():
         tell()
         return
     try:

@@ -195,7 +195,10 @@ class Machine:
     def events(self) -> list[NodeEvent | Leaving]:
         """What error control has told of all nodes since the scan began, and why the machine was left; in the order of time."""
         found: list[NodeEvent | Leaving] = [
-            event for node_id in self._runtime.nodes for event in self.node(node_id).events
+            event
+            for parts in self._runtime.nodes.values()
+            if parts.events is not None
+            for event in parts.events.events
         ]
         scan = self._core.scan
         if scan.leaving_because is not None:
