@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.emcy import EmcyMonitor
-from axisbus.cia301.incident import Outcome
+from axisbus.cia301.incident import IncidentState
 from kit.bus.peer import FakeBus, eventually
 
 
@@ -62,7 +62,7 @@ def test_messages_are_grouped_and_a_boot_up_ends_what_was_open(channel: Channel,
     eventually(lambda: len(monitor.history) == 2)
     (incident,) = monitor.incidents
     assert incident.codes == (0x2310, 0x3220)
-    assert incident.outcome is Outcome.UNRESOLVED
+    assert incident.outcome is IncidentState.UNRESOLVED
     fake.inject(0x705, "00")
     eventually(lambda: not monitor.incidents.open)
     (incident,) = monitor.incidents

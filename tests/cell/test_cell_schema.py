@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.cell import reader, schema, values, words
+from axisbus.cell import entries, reader, schema, words
 from axisbus.cell.json_schema import schema_of_cells
 from axisbus.eds.model import Severity
 from kit import cells, pages
@@ -148,10 +148,10 @@ single = st.one_of(texts, numbers, st.booleans(), st.dates(), st.times(), st.dat
 anything = st.one_of(single, st.lists(single, max_size=3), st.dictionaries(texts, single, max_size=2))
 
 
-def taken(read: values.Reader, value: Any) -> bool:
+def taken(read: entries.Reader, value: Any) -> bool:
     try:
         read(value)
-    except values.Unfit:
+    except entries.Unfit:
         return False
     return True
 
@@ -201,4 +201,4 @@ def test_a_value_of_another_kind_is_refused(table: str, key: str, value: Any) ->
         assert '"pattern"' in told or '"format"' in told
     elif valid:
         assert isinstance(value, list)
-        assert read is values.interval or any(isinstance(each, (float, dt.date, dt.time)) for each in value)
+        assert read is entries.interval or any(isinstance(each, (float, dt.date, dt.time)) for each in value)

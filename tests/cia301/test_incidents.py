@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from axisbus.cia301 import errorfield
 from axisbus.cia301.emcy import Emcy, parse
-from axisbus.cia301.incident import HISTORY, MESSAGES, Incident, Incidents, Outcome, group
+from axisbus.cia301.incident import HISTORY, MESSAGES, Incident, Incidents, IncidentState, group
 from axisbus.cia301.timeofday import TimeOfDay
 from axisbus.cia301.timeofday import parse as parse_time
 from axisbus.errors import ArgumentError
@@ -30,7 +30,7 @@ ONE_GONE = "00 00 05 00 00 00 00 00"  # the voltage is still wrong
 
 def test_a_fault_and_its_reset_are_one_incident_that_recovered() -> None:
     (incident,) = told((1.0, OVERCURRENT), (6.5, ALL_GONE))
-    assert incident.outcome is Outcome.RECOVERED
+    assert incident.outcome is IncidentState.RECOVERED
     assert incident.codes == (0x2310,)
     assert incident.lasted == pytest.approx(5.5)
     assert [reset.code for reset in incident.resets] == [0]
@@ -49,16 +49,16 @@ def test_what_comes_within_a_tenth_of_a_second_belongs_to_the_fault(
 ) -> None:
     incidents = told((1.0, OVERCURRENT), (second, UNDERVOLTAGE))
     assert [incident.codes for incident in incidents] == codes
-    assert {incident.outcome for incident in incidents} == {Outcome.UNRESOLVED}
+    assert {incident.outcome for incident in incidents} == {IncidentState.UNRESOLVED}
 
 
 def test_a_reset_that_leaves_bits_in_the_register_resolves_nothing() -> None:
     incidents = told((1.0, OVERCURRENT), (1.01, UNDERVOLTAGE), (2.0, ONE_GONE))
     (incident,) = incidents
-    assert incident.outcome is Outcome.UNRESOLVED
+    assert incident.outcome is IncidentState.UNRESOLVED
     assert len(incident.resets) == 1
     (incident,) = told((1.0, OVERCURRENT), (1.01, UNDERVOLTAGE), (2.0, ONE_GONE), (3.0, ALL_GONE))
-    assert incident.outcome is Outcome.RECOVERED
+    assert incident.outcome is IncidentState.RECOVERED
     assert incident.lasted == pytest.approx(2.0)
     assert len(incident.resets) == 2
 
@@ -77,7 +77,7 @@ def test_a_short_reset_counts_as_one() -> None:
     """Two bytes, as some drives send: the register that is not there is read as 0."""
     (incident,) = told((1.0, "11 86"), (2.0, "00 00"))
     assert incident.codes == (0x8611,)
-    assert incident.outcome is Outcome.RECOVERED
+    assert incident.outcome is IncidentState.RECOVERED
 
 
 def test_a_restart_of_the_node_ends_what_was_open() -> None:
@@ -85,7 +85,7 @@ def test_a_restart_of_the_node_ends_what_was_open() -> None:
     incidents.note(parse(bytes.fromhex(OVERCURRENT), 1.0))
     incidents.booted(4.0)
     (incident,) = incidents
-    assert (incident.outcome, incident.rebooted, incident.lasted) == (Outcome.RECOVERED, True, 3.0)
+    assert (incident.outcome, incident.rebooted, incident.lasted) == (IncidentState.RECOVERED, True, 3.0)
     assert incidents.open == ()
 
 
@@ -126,7 +126,7 @@ def test_no_message_is_lost_or_told_twice(steps: list[tuple[float, int, int]]) -
     assert all(emcy.stamp - each.began <= 0.1 for each in incidents for emcy in each.emcys)
     last = messages[-1] if messages else None
     if last is not None and last.is_reset and last.register == 0:
-        assert all(incident.outcome is Outcome.RECOVERED for incident in incidents)
+        assert all(incident.outcome is IncidentState.RECOVERED for incident in incidents)
 
 
 # -- 1003h

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from axisbus.configuration.restore import Outcome, Restore
+from axisbus.configuration.dcf_values import select
+from axisbus.configuration.restore import Restore, ValueEnd
 from axisbus.configuration.save import backup
-from axisbus.configuration.values import select
 from axisbus.drives.make import GENERIC
 from axisbus.eds import dcf, writer
 from axisbus.eds.io import reader
@@ -43,5 +43,5 @@ def test_what_a_device_answered_is_what_a_restore_brings_back(path):
     assert Restore(drive, selection).look() == []
     device = Scrambled(drive, [item.key for item in selection.items])
     report = Restore(device, selection).run()
-    assert {each.outcome for each in report.results} <= {Outcome.RESTORED, Outcome.SAME}
+    assert {each.outcome for each in report.results} <= {ValueEnd.RESTORED, ValueEnd.SAME}
     assert {key: drive.upload(*key) for key in device.values} == device.values

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia301.datatypes import encode, size_in_bytes
-from axisbus.configuration.restore import Outcome, Restore
+from axisbus.configuration.dcf_values import Selection, Why, require_within_limits, select
+from axisbus.configuration.restore import Restore, ValueEnd
 from axisbus.configuration.save import backup
-from axisbus.configuration.values import Selection, Why, require_within_limits, select
 from axisbus.configuration.write_order import ordered
 from axisbus.drives.make import GENERIC, Make
 from axisbus.eds import dcf, writer
@@ -258,7 +258,7 @@ def test_a_strict_device_takes_all_of_it():
     report = _run(device)
     assert report.ok
     assert not _differing(device)
-    restored = {each.item.key for each in report.of(Outcome.RESTORED)}
+    restored = {each.item.key for each in report.of(ValueEnd.RESTORED)}
     assert restored == {key for key in WANTED if FACTORY[key] != WANTED[key]}
     assert report.writes == len(device.log)
 
@@ -269,7 +269,7 @@ def test_a_second_run_writes_nothing():
     device.log.clear()
     report = _run(device)
     assert device.log == []
-    assert {each.outcome for each in report.results} == {Outcome.SAME}
+    assert {each.outcome for each in report.results} == {ValueEnd.SAME}
 
 
 def test_back_to_the_factory_values_too():
@@ -294,7 +294,9 @@ def test_cut_off_at_any_write_another_run_names_what_differs_and_finishes(budget
     cut = Restore(device, SELECTION)
     with pytest.raises(Cut):
         cut.run()
-    assert not [each for each in cut.report().results if each.outcome is Outcome.FAILED and not device.refuse]
+    assert not [
+        each for each in cut.report().results if each.outcome is ValueEnd.FAILED and not device.refuse
+    ]
     stamped = all(device.values[0x1020, sub] == WANTED[0x1020, sub] for sub in (1, 2))
     assert not stamped or not _differing(device)  # 1020h vouches for nothing that is not whole
     device.budget = None
@@ -358,7 +360,7 @@ def test_a_refused_object_is_named_with_its_reason_and_the_others_are_restored()
     device.refuse[0x6085, 0] = 0x0800_0021
     device.values[0x6085, 0] = bytes(4)
     report = _run(device)
-    (failed,) = report.of(Outcome.FAILED)
+    (failed,) = report.of(ValueEnd.FAILED)
     assert failed.item.key == (0x6085, 0)
     assert "0x08000021" in failed.reason
     assert _differing(device) == {(0x6085, 0)}
@@ -369,7 +371,7 @@ def test_a_pdo_of_which_a_part_is_refused_gets_back_what_it_had():
     device = StrictDevice(FACTORY)
     device.refuse[0x1A00, 2] = 0x0604_0041
     report = _run(device)
-    failed = {each.item.key: each.reason for each in report.of(Outcome.FAILED)}
+    failed = {each.item.key: each.reason for each in report.of(ValueEnd.FAILED)}
     assert "its PDO was left as it was, because 1A00h:02 is refused" in failed[0x1800, 2]
     # The entry that is refused cannot be given back either; what can be is.
     assert device.values[0x1800, 1] == FACTORY[0x1800, 1]
@@ -382,7 +384,7 @@ def test_an_object_that_the_device_lacks_or_has_in_another_size_is_not_written()
     del device.values[0x2002, 0]
     device.values[0x6083, 0] = b"\1\2"
     report = _run(device)
-    failed = {each.item.key: each.reason for each in report.of(Outcome.FAILED)}
+    failed = {each.item.key: each.reason for each in report.of(ValueEnd.FAILED)}
     assert failed == {
         (0x2002, 0): "the device does not have it",
         (0x6083, 0): "the device has 2 octets there, the file's type UNSIGNED32 has 4",
@@ -402,7 +404,7 @@ class Mute(StrictDevice):
 def test_what_cannot_be_read_is_written_once_and_told_as_not_verified():
     device = Mute(FACTORY)
     report = _run(device)
-    (blind,) = report.of(Outcome.UNVERIFIED)
+    (blind,) = report.of(ValueEnd.UNVERIFIED)
     assert blind.item.key == (0x2000, 0)
     assert [data for index, _, data in device.log if index == 0x2000] == [b"Axis 1"]
     assert report.ok
@@ -422,7 +424,7 @@ def test_a_value_that_is_rounded_is_no_success():
     golden.values[0x6084, 0] = (12_345).to_bytes(4, "little")
     device = Rounding(FACTORY)
     report = Restore(device, select(_taken(golden), NODE, GENERIC)).run()
-    (failed,) = report.of(Outcome.FAILED)
+    (failed,) = report.of(ValueEnd.FAILED)
     assert (failed.item.key, failed.after) == ((0x6084, 0), (12_000).to_bytes(4, "little"))
     assert failed.reason == "it was taken, and reads back another value"
 

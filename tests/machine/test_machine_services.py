@@ -12,7 +12,7 @@ import pytest
 from axisbus import Machine, eds
 from axisbus.bus.pdo.reception import Reception
 from axisbus.check.run import check
-from axisbus.cia301.incident import Outcome
+from axisbus.cia301.incident import IncidentState
 from axisbus.cli import monitor
 from axisbus.errors import BootError, ScanError, SyncError
 from axisbus.sim.build import device_from_eds
@@ -282,7 +282,7 @@ def test_a_fault_and_its_reset_are_an_incident_and_stand_in_1003(tmp_path: Path)
         eventually(lambda: node.incidents)
         eventually(lambda: x.snapshot.error is not None)
         (incident,) = node.incidents
-        assert (incident.codes, incident.outcome) == ((0x2310,), Outcome.UNRESOLVED)
+        assert (incident.codes, incident.outcome) == ((0x2310,), IncidentState.UNRESOLVED)
         history = node.error_history()
         assert history is not None
         assert (history[0].number, history[0].code, history[0].additional) == (1, 0x2310, 0x1234)
@@ -291,7 +291,7 @@ def test_a_fault_and_its_reset_are_an_incident_and_stand_in_1003(tmp_path: Path)
         assert head == "node 3, earlier errors (1003h), the newest first:"
         assert first.startswith("  1. 0x2310, ")
         x.reset().wait(20)
-        eventually(lambda: node.incidents[0].outcome is Outcome.RECOVERED)
+        eventually(lambda: node.incidents[0].outcome is IncidentState.RECOVERED)
         words = node.incident_words(node.incidents[0])
         assert words[0].startswith("incident 1: recovered after ")
         assert "0x2310" in words[1]
@@ -326,7 +326,7 @@ def test_monitor_tells_an_incident_once_and_again_when_it_changes(tmp_path: Path
         assert "0x2310" in fault
         assert incident_lines(machine, told) == []
         machine["x"].reset().wait(20)
-        eventually(lambda: machine.node(3).incidents[0].outcome is Outcome.RECOVERED)
+        eventually(lambda: machine.node(3).incidents[0].outcome is IncidentState.RECOVERED)
         assert incident_lines(machine, told)[0].startswith("node 3, incident 1: recovered after")
         (one,) = monitor.of_node(machine, machine["x"])["incidents"]
         assert (one["outcome"], one["codes"]) == ("recovered", ["0x2310"])

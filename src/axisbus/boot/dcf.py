@@ -6,8 +6,8 @@ from axisbus.boot.configure import writes_of
 from axisbus.boot.objects import Objects
 from axisbus.cell.model import CellConfig
 from axisbus.cia301 import objects as o
-from axisbus.configuration.restore import Outcome, Report, Restore
-from axisbus.configuration.values import Key, Selection, require_within_limits, select
+from axisbus.configuration.dcf_values import Key, Selection, require_within_limits, select
+from axisbus.configuration.restore import Report, Restore, ValueEnd
 from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.make import Make
 from axisbus.eds.dictionary import Dictionary
@@ -84,7 +84,7 @@ def _tables(cell: CellConfig, node_id: int) -> frozenset[int]:
 
 
 def _require_ok(report: Report, node_id: int, eds: Eds) -> None:
-    failed = report.of(Outcome.FAILED, Outcome.DIFFERS)
+    failed = report.of(ValueEnd.FAILED, ValueEnd.DIFFERS)
     if not failed:
         return
     first = failed[0].item

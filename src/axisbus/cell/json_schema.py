@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from axisbus.cell import schema, values, words
+from axisbus.cell import entries, schema, words
 from axisbus.cell.schema import Keys
 from axisbus.units import INCREMENTS
 
@@ -88,7 +88,7 @@ def _many(name: str, pattern: str, each: Json, **more: Any) -> Json:
 
 
 def _objects(name: str) -> Json:
-    return _described(name, {"type": "object", "additionalProperties": dict(values.setting.json)})
+    return _described(name, {"type": "object", "additionalProperties": dict(entries.setting.json)})
 
 
 def _open(name: str) -> Json:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from axisbus.cell import schema, toml, values
+from axisbus.cell import entries, schema, toml
 from axisbus.cell.model import (
     INCREMENTS,
     AxisConfig,
@@ -210,8 +210,8 @@ class _Reading(Tables):
         found = []
         for key, raw in self._table(path, table.get("objects", {})).items():
             try:
-                value = values.setting(raw)
-            except values.Unfit as unfit:
+                value = entries.setting(raw)
+            except entries.Unfit as unfit:
                 self._unfit((*path, key), raw, unfit)
                 continue
             found.append(ObjectSetting(key, value, self._document.line((*path, key)), name_of(path)))
@@ -228,7 +228,7 @@ class _Reading(Tables):
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = position increments per {table.get('unit', 'unit')}; it is never guessed"
-            keys = {**keys, "scale": schema.Key(values.scale, remedy)}
+            keys = {**keys, "scale": schema.Key(entries.scale, remedy)}
         fields = self._fields(path, table, keys, schema.AXIS_TABLES)
         return AxisConfig(
             name,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any
 
-from axisbus.cell import schema, values
+from axisbus.cell import entries, schema
 from axisbus.cell.model import Place
 from axisbus.cell.problem import Problem
 from axisbus.cell.schema import Keys
@@ -43,7 +43,7 @@ class Tables:
             if name in table:
                 try:
                     fields[name] = key.read(table[name])
-                except values.Unfit as unfit:
+                except entries.Unfit as unfit:
                     self._unfit((*path, name), table[name], unfit)
                     faulty.add(name)
             elif key.missing:
@@ -62,7 +62,7 @@ class Tables:
             if double
             else f"write [{name_of(path)}] on a line of its own"
         )
-        self._error(path, f"{name_of(path)} must be a table", f"it is {values.told(raw)}", remedy)
+        self._error(path, f"{name_of(path)} must be a table", f"it is {entries.told(raw)}", remedy)
         return {}
 
     def _named(self, path: KeyPath, name: str) -> bool:
@@ -86,10 +86,10 @@ class Tables:
             remedy = _advice(key, path, known, tables or {})
             self._error((*path, key), f"unknown {what} {key[:80]!r} in {where}", remedy=remedy)
 
-    def _unfit(self, path: KeyPath, raw: Any, unfit: values.Unfit) -> None:
+    def _unfit(self, path: KeyPath, raw: Any, unfit: entries.Unfit) -> None:
         key = path[-1]
         message = f"{key} in [{name_of(path[:-1])}] cannot be used"
-        observed = f"it is {values.told(raw)}; expected {unfit.expected}"
+        observed = f"it is {entries.told(raw)}; expected {unfit.expected}"
         self._error(path, message, observed, unfit.remedy or f"correct {key}")
 
     def _error(self, path: KeyPath, message: str, observed: str = "", remedy: str = "") -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 import tomllib
 from collections.abc import Mapping
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell.toml_lines import KeyPath, locate
+from axisbus.eds.io.nearby import files_near
 from axisbus.errors import ConfigError
 from axisbus.wording import counted
 
@@ -154,12 +154,4 @@ def _decoded(data: bytes, file: str) -> str:
 
 
 def _nearby(folder: Path, name: str) -> str:
-    """Return a sentence with the TOML files of a folder, those with the nearest names first; empty if there are none."""
-    try:
-        there = sorted(
-            entry.name for entry in folder.iterdir() if entry.suffix == ".toml" and entry.name != _OF_PYTHON
-        )
-    except OSError:
-        return "" if folder.exists() else f"there is no folder {folder}"
-    near = difflib.get_close_matches(name, there, n=3, cutoff=0.4) or there[:5]
-    return f"in {folder} there is: {', '.join(near)}" if near else ""
+    return files_near(folder, name, lambda path: path.suffix == ".toml" and path.name != _OF_PYTHON)

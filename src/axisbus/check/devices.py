@@ -9,7 +9,7 @@ from axisbus.cell.model import CellConfig, NodeConfig
 from axisbus.cell.problem import Problem
 from axisbus.check.case import NEEDED, Case, Check, Found, own_title, titles
 from axisbus.cia402 import objects
-from axisbus.configuration.values import require_within_limits, select
+from axisbus.configuration.dcf_values import require_within_limits, select
 from axisbus.drives import registry
 from axisbus.eds import builtin
 from axisbus.eds.model import Eds, Finding, Severity

@@ -24,7 +24,7 @@ LOGGED = 64  # messages, of whatever incident
 MESSAGES = 32  # of one incident; what comes beyond is counted
 
 
-class Outcome(Enum):
+class IncidentState(Enum):
     """How an incident stands."""
 
     UNRESOLVED = "unresolved"
@@ -62,9 +62,9 @@ class Incident:
         return tuple(dict.fromkeys(emcy.code for emcy in self.emcys))
 
     @property
-    def outcome(self) -> Outcome:
+    def outcome(self) -> IncidentState:
         """Whether the node has recovered."""
-        return Outcome.UNRESOLVED if self.ended is None else Outcome.RECOVERED
+        return IncidentState.UNRESOLVED if self.ended is None else IncidentState.RECOVERED
 
     @property
     def lasted(self) -> float | None:

@@ -15,7 +15,7 @@ from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, requir
 from axisbus.errors import NodeTimeout, StateError
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.nmt_by_hand import Outcome
+    from axisbus.bus.node.nmt_by_hand import NodeReaction
     from axisbus.bus.node.node import Node
 
 COMMANDS = {
@@ -109,7 +109,7 @@ def _errors(node: Node) -> str:
     return error_state.read(node.sdo, last, 0.0 if last is None else time.monotonic() - last.stamp).words()
 
 
-def _plain(outcome: Outcome) -> dict[str, object]:
+def _plain(outcome: NodeReaction) -> dict[str, object]:
     before, state = outcome.way.before, outcome.state
     return {
         "node": outcome.node_id,
@@ -122,7 +122,7 @@ def _plain(outcome: Outcome) -> dict[str, object]:
     }
 
 
-def _next(order: NmtCommand, outcomes: list[Outcome], failed: list[Outcome]) -> None:
+def _next(order: NmtCommand, outcomes: list[NodeReaction], failed: list[NodeReaction]) -> None:
     if any(each.silent for each in failed):
         say_next(
             "check the supply, cable, node ID and bit rate of those that are silent; who is there: axisbus scan"

@@ -19,7 +19,7 @@ from typing import Protocol
 
 from axisbus.cia301 import abort
 from axisbus.cia301.datatypes import DataType, size_in_bytes
-from axisbus.configuration.values import Item, Key, Selection, Skipped
+from axisbus.configuration.dcf_values import Item, Key, Selection, Skipped
 from axisbus.configuration.write_order import Write, ordered, pdo_back, pdo_of
 from axisbus.errors import SdoAbort
 from axisbus.wording import counted
@@ -41,7 +41,7 @@ class Device(Protocol):
         """Write an object."""
 
 
-class Outcome(Enum):
+class ValueEnd(Enum):
     """What came of one value of the file."""
 
     SAME = "had it already"
@@ -56,7 +56,7 @@ class Result:
     """One value of the file: ``before`` and ``after`` are what the device held (None: it cannot be read, or was not)."""
 
     item: Item
-    outcome: Outcome
+    outcome: ValueEnd
     before: bytes | None
     after: bytes | None
     reason: str = ""
@@ -70,14 +70,14 @@ class Report:
     skipped: tuple[Skipped, ...]
     writes: int
 
-    def of(self, *outcomes: Outcome) -> list[Result]:
+    def of(self, *outcomes: ValueEnd) -> list[Result]:
         """The results with one of these outcomes."""
         return [each for each in self.results if each.outcome in outcomes]
 
     @property
     def ok(self) -> bool:
         """Whether the device has every value that it can be asked for."""
-        return not self.of(Outcome.FAILED, Outcome.DIFFERS)
+        return not self.of(ValueEnd.FAILED, ValueEnd.DIFFERS)
 
 
 class Restore:
@@ -177,18 +177,18 @@ class Restore:
     def _result(self, key: Key, item: Item) -> Result:
         before, now = self._before.get(key), self._now.get(key)
         if key in self._unread or key not in self._now:
-            return Result(item, Outcome.DIFFERS, before, None, "the run ended before it was read again")
+            return Result(item, ValueEnd.DIFFERS, before, None, "the run ended before it was read again")
         hopeless = self._hopeless(key)
         if key in self._now and self._same(key):
             done = key in self._written and before != now
-            return Result(item, Outcome.RESTORED if done else Outcome.SAME, before, now)
+            return Result(item, ValueEnd.RESTORED if done else ValueEnd.SAME, before, now)
         if hopeless or key in self._refused:
-            return Result(item, Outcome.FAILED, before, now, hopeless or self._refused[key])
+            return Result(item, ValueEnd.FAILED, before, now, hopeless or self._refused[key])
         if self._blind(key):
-            return Result(item, Outcome.UNVERIFIED, before, now, "the device does not let it be read")
+            return Result(item, ValueEnd.UNVERIFIED, before, now, "the device does not let it be read")
         if key in self._written:
-            return Result(item, Outcome.FAILED, before, now, "it was taken, and reads back another value")
-        return Result(item, Outcome.DIFFERS, before, now)
+            return Result(item, ValueEnd.FAILED, before, now, "it was taken, and reads back another value")
+        return Result(item, ValueEnd.DIFFERS, before, now)
 
     # -- the device -------------------------------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from axisbus.cia301 import emcy as cia301
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
-from axisbus.cia301.incident import Incident, Outcome
+from axisbus.cia301.incident import Incident, IncidentState
 from axisbus.drives.make import GENERIC, Make
 from axisbus.wording import counted
 
@@ -40,7 +40,7 @@ def incident_words(incident: Incident, make: Make = GENERIC, now: float | None =
 
 
 def _standing(incident: Incident) -> str:
-    if incident.outcome is Outcome.UNRESOLVED:
+    if incident.outcome is IncidentState.UNRESOLVED:
         return "unresolved"
     how = "by a restart of the node" if incident.rebooted else "by an error reset"
     return f"recovered after {incident.lasted:.3f} s {how}"

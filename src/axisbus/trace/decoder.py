@@ -26,7 +26,7 @@ from axisbus.trace.pdos import Parameters, PdoTable
 from axisbus.trace.sdo import Dialogue
 from axisbus.trace.services import Words
 from axisbus.trace.transfer import Said
-from axisbus.trace.values import Values
+from axisbus.trace.typed import Values
 from axisbus.wording import counted
 
 _FUNCTION = 0x780

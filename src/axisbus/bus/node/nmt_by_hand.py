@@ -47,7 +47,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class NodeReaction:
     """What a node did: ``state`` is the one it showed (None: it showed nothing), ``seconds`` how long that took."""
 
     node_id: int
@@ -102,7 +102,7 @@ def ways(nodes: Iterable[Node]) -> dict[int, Way]:
 
 def command(
     channel: Channel, nodes: Sequence[Node], wanted: NmtCommand, found: dict[int, Way], *, everybody: bool
-) -> list[Outcome]:
+) -> list[NodeReaction]:
     """Send an NMT command to each node, or one to all (``everybody``), and see what they do; blocks up to about 5 s.
 
     A node that shows nothing is an outcome, no exception.
@@ -115,7 +115,7 @@ def command(
     for node_id in (0,) if everybody else tuple(marks):
         nmt.send(channel, wanted, node_id)
 
-    def look(node: Node) -> Outcome:
+    def look(node: Node) -> NodeReaction:
         return _look(node, wanted, found[node.node_id], marks[node.node_id], begin)
 
     return in_parallel(look, nodes)
@@ -140,7 +140,7 @@ def _read(node: Node, index: int) -> int:
         return 0
 
 
-def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begin: float) -> Outcome:
+def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begin: float) -> NodeReaction:
     reports, bootups = marks
     if wanted in _RESETS:
         way = replace(way, by=Confirmation.BOOT_UP)
@@ -148,7 +148,7 @@ def _look(node: Node, wanted: NmtCommand, way: Way, marks: tuple[int, int], begi
     else:
         ok = _reaches(node, RESULT[wanted], way, reports, begin)
     state = node.nmt.state if node.nmt.reports > reports or (ok and node.nmt.assumed) else None
-    return Outcome(node.node_id, ok, way, state, time.monotonic() - begin)
+    return NodeReaction(node.node_id, ok, way, state, time.monotonic() - begin)
 
 
 def _reaches(node: Node, state: NmtState, way: Way, reports: int, begin: float) -> bool:

@@ -15,7 +15,7 @@ THREADS = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome(Generic[T]):
+class Attempt(Generic[T]):
     """How the work on one node ended: its ``value``, or the ``error`` that kept it from one."""
 
     value: T | None = None
@@ -24,7 +24,7 @@ class Outcome(Generic[T]):
 
 def on_each(
     clients: Iterable[SdoClient], work: Callable[[SdoClient], T], threads: int = THREADS
-) -> dict[int, Outcome[T]]:
+) -> dict[int, Attempt[T]]:
     """Run ``work`` for every client, at most ``threads`` at once, and return the outcomes by node ID; blocks until all have ended.
 
     A node that fails stops no other one. An interruption (Ctrl-C) cancels all transfers.
@@ -36,11 +36,11 @@ def on_each(
     if not clients:
         return {}
 
-    def guarded(client: SdoClient) -> Outcome[T]:
+    def guarded(client: SdoClient) -> Attempt[T]:
         try:
-            return Outcome(value=work(client))
+            return Attempt(value=work(client))
         except BusError as error:
-            return Outcome(error=error)
+            return Attempt(error=error)
 
     with ThreadPoolExecutor(min(threads, len(clients)), thread_name_prefix="axisbus nodes") as pool:
         futures = {client.node_id: pool.submit(guarded, client) for client in clients}

@@ -22,27 +22,27 @@ def tell(report: Report, found: dict[str, Any], as_json: bool) -> None:
 
 
 def _show(report: Report, found: dict[str, Any]) -> None:
-    from axisbus.configuration.restore import Outcome
+    from axisbus.configuration.restore import ValueEnd
 
-    for each in report.of(Outcome.RESTORED):
+    for each in report.of(ValueEnd.RESTORED):
         say(f"restored  {_change(each)}")
-    for each in report.of(Outcome.UNVERIFIED, Outcome.DIFFERS):
+    for each in report.of(ValueEnd.UNVERIFIED, ValueEnd.DIFFERS):
         why = f" ({each.reason})" if each.reason else ""
         say(f"{each.outcome.value}: {config_files.place(each.item.variable)}{why}")
-    for each in report.of(Outcome.FAILED):
+    for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
     _show_skipped(report)
     silent = sum(not each.why.told for each in report.skipped)
-    counts = {outcome: len(report.of(outcome)) for outcome in Outcome}
+    counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
     say(
-        f"node {found['node']}: {counts[Outcome.RESTORED]} restored, {counts[Outcome.SAME]} had it already, "
-        f"{counts[Outcome.FAILED]} failed, {len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
+        f"node {found['node']}: {counts[ValueEnd.RESTORED]} restored, {counts[ValueEnd.SAME]} had it already, "
+        f"{counts[ValueEnd.FAILED]} failed, {len(report.skipped)} skipped ({silent} of them can only be read or are not in use)"
     )
     _show_memory(found, report)
 
 
 def _show_skipped(report: Report) -> None:
-    from axisbus.configuration.values import Why
+    from axisbus.configuration.dcf_values import Why
 
     orders = [
         f"{each.variable.index:04X}h:{each.variable.subindex:02X}"

@@ -19,8 +19,8 @@ from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.bus.node.node import Node, NodeIdentity
+    from axisbus.configuration.dcf_values import Item, Selection
     from axisbus.configuration.restore import Report, Restore
-    from axisbus.configuration.values import Item, Selection
     from axisbus.drives.make import Make
     from axisbus.eds.model import Eds, Identity
 
@@ -140,7 +140,7 @@ def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish
     Raises:
         ArgumentError: an object is not in it, or has no value that can be written.
     """
-    from axisbus.configuration.values import select
+    from axisbus.configuration.dcf_values import select
     from axisbus.drives import registry
 
     make = registry.find(who.vendor_id, who.product_code)
@@ -149,8 +149,8 @@ def _selection(eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish
 
 def _run(stack: ExitStack, device: Node, eds: Eds, wish: _Wish, as_json: bool) -> int:
     from axisbus.configuration import preconditions
+    from axisbus.configuration.dcf_values import require_within_limits
     from axisbus.configuration.restore import Restore
-    from axisbus.configuration.values import require_within_limits
 
     who = device.identity()
     preconditions.require_same_device(eds, who, device.node_id, replacement=wish.replacement)

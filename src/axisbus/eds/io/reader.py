@@ -15,7 +15,6 @@ reading meets by itself. Rules over a document as a whole belong in a package of
 
 from __future__ import annotations
 
-import difflib
 import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -23,6 +22,7 @@ from pathlib import Path
 
 from axisbus.eds.io import modules, sections, text
 from axisbus.eds.io.fileobjects import FileObjects, node_id
+from axisbus.eds.io.nearby import files_near
 from axisbus.eds.io.text import Document
 from axisbus.eds.model import Eds
 from axisbus.errors import EdsError
@@ -177,13 +177,7 @@ def _check_size(size: int, source: str) -> None:
 
 
 def _suggestion(folder: Path, name: str) -> str:
-    """Return a sentence with the EDS and DCF files of a folder whose names are nearest, empty if there are none."""
-    try:
-        there = sorted(entry.name for entry in folder.iterdir() if entry.suffix.lower() in SUFFIXES)
-    except OSError:
-        return f"there is no folder {folder}" if not folder.exists() else ""
-    near = difflib.get_close_matches(name, there, n=3, cutoff=0.4) or there[:5]
-    return f"in {folder} there is: {', '.join(near)}" if near else ""
+    return files_near(folder, name, lambda path: path.suffix.lower() in SUFFIXES)
 
 
 _KINDS = (
