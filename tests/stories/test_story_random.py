@@ -360,6 +360,42 @@ FOUND: Mapping[str, Script] = {
         scene="ranged",
         ending="busy-close",
     ),
+    "a coast that a stop takes over under torque, ahead of a limit": Script(
+        "coasting",
+        (
+            Event(1.5, "torque", "x", 0.64),
+            Event(0.4, "halt", "x"),
+            Event(0.0, "coast", "x"),
+            Event(0.0, "stop", "x"),
+        ),
+        scene="ranged",
+        ending="with",
+    ),
+    "another master enables a disabled drive that is slow to leave its ramp": Script(
+        "lagging-much",
+        (
+            Event(0.02, "outputs_lost", "x"),
+            Event(0.2, "halt", "x"),
+            Event(0.05, "group_disable", ""),
+            Event(0.2, "release", "x"),
+            Event(0.02, "follow_on", "x", 0.02),
+            Event(0.2, "other_takes_velocity", "x", -0.71),
+            Event(0.0, "other_enables", "x"),
+        ),
+        scene="usual",
+        ending="closed-twice",
+    ),
+    "a fault of a node that was silent when it told its code": Script(
+        "stiff",
+        (
+            Event(0.2, "fault", "x"),
+            Event(0.0, "dead", "x"),
+            Event(0.02, "move_additive", "x", 0.33),
+            Event(0.0, "alive", "x"),
+        ),
+        scene="on-change",
+        ending="close",
+    ),
 }
 
 

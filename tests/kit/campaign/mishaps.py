@@ -127,7 +127,10 @@ MISHAPS: Mapping[str, Mishap] = {
     "jam": Mishap(_dial(blocked=True), _STANDS, "free", moves=True),
     "sticks": Mishap(_dial(sticks=400.0), _STANDS, "sticks_no_more"),
     "encoder_frozen": Mishap(_dial(encoder_frozen=True), _STANDS, "encoder_live", moves=True, deaf=True),
-    "fault": Mishap(lambda site, name, _: site.cell.drive(name).fault(0x2310), ("2310", "state 'fault'")),
+    "fault": Mishap(  # what is told before the code is there is replaced by what is told then
+        lambda site, name, _: site.cell.drive(name).fault(0x2310),
+        ("2310", "state 'fault'", "code is being read"),
+    ),
     "drops_power": Mishap(lambda site, name, _: site.cell.drive(name).power.force(9), _BY_ITSELF),
     "dead": Mishap(_node_dial(dead=True), _UNSEEN, "alive", deaf=True),
     "pre_operational": Mishap(_nmt(NmtCommand.ENTER_PRE_OPERATIONAL), _UNSEEN, "start", deaf=True),

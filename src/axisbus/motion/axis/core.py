@@ -217,12 +217,18 @@ class AxisCore:
             supervision.at_work()
         if finding is None and self.powered and ladder is None:
             finding = supervision.power(image, self.state, self.running.activity, bounded=self.bounded)
-        elif finding is None and self.powered and ladder is not None:
+        elif finding is None and ladder is not None:  # which may have been begun after its power was to go
             finding = supervision.coasting(image, ladder.rung, bounded=self.bounded)
             if (
-                finding is None and halts_at_rest
+                finding is None and halts_at_rest and self.powered
             ):  # one that stood, and moves nevertheless, is not left to the halt's time
                 finding = supervision.unrest(image, None)
+        elif finding is None and self.touched and self.state is AxisState.DISABLED:
+            taken = supervision.energised(image, None if self.activity is None else self._doing)
+            if (
+                taken is not None
+            ):  # it is taken out of operation again as gently as any disable: by ``order.goal``
+                self._trip(taken)
         if finding is not None:
             self.fail(finding.error, finding.rung, along=finding.along)
         elif not self.touched and self.error is None:

@@ -44,6 +44,8 @@ _REMEDY_BY_CODE = {
 # What a drive says that has heard too little of us: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA 402-2, 603Fh).
 _OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
 
+_NO_CODE = "no error code could be read (603Fh)"
+_NOT_YET = "its error code is being read (603Fh)"
 _NO_OTHER = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN})
 
 
@@ -114,7 +116,7 @@ class FaultStory:
         code = values.pop((objects.ERROR_CODE, 0), None)
         if not code and recent:
             code = recent[-1].code
-        texts = [f"error code {emcy.describe(code)}" if code else "no error code could be read (603Fh)"]
+        texts = [f"error code {emcy.describe(code)}" if code else _NO_CODE if self.done else _NOT_YET]
         texts += self._parameters.explain_fault(code or 0, values)
         texts += [f"EMCY {emcy.describe(entry.code)}{_register(entry)}" for entry in recent[-2:]]
         texts.append(f"path: {history.path()}")

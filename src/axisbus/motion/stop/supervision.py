@@ -27,6 +27,7 @@ from axisbus.motion.stop.resting import Resting
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
 _POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
+_FLICKER = 0.25  # seconds for which a word of ours that was under way may keep a drive enabled
 _LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
 # After one of these a node may have lost its position: it has restarted, or somebody is about to configure it.
 _RESTARTED = frozenset({NmtState.INITIALISING, NmtState.PRE_OPERATIONAL})
@@ -55,6 +56,10 @@ class Supervision:
             oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
         )
         self._excused_until = -math.inf
+        self._energised_since = (
+            math.inf
+        )  # though the axis is disabled, again and again until ``_energised_at``
+        self._energised_at = -math.inf
         self.lost = False
 
     def node(self, image: Image) -> Finding | None:
@@ -124,6 +129,24 @@ class Supervision:
             return None
         danger = self.guard.danger(image, AxisState.CONTINUOUS_MOTION, bounded=bounded, course=course)
         return None if danger is None else self._endangered(danger, course)
+
+    def energised(self, image: Image, doing: str | None) -> DriveError | None:
+        """Return that the drive of a disabled axis has driven its motor for a while; ``doing``: what of ours works on it still."""
+        if doing is not None or image.now - self._energised_at > _FLICKER:
+            self._energised_since = math.inf
+        if doing is not None or image.state is not _ENABLED:
+            return None
+        self._energised_at = image.now
+        self._energised_since = min(self._energised_since, image.now)
+        if image.now - self._energised_since < _FLICKER:
+            return None
+        name = self._parameters.name
+        return DriveError(
+            f"{name}: its drive was enabled, and nobody asked this program for it",
+            axis=name,
+            observed=f"the axis is disabled, its drive was seen in state {image.state.value!r} again after {_FLICKER:g} s",
+            remedy="TREAT THE AXIS AS MOVING; look for another master or tool that commands it; the drive is being disabled again",
+        )
 
     @staticmethod
     def _is_held(image: Image, state: AxisState) -> bool:
