@@ -11,6 +11,7 @@ ended. Values come as whole images of a cycle, so that they are consistent with 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 from axisbus.cia402.port import Capabilities, Waiter
@@ -20,6 +21,7 @@ from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Status
+from axisbus.wording import counted
 
 Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
@@ -41,14 +43,28 @@ class AxisFacts(NamedTuple):
     capabilities: Capabilities
 
 
-class Lateness(Protocol):
-    """How late the cycles were so far, in seconds, and how many were done and skipped."""
+@dataclass(frozen=True, slots=True)
+class LatenessReport:
+    """How late the cycles were so far: times in seconds after their point of the grid; a look, which does not go on counting.
 
-    cycles: int
-    skipped: int
-    last: float
-    worst: float
-    total: float
+    ``p50`` and ``p99`` are rounded up by at most an eighth; ``causes``: skipped cycles, by what kept them from being done.
+    """
+
+    cycles: int = 0
+    skipped: int = 0
+    mean: float = 0.0
+    p50: float = 0.0
+    p99: float = 0.0
+    worst: float = 0.0
+    causes: Mapping[str, int] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        if not self.cycles:
+            return "no cycle yet"
+        late = f"half of them at most {self.p50 * 1e6:.0f} µs late, 99 % {self.p99 * 1e6:.0f}, the worst {self.worst * 1e6:.0f}"
+        causes = ", ".join(f"{count} because of {cause}" for cause, count in self.causes.items())
+        skipped = f"; {self.skipped} skipped ({causes})" if self.skipped else ""
+        return f"{counted(self.cycles, 'cycle')}, {late}{skipped}"
 
 
 class Session(Protocol):
@@ -83,8 +99,8 @@ class Session(Protocol):
         """Why no command is taken any more; None while they are."""
 
     @property
-    def lateness(self) -> Lateness:
-        """How late the cycles were."""
+    def lateness(self) -> LatenessReport:
+        """How late the cycles were so far, how many were skipped, and why."""
 
     @property
     def waiter(self) -> Waiter:

@@ -1,4 +1,4 @@
-"""The pure parts of the bus at their edges: ages, deadlines, requests, classes of lateness, feeds, images of RPDOs."""
+"""The pure parts of the bus at their edges: ages, deadlines, requests, feeds, images of RPDOs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.bus.lateness import EDGES, Lateness
 from axisbus.bus.node.emcy import FEED, EmcyFeed
 from axisbus.bus.pdo import freshness, sdo_output
 from axisbus.bus.pdo.choose import slots
@@ -170,7 +169,7 @@ def test_being_late_by_more_than_two_periods_is_an_excuse():
     assert told([0.0, 1.0, 1.25, 1.5]) == [1.5]
 
 
-# Remote frames, lateness, feeds.
+# Remote frames, feeds.
 
 
 def test_a_tpdo_on_request_is_asked_for_in_its_period_without_catching_up():
@@ -186,22 +185,6 @@ def test_a_tpdo_on_request_is_asked_for_in_its_period_without_catching_up():
     drifting = Requests(slots_)
     # one that was late does not move the others
     assert [now for now in (0.0, 0.625, 0.875, 1.0, 1.5) if drifting.due(now)] == [0.0, 0.625, 1.0, 1.5]
-
-
-def test_lateness_is_counted_by_its_classes_with_their_upper_edges():
-    late = Lateness()
-    assert (late.report().cycles, late.report().mean, str(late.report())) == (0, 0.0, "no cycle yet")
-    for seconds in (*EDGES, 1.0, 0.0, 0.00011):
-        late.note(seconds)
-    report = late.report()
-    assert report.classes == (2, 2, 1, 1, 1, 1, 1, 1, 1)
-    assert (report.cycles, report.worst) == (11, 1.0)
-    assert report.mean == pytest.approx((sum(EDGES) + 1.00011) / 11)
-    half = Lateness()
-    half.note(0.00025)
-    half.note(0.00075)
-    assert str(half.report()) == "2 cycles, late by 500 µs on average, 750 µs at worst"
-    assert EDGES == (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.05)
 
 
 def test_a_feed_that_nobody_reads_keeps_the_newest_64_and_counts_the_others():

@@ -9,7 +9,8 @@ from itertools import pairwise
 import pytest
 
 from axisbus.cia402.port import Inputs, Outputs, Sample, SdoReply, SdoRequest
-from axisbus.core.scan import Lateness, Scan
+from axisbus.core.lateness import Lateness
+from axisbus.core.scan import Scan
 from axisbus.errors import AdapterError, AxisbusError, ScanError
 from axisbus.machine.handle import NOBODY, Handle
 from axisbus.motion import commands as c

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from axisbus.cia402.state import State
-from axisbus.core.scan import Lateness, Scan
+from axisbus.core.lateness import Lateness
+from axisbus.core.scan import Scan
 from axisbus.core.waiting import PumpWaiter
 from axisbus.errors import DriveError, LimitError, StateError
 from axisbus.machine import handle as handles

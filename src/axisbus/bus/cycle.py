@@ -23,7 +23,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
-from axisbus.bus.lateness import Lateness, LatenessReport
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
 from axisbus.bus.pdo.rpdo import Frame
@@ -39,7 +38,7 @@ _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
 class CanCycle:
-    """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, the lateness so far, and whether all was stopped.
+    """One bus (``cia402.port.Cycle``); holds state: when our heartbeat is due, and whether all was stopped.
 
     ``quick_stop_all`` may be called from any thread, the rest belongs to the scan's.
     """
@@ -60,6 +59,7 @@ class CanCycle:
         owns_channel: bool = False,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
+        spin: float = 0.0,
     ) -> None:
         """Drive ``ports`` on ``channel``.
 
@@ -75,6 +75,7 @@ class CanCycle:
             owns_channel: whether ``close`` closes the channel too.
             clock: the time in seconds, which must be the clock of the channel's stamps.
             sleep: how to wait for a number of seconds.
+            spin: seconds before a cycle is due, for which its clock is only looked at: a sleep may end late, a look does not.
         """
         self._channel = channel
         self._ports = tuple(ports)
@@ -92,7 +93,7 @@ class CanCycle:
         self._owns_channel = owns_channel
         self._clock = clock
         self._sleep = sleep
-        self._lateness = Lateness()
+        self._spin = spin
         self._stopped = False
 
     def add(
@@ -111,7 +112,7 @@ class CanCycle:
         return self._clock()
 
     def wait_until(self, t: float) -> float | None:
-        """Return when ``now() >= t``, as soon after it as the system lets us; counts the lateness. Blocks by sleeping.
+        """Return when ``now() >= t``, as soon after it as the system lets us. Blocks by sleeping, and spins at the end.
 
         Where another device sends SYNC, return when its next SYNC has come, whatever ``t`` is, with the time at which it came.
 
@@ -120,14 +121,13 @@ class CanCycle:
             BusError: the channel has failed: that is told before anything that follows from it.
         """
         if self._sync_consumer is not None:
-            stamp = self._sync_consumer.wait()
-            self._lateness.note(self._clock() - stamp)
-            return stamp
+            return self._sync_consumer.wait()
         left = t - self._clock()
-        while left > 0:
-            self._sleep(left)
+        while left > self._spin:
+            self._sleep(left - self._spin)
             left = t - self._clock()
-        self._lateness.note(-left)
+        while left > 0:
+            left = t - self._clock()
         with suppress(BusOff):  # the ports tell the axes
             self._channel.check()
         return None
@@ -223,10 +223,6 @@ class CanCycle:
         else:
             thread.join(QUICK_STOP_PATIENCE)
         return complete and taken == [len(frames)]
-
-    def lateness(self) -> LatenessReport:
-        """Return how late the cycles were so far."""
-        return self._lateness.report()
 
     def close(self) -> None:
         """Have the ports stop listening, and close the channel if it is ours; harmless when repeated."""

@@ -55,7 +55,7 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
         _job(machine, tally)
-        lateness = machine.session.lateness
+        lateness = machine.lateness
     tally.say("every axis was halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
     tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")

@@ -29,6 +29,7 @@ from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.node_stop import NodeStop
 from axisbus.core.stand_in import StandIn, devices
+from axisbus.core.tuning import SPIN
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
 from axisbus.link import Parting, Stopped
@@ -113,6 +114,7 @@ class CanLink:
                 node_id: one.guarding for node_id, one in self._comms.items() if one.guarding is not None
             },
             events=list(events.values()),
+            spin=SPIN,
         )
         self._stack.callback(self._cycle.close)
         self._parts = {node_id: self._make_parts(node_id, events.get(node_id)) for node_id in self._nodes}

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cia402.port import Waiter
-from axisbus.core.scan import Lateness, Scan
+from axisbus.core.scan import Scan
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Ticket
-from axisbus.session import AxisFacts, CommandEvent, Observer, Target
+from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, Target
 
 
 class InProcess:
@@ -58,9 +58,9 @@ class InProcess:
         return self._scan.leaving_because
 
     @property
-    def lateness(self) -> Lateness:
+    def lateness(self) -> LatenessReport:
         """As ``Session.lateness``."""
-        return self._scan.lateness
+        return self._scan.lateness.report()
 
     @property
     def waiter(self) -> Waiter:

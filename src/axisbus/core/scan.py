@@ -28,6 +28,8 @@ from axisbus.cia402.starvation import Starvation
 from axisbus.core.ending import ended, refused_while_leaving, too_many
 from axisbus.core.inbox import Inbox, Waiting
 from axisbus.core.inherited import inherited
+from axisbus.core.lateness import Lateness, cause_of
+from axisbus.core.tuning import COLLECTOR
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
@@ -49,27 +51,6 @@ class Wakes(Protocol):
 
     def notify(self) -> None:
         """Wake everybody who waits."""
-
-
-class Lateness:
-    """How late the cycles were, in seconds; a handful of numbers, no history."""
-
-    __slots__ = ("cycles", "last", "skipped", "total", "worst")
-
-    def __init__(self) -> None:
-        self.cycles = 0
-        self.skipped = 0
-        self.last = 0.0
-        self.worst = 0.0
-        self.total = 0.0
-
-    def note(self, late: float) -> None:
-        """Count one cycle."""
-        self.cycles += 1
-        self.last = late
-        self.total += late
-        if late > self.worst:
-            self.worst = late
 
 
 class Scan:
@@ -105,6 +86,10 @@ class Scan:
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
+        self._collected = 0.0  # seconds that the collector had run when the cycle before began
+        self._done_at = (
+            self._sending
+        ) = -math.inf  # of the cycle before: when it ended, and for how long it sent
         self._stop_requests: deque[tuple[str, bool]] = deque()
         self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
@@ -235,15 +220,18 @@ class Scan:
             port.write(core.step(port.read(now)))
             self.snapshots[name] = core.snapshot()
         self._leaving.step(now)
+        began = cycle.now()
         cycle.commit()
         if self.ended:  # the supervisor has taken over while a frame was stuck: nothing may follow it
             return
         cycle.sync()
         cycle.heartbeat()
+        self._sending = cycle.now() - began
         self._apply_policy()
         self._wake()
         for observer in self.observers:
             observer(now, self.snapshots)
+        self._done_at = cycle.now()
 
     def fail(self, error: BaseException) -> None:
         """End because of ``error``, which was found outside of a cycle."""
@@ -285,17 +273,25 @@ class Scan:
             self._next = cycle.now()
         due = cycle.wait_until(self._next)
         if due is not None:  # another device's SYNC is the grid, so its clock is the one that counts
-            self.lateness.skipped += max(0, int((due - self._next) / self.period + 0.5))
+            self._skip(max(0, int((due - self._next) / self.period + 0.5)), due)
             self._next = due
         now = cycle.now()
         late = now - self._next
         self.lateness.note(late)
         missed = int(late / self.period + 0.5)
-        self.lateness.skipped += missed
+        self._skip(missed, now)
         if missed:
             self.starvation.note(now, late)
+        self._collected = COLLECTOR.seconds
         self._next += (1 + missed) * self.period
         return now
+
+    def _skip(self, cycles: int, now: float) -> None:
+        if cycles:
+            assert self._next is not None
+            collecting = COLLECTOR.seconds - self._collected
+            cause = cause_of(now - self._next, self._done_at - self._next, self._sending, collecting)
+            self.lateness.skip(cycles, cause)
 
     def _take_axes(self) -> None:
         while self._joining:

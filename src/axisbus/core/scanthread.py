@@ -6,7 +6,7 @@ import threading
 
 from axisbus.core.scan import Scan
 from axisbus.core.supervisor import Supervisor
-from axisbus.core.tuning import TUNING
+from axisbus.core.tuning import TUNING, wake_in_time
 from axisbus.core.waiting import ThreadWaiter
 
 _HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
@@ -20,7 +20,7 @@ class ScanThread:
         """``sync_timeout``: seconds that the scan may wait for another device's SYNC."""
         self._scan = scan
         self._waiter = waiter
-        self._thread = threading.Thread(target=scan.run, name="axisbus scan", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="axisbus scan", daemon=True)
         patience = max(_HUNG, 20 * scan.period, _HUNG + (sync_timeout or 0.0))
         self._supervisor = Supervisor(scan, self._thread, patience)
 
@@ -31,6 +31,10 @@ class ScanThread:
         self._thread.start()
         self._waiter.scan_thread = self._thread.ident
         self._supervisor.start()
+
+    def _run(self) -> None:
+        wake_in_time()
+        self._scan.run()
 
     def is_alive(self) -> bool:
         """Whether the scan's thread runs."""

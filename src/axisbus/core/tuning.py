@@ -1,16 +1,55 @@
-"""What of Python itself is set while machines run in real time: once for all of them, and set back by the last."""
+"""What of Python itself is set, and watched, while machines run in real time: once for all of them, and set back by the last."""
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import sys
 import threading
+import time
+from contextlib import suppress
 
 from axisbus.bus.link.inherited import disown_in_children
 
 _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
+SPIN = 0.0001  # seconds before a cycle is due, for which the scan only looks at the clock: what a sleep may end late
+_PR_SET_TIMERSLACK = 29  # linux/prctl.h
+
+
+def wake_in_time() -> None:
+    """Have the calling thread's sleeps end when they are due, and not up to 50 µs later for the sake of energy (Linux)."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # another C library: it wakes a little later
+            ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+
+
+class Collector:
+    """How long Python's collector has held the interpreter, in seconds, while it was watched."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._began = 0.0
+
+    def watch(self) -> None:
+        """Begin to watch."""
+        gc.callbacks.append(self._look)
+
+    def forget(self) -> None:
+        """Watch no more."""
+        if self._look in gc.callbacks:
+            gc.callbacks.remove(self._look)
+
+    def _look(self, phase: str, _: dict[str, int]) -> None:
+        now = time.monotonic()
+        if phase == "start":
+            self._began = now
+        else:
+            self.seconds += now - self._began
+
+
+COLLECTOR = Collector()
 
 
 class Tuning:
@@ -27,6 +66,7 @@ class Tuning:
             if not self._count:
                 self._before = sys.getswitchinterval()
                 sys.setswitchinterval(_SWITCH_INTERVAL)
+                COLLECTOR.watch()
             self._count += 1
             gc.freeze()  # a full collection over the dictionaries takes several periods
 
@@ -47,6 +87,7 @@ class Tuning:
     def _set_back(self) -> None:
         if abs(sys.getswitchinterval() - _SWITCH_INTERVAL) < _SWITCH_INTERVAL / 100:
             sys.setswitchinterval(self._before)
+        COLLECTOR.forget()
         gc.unfreeze()
 
 

@@ -34,7 +34,7 @@ from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
 from axisbus.machine.node_access import NodeAccess
 from axisbus.machine.roster import Roster
-from axisbus.session import Session
+from axisbus.session import LatenessReport, Session
 from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
@@ -204,6 +204,11 @@ class Machine:
         if scan.leaving_because is not None:
             found.append(Leaving(scan.leaving_since, scan.leaving_because))
         return sorted(found, key=lambda event: event.stamp)
+
+    @property
+    def lateness(self) -> LatenessReport:
+        """How late the cycles were so far (50 and 99 of 100, the worst), how many were skipped, and why; in seconds."""
+        return self.session.lateness
 
     @property
     def bus_events(self) -> list[ControllerEvent]:

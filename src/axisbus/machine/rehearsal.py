@@ -18,7 +18,6 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
 from axisbus.core.runtime import load_dictionaries
-from axisbus.core.scan import Lateness
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
@@ -30,7 +29,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
-from axisbus.session import AxisFacts, CommandEvent, Observer, Target
+from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, Target
 
 _AT_REST = Snapshot(
     0.0, AxisState.STANDSTILL, State.OPERATION_ENABLED, None, None, 0, 0.0, None, None, None, None, 0, False, True, None
@@ -84,7 +83,7 @@ class _Stage:
         self._parameters = parameters
         self.snapshots = dict.fromkeys(parameters, _AT_REST)
         self.axes = {name: AxisFacts(known, _UNKNOWN) for name, known in parameters.items()}
-        self.lateness = Lateness()
+        self.lateness = LatenessReport()
         self._hear: Callable[[CommandEvent], None] | None = None
         self._places: dict[str, _Place] = dict.fromkeys(parameters, _ANYWHERE)
 
