@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-from collections import deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
+from axisbus.record.packed import AxisSample, PackedRows
 from axisbus.session import Session
 
 COLUMNS = ("position", "velocity", "torque", "target", "state")
@@ -25,10 +25,10 @@ class Open(Protocol):
 
 
 class Recorder:
-    """Keeps the snapshots of each cycle in memory while it is attached to a machine; holds at most ``LIMIT`` cycles.
+    """Keeps each cycle of the axes in memory while it is attached to a machine; of more than ``LIMIT`` cycles the oldest go.
 
-    In the cycle it only keeps references; conversion to units happens when rows are read. Use it as a context manager:
-    ``with Recorder(cell) as recorder:``.
+    In the cycle values are only packed; conversion to units happens when rows are read. Axes of nodes that come later are not
+    recorded. Use it as a context manager: ``with Recorder(cell) as recorder:``.
     """
 
     def __init__(self, machine: Open, every: int = 1) -> None:
@@ -39,7 +39,7 @@ class Recorder:
         }
         self._every = every
         self._count = 0
-        self._cycles: deque[tuple[float, tuple[Snapshot, ...]]] = deque(maxlen=LIMIT)
+        self._cycles = PackedRows(len(self._parameters), LIMIT)
 
     def __enter__(self) -> Recorder:
         self._session.observe(self._observe)
@@ -53,7 +53,7 @@ class Recorder:
 
     def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         if self._count % self._every == 0:
-            self._cycles.append((now, tuple(snapshots.values())))
+            self._cycles.append(now, [snapshots[name] for name in self._parameters])
         self._count += 1
 
     @property
@@ -71,11 +71,12 @@ class Recorder:
 
     def rows(self) -> Iterator[list[float | str | None]]:
         """Yield one row per recorded cycle: seconds since the first, then values in units (N·m for torque); None is unknown."""
-        cycles = list(self._cycles)
-        for now, snapshots in cycles:
-            row: list[float | str | None] = [round(now - cycles[0][0], 6)]
-            for parameters, snapshot in zip(self._parameters.values(), snapshots, strict=True):
-                row += _values(parameters, snapshot)
+        begin: float | None = None
+        for now, samples in self._cycles:
+            begin = now if begin is None else begin
+            row: list[float | str | None] = [round(now - begin, 6)]
+            for parameters, sample in zip(self._parameters.values(), samples, strict=True):
+                row += _values(parameters, sample)
             yield row
 
     def write_csv(self, path: Path | str) -> Path:
@@ -89,15 +90,13 @@ class Recorder:
         return path
 
 
-def _values(parameters: AxisParameters, snapshot: Snapshot) -> list[float | str | None]:
+def _values(parameters: AxisParameters, sample: AxisSample) -> list[float | str | None]:
     units = parameters.units
     position, velocity = units.position, units.velocity
     return [
-        None
-        if snapshot.position is None
-        else round(position.to_units(snapshot.position - snapshot.origin), 6),
-        None if snapshot.velocity is None else round(velocity.to_units(snapshot.velocity), 6),
-        None if snapshot.torque is None else round(units.torque(snapshot.torque), 6),
-        None if snapshot.target is None else round(position.to_units(snapshot.target - snapshot.origin), 6),
-        snapshot.state.value,
+        None if sample.position is None else round(position.to_units(sample.position - sample.origin), 6),
+        None if sample.velocity is None else round(velocity.to_units(sample.velocity), 6),
+        None if sample.torque is None else round(units.torque(sample.torque), 6),
+        None if sample.target is None else round(position.to_units(sample.target - sample.origin), 6),
+        sample.state.value,
     ]
