@@ -12,8 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import NamedTuple, Protocol
 
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.node.events import NodeEvent
+from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
 from axisbus.motion.commands import Command
@@ -67,8 +71,8 @@ class LatenessReport:
         return f"{counted(self.cycles, 'cycle')}, {late}{skipped}"
 
 
-class Session(Protocol):
-    """A program's way to the core. Each property may be read, and each method called, in any thread."""
+class AxisSession(Protocol):
+    """A program's way to the axes of a core. Each property may be read, and each method called, in any thread."""
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
@@ -129,3 +133,27 @@ class Session(Protocol):
 
     def forget(self, observer: Observer) -> None:
         """Let ``observer`` have no more."""
+
+
+class Session(AxisSession, Protocol):
+    """A program's way to the core: its axes, and what it has to tell of the nodes and the bus; also after it has ended."""
+
+    @property
+    def left(self) -> tuple[float, str] | None:
+        """Since when (seconds, monotonic) and why no command is taken any more; None while they are."""
+
+    @property
+    def node_events(self) -> list[NodeEvent]:
+        """What error control has told of all nodes since the scan began."""
+
+    @property
+    def bus_events(self) -> list[ControllerEvent]:
+        """What the CAN controller has told, oldest first; empty without a bus."""
+
+    @property
+    def drops(self) -> tuple[Drop, ...]:
+        """Frames that were dropped, counted by reason and node; empty without a bus."""
+
+    @property
+    def bus_time(self) -> datetime | None:
+        """The time of day by another device's TIME messages, in UTC; None where none was heard."""

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
 
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.node.events import NodeEvent
+from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Waiter
+from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
@@ -16,9 +22,10 @@ from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, T
 class InProcess:
     """A ``Session`` with the scan of this process; holds who listens to the ends of commands."""
 
-    def __init__(self, scan: Scan, waiter: Waiter) -> None:
-        """``waiter``: how this process waits for ``scan``."""
+    def __init__(self, scan: Scan, waiter: Waiter, runtime: Runtime) -> None:
+        """``waiter``: how this process waits for ``scan``; ``runtime``: what it runs on."""
         self._scan = scan
+        self._runtime = runtime
         self._waiter = waiter
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
 
@@ -56,6 +63,33 @@ class InProcess:
     def leaving_because(self) -> str | None:
         """As ``Session.leaving_because``."""
         return self._scan.leaving_because
+
+    @property
+    def left(self) -> tuple[float, str] | None:
+        """As ``Session.left``."""
+        reason = self._scan.leaving_because
+        return None if reason is None else (self._scan.leaving_since, reason)
+
+    @property
+    def node_events(self) -> list[NodeEvent]:
+        """As ``Session.node_events``."""
+        logs = [parts.events for parts in self._runtime.nodes.values() if parts.events is not None]
+        return [event for log in logs for event in log.events]
+
+    @property
+    def bus_events(self) -> list[ControllerEvent]:
+        """As ``Session.bus_events``."""
+        return list(self._runtime.link.incidents())
+
+    @property
+    def drops(self) -> tuple[Drop, ...]:
+        """As ``Session.drops``."""
+        return tuple(self._runtime.link.drops())
+
+    @property
+    def bus_time(self) -> datetime | None:
+        """As ``Session.bus_time``."""
+        return self._runtime.link.bus_time(time.monotonic())
 
     @property
     def lateness(self) -> LatenessReport:

@@ -68,7 +68,7 @@ class Core:
         self._threads = ThreadWaiter()
         self._waiter: Waiter = self._threads if self._pump is None else self._pump
         self._thread: ScanThread | None = None
-        self.session = InProcess(self.scan, self._waiter)
+        self.session = InProcess(self.scan, self._waiter, runtime)
         for node_id in runtime.nodes:
             self._watch_node(node_id)
 

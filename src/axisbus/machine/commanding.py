@@ -10,7 +10,7 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.ticket import ENDED
-from axisbus.session import CommandEvent, Session, Target
+from axisbus.session import AxisSession, CommandEvent, Target
 
 
 class Commanding:
@@ -20,7 +20,7 @@ class Commanding:
     user may have dropped), until the next command is given.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: AxisSession) -> None:
         self.session = session
         self._lock = threading.RLock()  # what collects garbage in here may log, and who logs may stop an axis
         self._numbers = itertools.count(1)

@@ -32,7 +32,7 @@ from typing import Any
 
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.machine.wakeup import Wakeup
-from axisbus.session import Session
+from axisbus.session import AxisSession
 
 _SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 
@@ -58,7 +58,7 @@ class ExitSignals:
         self._keeps: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
         self._lock = threading.Lock()  # never taken by a handler
         self._sessions: dict[
-            Session, int
+            AxisSession, int
         ] = {}  # with the number of signals that had come before it was there
         self._before: dict[signal.Signals, Any] = {}
         self._wakeup: Wakeup | None = None
@@ -70,7 +70,7 @@ class ExitSignals:
         """Raise nothing while one of these functions runs in the main thread: by them a machine is left."""
         self._keeps |= {function.__code__ for function in leaving}
 
-    def join(self, session: Session, *, listen: bool) -> None:
+    def join(self, session: AxisSession, *, listen: bool) -> None:
         """Let signals stop ``session``; they are taken over where this is the main thread.
 
         ``listen``: hear them in a thread too; in virtual time nothing would go on meanwhile.
@@ -85,7 +85,7 @@ class ExitSignals:
             self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
             self._wakeup.start()
 
-    def part(self, session: Session) -> None:
+    def part(self, session: AxisSession) -> None:
         """Let signals no longer stop ``session``; harmless when repeated. Without any left, the signals are given back."""
         with self._lock:
             self._sessions = {other: came for other, came in self._sessions.items() if other is not session}

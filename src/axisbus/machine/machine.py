@@ -8,7 +8,6 @@ import gc
 import itertools
 import logging
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
@@ -194,15 +193,11 @@ class Machine:
     @property
     def events(self) -> list[NodeEvent | Leaving]:
         """What error control has told of all nodes since the scan began, and why the machine was left; in the order of time."""
+        left = self.session.left
         found: list[NodeEvent | Leaving] = [
-            event
-            for parts in self._runtime.nodes.values()
-            if parts.events is not None
-            for event in parts.events.events
+            *self.session.node_events,
+            *([] if left is None else [Leaving(*left)]),
         ]
-        scan = self._core.scan
-        if scan.leaving_because is not None:
-            found.append(Leaving(scan.leaving_since, scan.leaving_because))
         return sorted(found, key=lambda event: event.stamp)
 
     @property
@@ -217,7 +212,7 @@ class Machine:
         While it is bus-off nothing is sent; every axis is in ErrorStop, and stays there after the restart until it is reset.
         Empty without a bus, and with adapters that tell nothing.
         """
-        return list(self._runtime.link.incidents())
+        return self.session.bus_events
 
     @property
     def dropped(self) -> tuple[Drop, ...]:
@@ -226,14 +221,13 @@ class Machine:
         Such are PDOs too short for their mapping, answers that nothing was waiting for, malformed messages. What a node sends that
         the cell does not take, such as PDOs that are not configured, is among them. Empty without a bus.
         """
-        return tuple(
-            drop for drop in self._runtime.link.drops() if drop.node is None or drop.node in self.cell.nodes
-        )
+        drops = self.session.drops
+        return tuple(drop for drop in drops if drop.node is None or drop.node in self.cell.nodes)
 
     @property
     def bus_time(self) -> datetime | None:
         """The time of day by another device's TIME messages (CiA 301 7.2.6), in UTC; None where none was heard."""
-        return self._runtime.link.bus_time(time.monotonic())
+        return self.session.bus_time
 
     def sleep(self, seconds: float) -> None:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""

@@ -72,7 +72,7 @@ class Rehearsal:
 
 
 class _Stage:
-    """A ``Session`` without a core: it takes commands and only judges them."""
+    """An ``AxisSession`` without a core: it takes commands and only judges them."""
 
     dead = silent = leaving_because = None
     ended = failed = False

@@ -10,7 +10,7 @@ from typing import Protocol
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.packed import AxisSample, PackedRows
-from axisbus.session import Session
+from axisbus.session import AxisSession
 
 COLUMNS = ("position", "velocity", "torque", "target", "state")
 LIMIT = 2_000_000  # cycles; the oldest go first
@@ -20,7 +20,7 @@ class Open(Protocol):
     """What has a way to a core: a ``Machine``."""
 
     @property
-    def session(self) -> Session:
+    def session(self) -> AxisSession:
         """The way to the core that moves all axes."""
 
 

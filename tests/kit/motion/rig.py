@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 from axisbus import eds
 from axisbus.cia402.modes import FACTS, ModeOfOperation
@@ -150,7 +151,7 @@ def rig(
     scan = Scan(cycle, ports, cores, PERIOD, groups)
     waiter = PumpWaiter(scan)
     scan.waiter_pump = waiter
-    commanding = Commanding(session := InProcess(scan, waiter))
+    commanding = Commanding(session := InProcess(scan, waiter, SimpleNamespace(nodes={}, link=None)))
     axes = {name: Axis(core.parameters, commanding) for name, core in cores.items()}
     fronts = {
         name: Group(name, {axis: axes[axis] for axis in members}, commanding)
