@@ -396,6 +396,26 @@ FOUND: Mapping[str, Script] = {
         scene="on-change",
         ending="close",
     ),
+    "an encoder that lives again while a send blocks": Script(
+        "stiff",
+        (
+            Event(0.0, "encoder_frozen", "x"),
+            Event(0.01, "follow_on", "x", 0.2),
+            Event(1.5, "stalls", "x", 0.19),
+            Event(0.0, "encoder_live", "x"),
+        ),
+        scene="two-axes",
+        ending="with",
+    ),
+    "a position beyond the limits that an axis is said to have": Script(
+        "stiff",
+        (
+            Event(0.01, "group_disable", ""),
+            Event(0.0, "set_position", "y", -0.92),
+        ),
+        scene="example",
+        ending="close",
+    ),
 }
 
 

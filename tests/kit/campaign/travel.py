@@ -26,6 +26,7 @@ class Travel:
         self._facts = facts
         self._seen = {name: facts.cell.moment(name) for name in facts.names}
         self._outside: dict[str, bool] = {}
+        self._origin: dict[str, float] = {}
         self._astray: dict[
             str, float
         ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
@@ -79,6 +80,9 @@ class Travel:
         if limits is None or not core.bounded or facts.stage(name) in OFF:
             self._outside.pop(name, None)
             return
+        if self._origin.get(name) != facts.origin(name):  # another name for where it stands is no motion
+            self._origin[name] = facts.origin(name)
+            self._outside.pop(name, None)
         units = core.parameters.units.position
         place = units.to_units(facts.place(name) - facts.origin(name))
         beyond = max(limits[0] - place, place - limits[1])

@@ -67,12 +67,12 @@ class Truth:
             return
         if facts.drive[name].dials.feedback_delay > 0.0:
             self._late_until[name] = facts.now + 0.3
-        lies = any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3))
+        blocked = facts.now - facts.core[name].image.now  # what was true when its cycle began
+        lies = any(trouble.what in _LIES for trouble in facts.troubled(name, 0.3 + blocked))
         if lies or self._late_until.get(name, 0.0) > facts.now:
             return
         blind = any(trouble.what in _BLIND for trouble in facts.troubled(name, _REMEMBERED))
         age = _USUAL_AGE if blind or _polled(facts, name) else 0.1 + 5 * facts.scene.period
-        blocked = facts.now - facts.core[name].image.now  # what was true when its cycle began
         positions = facts.cell.positions(name, facts.cell.moment(name) - blocked - age)
         low, high = min(positions) - _NEAR, max(positions) + _NEAR
         told = f"shown at {here:g} deg (of its plant), which was between {low:g} and {high:g} for {age:g} s"
