@@ -118,8 +118,12 @@ def outcomes(folder: Path, file: Path) -> dict[str, AxisbusError | None] | None:
             machine = Machine.simulated(written(folder, file, homing=SPEEDS if SPEEDS in homing else ""))
         except AxisbusError:
             return None
-        machine["x"].enable().wait(10)
-        found[name] = tried(machine, command)
+        try:
+            machine["x"].enable().wait(10)
+            found[name] = tried(machine, command)
+        finally:
+            with suppress(AxisbusError, ExceptionGroup):  # what came of the command is told already
+                machine.close()
     return found
 
 
