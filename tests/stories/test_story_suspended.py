@@ -94,7 +94,7 @@ def master(
             with Program("master", *arguments, stdin=subprocess.PIPE, pass_fds=(there.fileno(),)) as program:
                 there.close()
                 program.hear("moving")
-                until(lambda: line.speed() > 0.9 * SPEED)
+                until(lambda: line.speed() > 0.9 * SPEED, 20.0)
                 yield Master(line, program, folder)
         finally:
             bridge.close()
