@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -75,11 +75,11 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-@pytest.hookimpl(hookwrapper=True, tryfirst=True)
-def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
     """Fail a test in which a scan waited for a disk, and the last one of a file that leaves a machine open for the next."""
     found = undisturbed.taken()
-    yield
+    result = yield
     assert not found, f"a running scan opens nothing: {found}"
     way_out = sys.modules.get("axisbus.machine.exit")
     if way_out is not None and (nextitem is None or nextitem.path != item.path):
@@ -87,3 +87,4 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
         for session in left:
             way_out.EXIT.part(session)
         assert not left, f"{len(left)} machines were left open by tests of this file"
+    return result

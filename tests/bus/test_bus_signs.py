@@ -19,6 +19,8 @@ from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cia301.drops import Drops
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.core.lateness import Lateness
+from axisbus.core.scan import Scan
 from axisbus.errors import BusOff, SdoTimeout, SyncError
 from kit.bus.clock import SleepingClock as Clock
 
@@ -328,6 +330,14 @@ def test_sync_counts_from_1_to_its_overflow(counter, data):
     assert silent._sync_frame(True) == ()
 
 
+def lateness_of(cycle: CanCycle, due: float) -> Lateness:
+    """Do one cycle of a scan that is due then; return what it has counted."""
+    scan = Scan(cycle, {}, {}, 0.01)
+    scan._next = due
+    scan.once()
+    return scan.lateness
+
+
 def test_a_bus_off_ends_no_cycle():
     wire = Wire()
     cycle = CanCycle(
@@ -339,7 +349,7 @@ def test_a_bus_off_ends_no_cycle():
     cycle.commit()
     wire.now = 5.0
     assert cycle.wait_until(1.0) is None
-    assert cycle.now() == 5.0
+    assert lateness_of(cycle, due=1.0).worst == 4.0
 
 
 class Port:
@@ -674,4 +684,5 @@ def test_where_another_device_sends_sync_the_cycle_begins_with_it():
     cycle = CanCycle(wire, [], sync_consumer=SimpleNamespace(wait=lambda: 7.5), clock=wire.clock)
     wire.now = 7.75
     assert cycle.wait_until(100.0) == 7.5
-    assert cycle.now() == 7.75
+    counted = lateness_of(cycle, due=100.0)
+    assert (counted.cycles, counted.worst) == (1, 0.25)

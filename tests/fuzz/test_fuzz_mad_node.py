@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import random
-import sys
 import threading
 import time
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -85,18 +83,6 @@ def about_y(errors: list[BaseException]) -> bool:
     )
 
 
-def nothing_is_left(limit: float) -> None:
-    """Wait until no thread of ours runs any more; else tell where those are that do."""
-    deadline = time.monotonic() + limit
-    while left := [thread for thread in threading.enumerate() if thread.name.startswith("axisbus")]:
-        frames = sys._current_frames()
-        where = {thread.name: traceback.format_stack(frames.get(thread.ident))[-4:] for thread in left}
-        assert time.monotonic() < deadline, "\n".join(
-            f"{name}:\n{''.join(stack)}" for name, stack in where.items()
-        )
-        time.sleep(0.05)
-
-
 SOME = settings(
     max_examples=2,
     phases=(Phase.explicit, Phase.generate),
@@ -143,12 +129,10 @@ def test_at_boot_there_is_a_machine_or_one_clear_error_and_nothing_is_left_behin
         assert errors or machine is not None
         if machine is not None:
             failure = machine._core.scan.failure
-            left = close(
-                machine
-            )  # before anything is judged: a machine that stays open would be heard of in every later test
+            left = close(machine)  # before it is judged: one that stays open is heard of in every later test
             assert failure is None, failure
             assert about_y(left), left
-        nothing_is_left(15.0)
+        until(lambda: not any(thread.name.startswith("axisbus") for thread in threading.enumerate()), 15)
         assert not cell.was_energised("x")
 
 

@@ -328,30 +328,24 @@ def _seconds(value: str) -> Fraction | None:
 
 def or_word(word: str, meaning: Any, read: Reader) -> Reader:
     """Return a reader that takes ``word`` for ``meaning``, and else what ``read`` takes."""
-
-    def read_either(value: Any) -> Any:
-        if value == word:
-            return meaning
-        try:
-            return read(value)
-        except Unfit as unfit:
-            raise Unfit(f'{unfit.expected}, or "{word}"', unfit.remedy) from None
-
-    return Reader(read_either, {"anyOf": [{"const": word}, read.json]})
+    return _or(word, f'"{word}"', meaning, read)
 
 
 def never_true(meaning: Any, read: Reader) -> Reader:
     """Return a reader that takes false for ``meaning``, and else what ``read`` takes."""
+    return _or(False, "false", meaning, read)
 
+
+def _or(constant: str | bool, said: str, meaning: Any, read: Reader) -> Reader:
     def read_either(value: Any) -> Any:
-        if value is False:
+        if type(value) is type(constant) and value == constant:  # 0 is not false
             return meaning
         try:
             return read(value)
         except Unfit as unfit:
-            raise Unfit(f"{unfit.expected}, or false", unfit.remedy) from None
+            raise Unfit(f"{unfit.expected}, or {said}", unfit.remedy) from None
 
-    return Reader(read_either, {"anyOf": [{"const": False}, read.json]})
+    return Reader(read_either, {"anyOf": [{"const": constant}, read.json]})
 
 
 def names(known: Sequence[str], what: str) -> Reader:

@@ -86,7 +86,7 @@ class Scan:
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
-        self._collected = 0.0  # seconds that the collector had run when the cycle before began
+        self._collected = COLLECTOR.seconds  # seconds that the collector had run when the cycle before began
         self._done_at = (
             self._sending
         ) = -math.inf  # of the cycle before: when it ended, and for how long it sent

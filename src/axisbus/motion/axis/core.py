@@ -224,7 +224,7 @@ class AxisCore:
             ):  # one that stood, and moves nevertheless, is not left to the halt's time
                 finding = supervision.unrest(image, None)
         elif finding is None and self.touched and self.state is AxisState.DISABLED:
-            taken = supervision.energised(image, None if self.activity is None else self._doing)
+            taken = supervision.energised(image, at_work=self.activity is not None)
             if (
                 taken is not None
             ):  # it is taken out of operation again as gently as any disable: by ``order.goal``

@@ -130,11 +130,11 @@ class Supervision:
         danger = self.guard.danger(image, AxisState.CONTINUOUS_MOTION, bounded=bounded, course=course)
         return None if danger is None else self._endangered(danger, course)
 
-    def energised(self, image: Image, doing: str | None) -> DriveError | None:
-        """Return that the drive of a disabled axis has driven its motor for a while; ``doing``: what of ours works on it still."""
-        if doing is not None or image.now - self._energised_at > _FLICKER:
+    def energised(self, image: Image, *, at_work: bool) -> DriveError | None:
+        """Return that the drive of a disabled axis has driven its motor for a while; ``at_work``: a command of ours is."""
+        if at_work or image.now - self._energised_at > _FLICKER:
             self._energised_since = math.inf
-        if doing is not None or image.state is not _ENABLED:
+        if at_work or image.state is not _ENABLED:
             return None
         self._energised_at = image.now
         self._energised_since = min(self._energised_since, image.now)
