@@ -11,7 +11,7 @@ import pytest
 from axisbus.cia402.port import Inputs, Outputs, Sample, SdoReply, SdoRequest
 from axisbus.core.lateness import Lateness
 from axisbus.core.scan import Scan
-from axisbus.errors import AdapterError, AxisbusError, ScanError
+from axisbus.errors import AdapterError, AxisbusError, ScanError, StaleError
 from axisbus.machine.handle import NOBODY, Handle
 from axisbus.motion import commands as c
 from axisbus.motion.moves.follow import PathClock
@@ -104,8 +104,31 @@ def test_a_cycle_does_its_work_in_this_order():
     order = []
     bench.scan.observers.append(lambda *_: order.append("observe"))
     bench.scan.once()
-    assert [name for name, _ in bench.log] == ["wait", "commit", "sync", "heartbeat"]
+    assert [name for name, _ in bench.log] == ["wait", "sync", "commit", "heartbeat"]
     assert order == ["observe"]
+
+
+@pytest.mark.parametrize(("late", "order"), [(0.024, ["sync", "commit"]), (0.031, ["commit", "sync"])])
+def test_after_a_long_delay_sync_waits_for_what_is_asked_now(late, order):
+    bench = Bench()
+    bench.scan.once()
+    bench.log.clear()
+    bench.late = [late]
+    bench.scan.once()
+    assert [name for name, _ in bench.log] == ["wait", *order, "heartbeat"]
+
+
+def test_what_was_on_its_way_before_a_long_delay_does_not_move_the_axis_after_it():
+    r = rig().enabled()
+    handle = r.axis.follow(Trapezoid(0.0, 200.0, 90.0, 400.0))
+    r.run(0.35)
+    r.cycle.dials.wait_late = 1.0
+    r.run(0.01)
+    r.cycle.dials.wait_late = 0.0
+    place = r.drive.position
+    r.run(1.0)
+    assert r.drive.position == place
+    assert isinstance(handle.exception(), StaleError)
 
 
 def test_axes_are_read_stepped_and_written_before_the_commit():

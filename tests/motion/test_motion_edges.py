@@ -493,7 +493,17 @@ def test_where_the_supervisor_has_taken_over_nothing_follows_a_frame_that_was_st
     scan.observers.append(lambda *_: done.append("seen"))
     scan.once()
     scan.once()
-    assert done == ["commit", "sync", "heartbeat", "seen", "commit"]
+    assert done == ["sync", "commit", "heartbeat", "seen", "sync", "commit"]
+
+
+def test_where_the_supervisor_has_taken_over_between_two_cycles_nothing_is_sent():
+    cycle = Grid()
+    done = []
+    scan = Scan(cycle, {}, {}, 0.5, {})
+    cycle.wait_until = lambda _: setattr(scan, "ended", True)
+    cycle.commit = cycle.sync = cycle.heartbeat = lambda: done.append("sent")
+    scan.once()
+    assert done == []
 
 
 def test_several_waiters_share_the_time_of_a_wait(monkeypatch):

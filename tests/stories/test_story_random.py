@@ -416,6 +416,27 @@ FOUND: Mapping[str, Script] = {
         scene="example",
         ending="close",
     ),
+    "a fault of a node that is slow to say why": Script(
+        "stiff",
+        (
+            Event(0.01, "dead", "y"),
+            Event(0.05, "stalls", "y", 0.06),
+            Event(0.1, "disable", "y"),
+            Event(0.0, "alive", "y"),
+            Event(0.0, "start", "y"),
+        ),
+        scene="example",
+        ending="with",
+    ),
+    "a load that falls when it is let go without a word of its drive": Script(
+        "sagging",
+        (
+            Event(0.8, "sync_lost", "x"),
+            Event(0.02, "group_disable", ""),
+        ),
+        scene="held-by-torque",
+        ending="close",
+    ),
 }
 
 

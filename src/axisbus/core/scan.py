@@ -2,7 +2,11 @@
 
 Theory of operation
 -------------------
-One cycle (``once``) is: wait for the grid, take the commands, then for each axis read, step, write; then commit, SYNC, heartbeat.
+One cycle (``once``) is: wait for the grid, SYNC, take the commands, then for each axis read, step, write; then commit, heartbeat.
+
+- **SYNC at the grid.** It leaves before anything is computed, so that the drives sample and obey at even distances, however long
+  a cycle's own work takes. What a cycle commits takes effect at the next SYNC, and what it reads was sampled at the one before.
+  After a long delay (``_OLD``) SYNC comes last: what waits in the drives is of long ago, and must be replaced before it acts.
 
 - **One writer.** Only the scan touches cores and ports. Other threads let commands wait (``submit``, see ``inbox``) and read
   snapshots.
@@ -43,6 +47,7 @@ from axisbus.motion.stop.policy import FaultPolicy, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
 from axisbus.session import Observer, Target
 
+_OLD = 3  # cycles that were missed, after which what the drives were given last must not take effect
 _HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
 
 
@@ -212,7 +217,14 @@ class Scan:
     def once(self) -> None:
         """Do one cycle. Raises what the bus raises (``BusError``)."""
         cycle = self.cycle
-        now = self._wait(cycle)
+        woken, missed = self._wait(cycle)
+        if missed < _OLD and not self.ended:
+            cycle.sync()
+        if (
+            self.ended
+        ):  # the supervisor has taken over while we waited, or a frame was stuck: nothing may follow it
+            return
+        now = cycle.now()  # of after a send that may have blocked: what begins now has all of its time
         self._take_commands(now)
         for group in self.groups.values():
             group.step()
@@ -222,11 +234,12 @@ class Scan:
         self._leaving.step(now)
         began = cycle.now()
         cycle.commit()
-        if self.ended:  # the supervisor has taken over while a frame was stuck: nothing may follow it
+        if self.ended:
             return
-        cycle.sync()
+        if missed >= _OLD:
+            cycle.sync()
         cycle.heartbeat()
-        self._sending = cycle.now() - began
+        self._sending = (now - woken) + (cycle.now() - began)
         self._apply_policy()
         self._wake()
         for observer in self.observers:
@@ -264,9 +277,10 @@ class Scan:
     def _ended(self, what: str) -> AxisbusError:
         return ended(what, self.failure, self._quick_stop_sent)
 
-    def _wait(self, cycle: Cycle) -> float:
+    def _wait(self, cycle: Cycle) -> tuple[float, int]:
         """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
 
+        Return when it is, and how many were skipped.
         Two cycles close together would be a burst: two SYNCs within a fraction of the time that the drives interpolate over.
         """
         if self._next is None:
@@ -284,7 +298,7 @@ class Scan:
             self.starvation.note(now, late)
         self._collected = COLLECTOR.seconds
         self._next += (1 + missed) * self.period
-        return now
+        return now, missed
 
     def _skip(self, cycles: int, now: float) -> None:
         if cycles:

@@ -5,7 +5,8 @@ Theory of operation
 ``DirectCycle.wait_until`` is the only thing that lets time pass: plants, watchdogs and SDO transfers advance in it, so the machine
 moves on whether or not the scan still asks. What a port is given takes effect as its values travel: event-driven ones at
 ``commit``, synchronous ones at ``sync``, which samples the inputs first (an answer to a command is seen one SYNC later), values by
-SDO when their transfer has been served. Every value that was ``NONE`` is never seen and never sent.
+SDO when their transfer has been served. What was sampled is on its way until time passes: who reads right after SYNC reads what
+was sampled at the one before, as on a wire. Every value that was ``NONE`` is never seen and never sent.
 """
 
 from __future__ import annotations

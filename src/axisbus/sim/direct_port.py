@@ -62,6 +62,7 @@ class DirectPort:
         self._node_heartbeat = node_heartbeat
         self._sdo = SdoQueue(device, self._offset, sdo_time, sdo_timeout)
         self._samples: list[Sample | None] = [None] * len(_INPUTS)
+        self._under_way: list[tuple[int, Sample]] = []  # sampled at SYNC, not received yet
         self._emcy: tuple[Emcy, ...] = ()
         self._pending = _NOTHING
         self._latched: dict[str, int] = {}
@@ -73,12 +74,13 @@ class DirectPort:
         self._boot_ups = device.boot_ups  # so many were heard, or could not be
         self._in_service = False
         self._rebooted = False  # since it was operational: its configuration is gone, as on a bus
+        taken = self._sources(OUTPUT_OBJECTS, outputs)
         self.capabilities = Capabilities(
             self._sources(INPUT_OBJECTS, inputs),
-            self._sources(OUTPUT_OBJECTS, outputs),
+            taken,
             remappable,
             {},
-            int(controlword_first),
+            int(controlword_first or _overtakes(taken)),
         )
         self._order = (*_ORDER[-1:], *_ORDER[:-1]) if controlword_first else _ORDER
         self.capabilities.max_age.update(self._ages(max_age or {}))
@@ -208,13 +210,11 @@ class DirectPort:
             self.device.nmt_command(NmtCommand.STOP)
 
     def sample(self, now: float) -> None:
-        """Take the synchronous inputs."""
+        """Take the synchronous inputs, which are received as soon as time passes."""
         if not self.device.operational or self.device.dials.dead:
             return
         values = _READ(self.drive)
-        samples = self._samples
-        for number in self._synchronous:
-            samples[number] = Sample(values[number], now)
+        self._under_way = [(number, Sample(values[number], now)) for number in self._synchronous]
 
     def latch(self) -> None:
         """Let the synchronous outputs take effect."""
@@ -228,6 +228,8 @@ class DirectPort:
     def advance(self, now: float, emcy: tuple[Emcy, ...]) -> None:
         """Time has passed until ``now``: emergencies, heartbeats, event-driven and polled inputs, SDO."""
         device = self.device
+        if self._under_way:
+            self._receive()
         if emcy:
             self._emcy += emcy
         self._sdo.serve(now)
@@ -244,6 +246,11 @@ class DirectPort:
         if self._polled and now >= self._next_poll and device.answers_sdo:
             self._next_poll = now + self._sdo_poll + device.dials.sdo_delay
             self._take(self._polled, now)
+
+    def _receive(self) -> None:
+        under_way, self._under_way = self._under_way, []
+        for number, sample in under_way:
+            self._samples[number] = sample
 
     def know_state(self, now: float) -> None:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
@@ -301,3 +308,8 @@ class DirectPort:
         if self._sent_by_sdo.get(name) != value:
             self._sent_by_sdo[name] = value
             self._sdo.add_write(OUTPUT_OBJECTS[name], value, now, urgent=name == "controlword")
+
+
+def _overtakes(outputs: dict[str, Source]) -> bool:
+    """Whether a controlword takes effect before the target of the same cycle, which waits for SYNC."""
+    return outputs["target_position"] is _SYNC_PDO and outputs["controlword"] not in (_SYNC_PDO, Source.NONE)

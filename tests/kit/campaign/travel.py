@@ -10,7 +10,7 @@ from kit.probe import ENABLED, OFF, PlantSample
 
 _LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
 _OVERSPEED = 1.1  # what the master takes for noise
-_CYCLES = 4.0  # scan periods in which a guard can do nothing: its look, the way there and back, the drive's own step
+_CYCLES = 5.0  # scan periods in which a guard can do nothing: the way back, its look, the SYNC after it, the drive's own step
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
 _CALM = 2.0  # s after a trouble for which nothing is judged by its smoothness, or by where it went
 _SWINGS = 0.5  # s within which an axis that swings is fast again
@@ -125,7 +125,7 @@ class Travel:
         """Degrees that an axis may be beyond a limit by a command.
 
         Derivation. In each cycle the guard stops what would not come to rest before the limit with the deceleration of its stop.
-        It cannot know of what happens in the ``T`` = 4 scan periods between a position's sampling and the drive's obeying. A motion
+        It cannot know of what happens in the ``T`` = 5 scan periods between a position's sampling and the drive's obeying. A motion
         that is led is known ahead, speed and acceleration: nothing remains but rounding, and the lag of the motor, which trails
         behind a demand that stops before the limit. Under torque the acceleration is not known before it is seen: from rest,
         ``a T²/2`` until the stop acts, at the speed ``a T``, which takes ``(a T)² / 2 d`` to brake with the deceleration ``d``

@@ -8,6 +8,9 @@ from kit.campaign.facts import Asked, Facts, Trouble
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
+_READS = (
+    2.0  # s in which an error may say that its code is being read: by SDO, which a stalled drive answers late
+)
 _NEAR = 1.5  # deg by which a position that is shown may be off
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
 _REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong
@@ -94,7 +97,8 @@ class Truth:
             self._locked.pop(name, None)
             return
         self._locked.setdefault(name, self._facts.now)
-        if self._errors.get(name) == id(error):
+        being_read = "is being read" in str(error) and self._facts.now - self._locked[name] < _READS
+        if being_read or self._errors.get(name) == id(error):
             return
         self._errors[name] = id(error)
         if not self._has_cause(name, error):

@@ -59,7 +59,9 @@ class Drive:
             )
         )
         self._replies = ()
-        self.order.outputs(self.image.state)
+        self.image.flight.note(
+            self.order.outputs(self.image.state), self.now - T
+        )  # they went out with the cycle before
         self.order.clear()
         return self.image, self.order
 

@@ -157,6 +157,7 @@ class AxisCore:
             image.now, image.mode, image.demand, order.target_position, bool(order.bits & cw.NEW_SET_POINT)
         )
         outputs = order.outputs(image.state)
+        image.flight.note(outputs, image.now)
         order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
         return outputs
 
@@ -498,7 +499,10 @@ class AxisCore:
     def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:
         if ladder.rung is Rung.HALT:
             self.running.finish_handshake(image, order)
-        if ladder.step(image, order, self.run_down):
+        ended = ladder.step(image, order, self.run_down)
+        if self.state is AxisState.STANDSTILL and ladder.seen not in _MAY_BE_ENERGISED:
+            self.state = AxisState.DISABLED  # it may turn without power, and is waited for
+        if ended:
             self._stopped(ladder, image)
 
     def _stopped(self, ladder: StopLadder, image: Image) -> None:

@@ -9,6 +9,7 @@ from axisbus.cia402.port import Capabilities, Inputs, Sample, SdoReply, Source
 from axisbus.cia402.starvation import Starvation
 from axisbus.cia402.state import State, decode
 from axisbus.errors import BusError
+from axisbus.motion.axis.flight import Flight
 from axisbus.motion.axis.led import Led
 from axisbus.motion.stop.still import Still
 from axisbus.units import INT32_HALF, unwrap
@@ -21,7 +22,7 @@ class Image:
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
     the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
-    ``set_position``). ``led``: what leads the axis.
+    ``set_position``). ``led``: what leads the axis. ``flight``: what it was sent and may not have answered.
     """
 
     __slots__ = (
@@ -36,6 +37,7 @@ class Image:
         "edge_delay",
         "emcy",
         "fastest",
+        "flight",
         "gap",
         "led",
         "lost_count",
@@ -97,6 +99,7 @@ class Image:
         self.torque: int | None = None
         self.demand: int | None = None
         self.led = Led()
+        self.flight = Flight(period)
         self.demand_stamp = -math.inf
         self.demand_repeats = math.isfinite(self._max_age[5])  # else its silence says that it has not changed
         self.starvation = Starvation()

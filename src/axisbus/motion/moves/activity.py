@@ -146,7 +146,7 @@ class ModeSwitch:
     trajectory goes on along it (``lead``): in a cyclic mode a target that stays behind is a jolt.
     """
 
-    __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference", "_sure_from")
+    __slots__ = ("_deadline", "_lead", "_left", "_mode", "_parameters", "_reference")
 
     def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
         """``lead``: the step of what moves the axis until the drive has left its mode, where something does."""
@@ -154,7 +154,6 @@ class ModeSwitch:
         self._parameters = parameters
         self._lead = lead
         self._left: int | None = None  # the mode that the drive shows while the other one is asked for
-        self._sure_from = -math.inf
         self._deadline: float | None = None
         self._reference: int | None = None
 
@@ -209,8 +208,8 @@ class ModeSwitch:
         if image.mode != self._mode:
             return False
         if order.asked_mode not in (None, self._mode):
-            self._sure_from = image.now + 2.5 * self._parameters.scan_period  # until the drive has heard us
-        return image.now >= self._sure_from
+            return False  # it is on its way, and must be called back first
+        return image.flight.mode_answered(image.now)
 
     def _refused(self, image: Image) -> ModeError:
         asked = f"{int(self._mode)} ({modes.short(self._mode)})"

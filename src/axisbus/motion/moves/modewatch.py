@@ -37,6 +37,8 @@ class ModeWatch:
         if mode is None or shown is None or image.mode_stamp == self._stamp:
             return None
         self._stamp = image.mode_stamp
+        if not image.flight.mode_answered(image.now):
+            return None
         if shown == mode:
             self._agreed, self._misses = True, 0
             return None

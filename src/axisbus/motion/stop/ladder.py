@@ -185,8 +185,10 @@ class StopLadder:
             return image.now > self._rest_by
         self.confirmed = True
         self.running_down = ""
-        if self._then is Then.HOLD or self.seen in (State.SWITCH_ON_DISABLED, State.FAULT):
+        if self._then is Then.HOLD or self.seen is State.FAULT:
             return True
+        if self.seen is State.SWITCH_ON_DISABLED and image.flight.word_answered(image.now):
+            return True  # else a word that is still on its way may lead the drive out of it
         return self._expired(image)
 
     def _halt(self, image: Image, order: Order) -> bool:

@@ -27,7 +27,7 @@ from axisbus.motion.track import Track
 
 _CONTINUOUS, _DISCRETE = AxisState.CONTINUOUS_MOTION, AxisState.DISCRETE_MOTION
 _OVERSPEED = 1.1  # measured velocity is noisy, and a drive's own control overshoots
-_REACTION = 3.0  # scan periods: until the next look, until the drive has heard, until it brakes
+_REACTION = 4.0  # scan periods: until the next look, until the SYNC after it, until the drive has heard, until it brakes
 _SEIZURE = 0.02  # seconds by which a motor that was pushed may lag behind the ramp that seizes it; no demand shows it before
 _NOISE = 3.0  # increments that a position may be off, as a velocity over one period
 _WINDOW = 20.0  # increments by which a move may go beyond its target at its end
