@@ -6,8 +6,8 @@ import math
 
 from axisbus.cia402.port import Outputs
 
-# Scan periods: the SYNC that brings it into effect, the one at which the answer is sampled, and the cycle that reads it; less half a
-# one, because times do not add up exactly.
+# Scan periods: the SYNC that brings it into effect, the one at which the answer is sampled, and the cycle that reads it; half a one
+# less, because times do not add up exactly.
 _ANSWERED = 2.5
 _MODE_TAKEN = 3.5  # a drive looks at 6060h in a slower task
 
