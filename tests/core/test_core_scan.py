@@ -104,11 +104,13 @@ def test_a_cycle_does_its_work_in_this_order():
     order = []
     bench.scan.observers.append(lambda *_: order.append("observe"))
     bench.scan.once()
-    assert [name for name, _ in bench.log] == ["wait", "sync", "commit", "heartbeat"]
+    assert [name for name, _ in bench.log] == ["wait", "sync", "receive", "commit", "heartbeat"]
     assert order == ["observe"]
 
 
-@pytest.mark.parametrize(("late", "order"), [(0.024, ["sync", "commit"]), (0.031, ["commit", "sync"])])
+@pytest.mark.parametrize(
+    ("late", "order"), [(0.024, ["sync", "receive", "commit"]), (0.031, ["receive", "commit", "sync"])]
+)
 def test_after_a_long_delay_sync_waits_for_what_is_asked_now(late, order):
     bench = Bench()
     bench.scan.once()

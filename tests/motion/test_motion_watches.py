@@ -330,27 +330,48 @@ def test_a_mode_counts_as_left_after_it_was_shown_and_two_others_in_a_row():
 
 # Coming to rest.
 
+AT_ONCE = SimpleNamespace(mode=1, ends_at_rest=False)
+
+
+def at_rest(rests_from: float = -math.inf) -> SimpleNamespace:
+    return SimpleNamespace(mode=1, ends_at_rest=True, rests_from=rests_from)
+
+
+def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
+    drive = Drive()
+    arrival, move = Arrival(drive.parameters), at_rest()
+    arrival.begin(move, drive.now)
+    for _ in range(6):
+        drive.cycle(statusword=ENABLED, mode=1, position=0)
+        arrival.complete(move, False, drive.image)
+    move.rests_from = drive.now
+    ends = [arrival.complete(move, True, drive.cycle(position=0)[0]) for _ in range(7)]
+    assert (
+        ends == [False] * 4 + [True] * 3
+    )  # four periods of standing, from the first position after that moment
+
 
 def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_than_two_seconds():
     drive = Drive()
     arrival = Arrival(drive.parameters)
     drive.cycle(statusword=ENABLED, mode=1, position=0)
-    arrival.begin(SimpleNamespace(mode=1, ends_at_rest=False), drive.now)
-    assert arrival.complete(True, drive.image)
-    arrival.begin(SimpleNamespace(mode=1, ends_at_rest=True), drive.now)
-    assert not arrival.complete(False, drive.image)
+    arrival.begin(AT_ONCE, drive.now)
+    assert arrival.complete(AT_ONCE, True, drive.image)
+    move = at_rest()
+    arrival.begin(move, drive.now)
+    assert not arrival.complete(move, False, drive.image)
     position = 0
     began = drive.now + T
     with pytest.raises(MotionTimeout, match="does not come to rest"):
         for _ in range(200):
             position += 10
-            assert not arrival.complete(True, drive.cycle(position=position)[0])
+            assert not arrival.complete(move, True, drive.cycle(position=position)[0])
     assert drive.now - began == 2.0 + T
-    arrival.begin(SimpleNamespace(mode=1, ends_at_rest=True), drive.now)
+    arrival.begin(move, drive.now)
     for _ in range(4):
-        assert not arrival.complete(True, drive.cycle(position=position)[0])
-    assert not arrival.complete(False, drive.cycle(position=position)[0])
-    assert arrival.complete(True, drive.cycle(position=position)[0])
+        assert not arrival.complete(move, True, drive.cycle(position=position)[0])
+    assert not arrival.complete(move, False, drive.cycle(position=position)[0])
+    assert arrival.complete(move, True, drive.cycle(position=position)[0])
 
 
 # After a fault, and without power.

@@ -437,6 +437,29 @@ FOUND: Mapping[str, Script] = {
         scene="held-by-torque",
         ending="close",
     ),
+    "a short move out of a halt, under which the drive has taken its set-point": Script(
+        "stiff",
+        (
+            Event(0.5, "enable", "x"),
+            Event(0.5, "halt", "x"),
+            Event(0.2, "move_near", "x", 0.01),
+            Event(1.5, "halt", "x"),
+        ),
+        scene="usual",
+        ending="close",
+    ),
+    "an axis that sticks, on a drive that may lag far behind": Script(
+        "lagging-much",
+        (
+            Event(0.0, "group_disable", ""),
+            Event(0.5, "enable", "x"),
+            Event(0.2, "move_direct", "", 0.58),
+            Event(0.2, "move_relative", "x", 0.99),
+            Event(0.05, "sticks", "x", -0.54),
+        ),
+        scene="usual",
+        ending="close",
+    ),
 }
 
 

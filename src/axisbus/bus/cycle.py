@@ -132,6 +132,10 @@ class CanCycle:
             self._channel.check()
         return None
 
+    def receive(self) -> None:
+        """Take what the kernel has kept for this cycle; nothing where the receive thread brings every frame."""
+        self._channel.drain()
+
     def commit(self) -> None:
         """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.
 

@@ -100,7 +100,7 @@ class CanPort:
         self._returning = False  # from a bus-off; nothing was heard of it since
         self._doubtful = False
         for slot in self._slots:
-            node.channel.subscribe(slot.cob_id, slot.on_frame)
+            node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
 
     # -- the seam -----------------------------------------------------------------------------------------------------------------
 

@@ -152,6 +152,9 @@ class Cycle(Protocol):
         Where another device's SYNC begins each cycle, ``t`` is only expected: return when it came.
         """
 
+    def receive(self) -> None:
+        """Take what has come since the last cycle, where nobody else does; does not block."""
+
     def commit(self) -> None:
         """Send what the ports were given since the last commit."""
 

@@ -224,6 +224,7 @@ class Scan:
             self.ended
         ):  # the supervisor has taken over while we waited, or a frame was stuck: nothing may follow it
             return
+        cycle.receive()
         now = cycle.now()  # of after a send that may have blocked: what begins now has all of its time
         self._take_commands(now)
         for group in self.groups.values():

@@ -30,13 +30,16 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 
 import can
 
 from axisbus.bus.link import adapter, errorframe, failures
 from axisbus.bus.link.controller import Controller, ControllerEvent
+from axisbus.bus.link.cyclic import CyclicSocket, cyclic_socket
 from axisbus.bus.link.errorframe import Condition
 from axisbus.bus.link.inherited import disown_in_children
+from axisbus.bus.link.line import line_of
 from axisbus.bus.link.network import Network
 from axisbus.bus.link.recording import of_message
 from axisbus.cia301 import cob
@@ -81,8 +84,18 @@ class Channel:
     Everything may be called from any thread, unless it says otherwise.
     """
 
-    def __init__(self, bus: can.BusABC, name: str, *, send_timeout: float | None = None) -> None:
-        """Take over an open python-can bus and start to receive; ``send_timeout``: see ``adapter.send_timeout``."""
+    def __init__(
+        self,
+        bus: can.BusABC,
+        name: str,
+        *,
+        send_timeout: float | None = None,
+        cyclic: CyclicSocket | None = None,
+    ) -> None:
+        """Take over an open python-can bus and start to receive.
+
+        ``send_timeout``: see ``adapter.send_timeout``; ``cyclic``: where ``drain`` finds frames.
+        """
         self.bus = bus
         self.name = name
         self.counters = Counters()
@@ -91,7 +104,9 @@ class Channel:
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
-        self._send_timeout = send_timeout
+        self._line = line_of(bus, send_timeout)
+        self._cyclic = cyclic
+        self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
         self._linux_classes = name.partition(":")[0] in errorframe.LINUX_CLASSES
         self.controller = Controller(name)
@@ -124,7 +139,8 @@ class Channel:
             AdapterError: see ``adapter.open_adapter``.
         """
         bus = adapter.open_adapter(interface, channel, bitrate, options)
-        return cls(bus, f"{interface}:{channel}", send_timeout=adapter.send_timeout(interface))
+        cyclic = cyclic_socket(bus, str(channel))
+        return cls(bus, f"{interface}:{channel}", send_timeout=adapter.send_timeout(interface), cyclic=cyclic)
 
     @property
     def failure(self) -> BusError | None:
@@ -177,6 +193,35 @@ class Channel:
             if not left:
                 del receivers[can_id]
             self._receivers = receivers
+            if not left and can_id in self._cyclic_ids:
+                self._listen_cyclic(self._cyclic_ids - {can_id})
+
+    def subscribe_cyclic(self, can_id: int, receiver: Receiver) -> None:
+        """As ``subscribe``, for frames that come in every cycle: where the adapter lets us, ``drain`` brings them."""
+        self.subscribe(can_id, receiver)
+        if can_id <= cob.ID_MASK_11:
+            with self._state_lock:
+                self._listen_cyclic(self._cyclic_ids | {can_id})
+
+    def drain(self) -> None:
+        """Hand out, in the calling thread, the frames of ``subscribe_cyclic`` that have come; does not block.
+
+        Nothing is left to be done where the receive thread brings them. What goes wrong is raised by the next ``check``.
+        """
+        if not self._cyclic_ids or self._cyclic is None:
+            return
+        try:
+            for can_id, data, stamp in self._cyclic.drain():
+                self.counters.received += 1
+                for ear in self._ears:
+                    self._tell_ear(ear, Frame(stamp, can_id, data, extended=False))
+                self._distribute(can_id, data, stamp)
+        except OSError as error:
+            self.fail(failures.deaf(self.name, error))
+
+    def _listen_cyclic(self, can_ids: frozenset[int]) -> None:
+        if self._cyclic is not None and self._cyclic.listen(can_ids):
+            self._cyclic_ids = can_ids
 
     @contextmanager
     def overheard(self, ear: Ear) -> Iterator[None]:
@@ -199,7 +244,7 @@ class Channel:
             BusOff: the controller is bus-off; the frame was not queued.
             AdapterError: the queue stayed full, or the adapter failed (also when another frame has been stuck in it for a second).
         """
-        self._send_paced(_frame(can_id, data), patience)
+        self._send_paced(can_id, partial(self._line.send, can_id, data), patience)
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
         """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.
@@ -207,7 +252,7 @@ class Channel:
         Raises:
             AdapterError: as ``send``.
         """
-        self._send_paced(_remote(can_id, length), SEND_PATIENCE)
+        self._send_paced(can_id, partial(self._line.send_remote, can_id, length), SEND_PATIENCE)
 
     def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
         """Send stop frames in any state of the channel, and return how many the adapter took; never raises.
@@ -243,6 +288,8 @@ class Channel:
             return
         if not self.in_receive_thread:
             self._thread.join(CLOSE_PATIENCE)
+        if self._cyclic is not None:
+            self._cyclic.close()
         try:
             self.bus.shutdown()
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the adapter is gone either way
@@ -263,11 +310,11 @@ class Channel:
 
     # -- sending ------------------------------------------------------------------------------------------------------------------
 
-    def _send_paced(self, message: can.Message, patience: float) -> None:
-        deadline = time.monotonic() + patience
+    def _send_paced(self, can_id: int, give: Callable[[], None], patience: float) -> None:
+        deadline = math.inf
         while True:
             self.check()
-            error = self._attempt(message)
+            error = self._attempt(give)
             if error is None:
                 self.counters.sent += 1
                 return
@@ -275,14 +322,16 @@ class Channel:
                 self.fail(failures.link_gone(self.name, error))
                 self.check()
             self.counters.full += 1
-            if time.monotonic() >= deadline:
-                raise failures.refused(self.name, message, patience, error) from error
+            now = time.monotonic()
+            deadline = min(deadline, now + patience)
+            if now >= deadline:
+                raise failures.refused(self.name, can_id, patience, error) from error
             time.sleep(SEND_PAUSE)
 
-    def _attempt(self, message: can.Message) -> Exception | None:
+    def _attempt(self, give: Callable[[], None]) -> Exception | None:
         self._acquire_send_lock()
         try:
-            self.bus.send(message, self._send_timeout)
+            give()
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
             return error
         finally:
@@ -311,11 +360,10 @@ class Channel:
         return not isinstance(error, can.CanError) or (self._socketcan and code in _LINK_GONE)
 
     def _try_urgent(self, can_id: int, data: bytes, deadline: float) -> bool:
-        message = _frame(can_id, data)
         give_up = min(deadline, time.monotonic() + SEND_PATIENCE)
         while True:
             try:
-                self.bus.send(message, self._send_timeout)
+                self._line.send(can_id, data)
             except Exception as error:  # noqa: BLE001 - nothing may keep the next stop frame from being tried
                 self.counters.errors.append(f"stop frame {can_id:03X}h: {error}")
             else:
@@ -365,11 +413,7 @@ class Channel:
                 self.drops.frame(unfit, can_id, stamp, bytes(message.data))
             return
         self.counters.received += 1
-        receivers = self._receivers.get(can_id)
-        if receivers is not None:
-            data = bytes(message.data)
-            for receiver in receivers:
-                self._hand_over(receiver, can_id, data, stamp)
+        heard = self._distribute(can_id, bytes(message.data), stamp)
         if can_id in self.network.subscribers:
             self._hand_over(
                 lambda data, _: self.network.notify(can_id, bytearray(data), message.timestamp),
@@ -377,16 +421,28 @@ class Channel:
                 bytes(message.data),
                 stamp,
             )
-        elif receivers is None:
+        elif not heard:
             self.drops.unheard(can_id, stamp, bytes(message.data))
+
+    def _distribute(self, can_id: int, data: bytes, stamp: float) -> bool:
+        """Give a data frame to its receivers; return whether it has any."""
+        receivers = self._receivers.get(can_id)
+        if receivers is None:
+            return False
+        for receiver in receivers:
+            self._hand_over(receiver, can_id, data, stamp)
+        return True
 
     def _overhear(self, message: can.Message, stamp: float) -> None:
         frame = of_message(message)._replace(time=stamp)
         for ear in self._ears:
-            try:
-                ear(frame)
-            except Exception as error:  # noqa: BLE001 - as ``_hand_over``
-                self.fail(failures.receiver_failed(frame.can_id, frame.data, error))
+            self._tell_ear(ear, frame)
+
+    def _tell_ear(self, ear: Ear, frame: Frame) -> None:
+        try:
+            ear(frame)
+        except Exception as error:  # noqa: BLE001 - as ``_hand_over``
+            self.fail(failures.receiver_failed(frame.can_id, frame.data, error))
 
     def _hand_over(self, receiver: Receiver, can_id: int, data: bytes, stamp: float) -> None:
         try:
@@ -452,13 +508,3 @@ def _unfit(message: can.Message) -> Fault | None:
     if message.is_extended_id and message.arbitration_id <= cob.ID_MASK_11:
         return Fault.EXTENDED
     return None
-
-
-def _frame(can_id: int, data: bytes) -> can.Message:
-    return can.Message(arbitration_id=can_id, data=data, is_extended_id=can_id > 0x7FF, check=False)
-
-
-def _remote(can_id: int, length: int) -> can.Message:
-    return can.Message(
-        arbitration_id=can_id, is_extended_id=can_id > 0x7FF, is_remote_frame=True, dlc=length, check=False
-    )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import can
-
 from axisbus.bus.link import socketcan
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK, ErrorCounters
 from axisbus.cia402.starvation import REMEDY
@@ -35,14 +33,14 @@ def link_gone(name: str, error: Exception) -> AdapterError:
     return failure
 
 
-def refused(name: str, message: can.Message, patience: float, error: Exception) -> AdapterError:
+def refused(name: str, can_id: int, patience: float, error: Exception) -> AdapterError:
     """The queue stayed full for ``patience`` seconds."""
     link = name.removeprefix("socketcan:")
     remedy = "check that another node is on the bus and acknowledges (power, bitrate, termination), and the bus load"
     if link != name:
         remedy += f"; a longer queue helps against bursts: sudo ip link set {link} txqueuelen 1000"
     return AdapterError(
-        f"the CAN adapter {name} refused frame {message.arbitration_id:03X}h for {patience * 1000:.0f} ms",
+        f"the CAN adapter {name} refused frame {can_id:03X}h for {patience * 1000:.0f} ms",
         observed=str(error),
         remedy=remedy,
     )

@@ -401,7 +401,7 @@ class AxisCore:
         if self.running.set_point is not None and not isinstance(activity, PositionMove):
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
-            done = self._arrival.complete(activity.step(image, order), image)
+            done = self._arrival.complete(activity, activity.step(image, order), image)
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops this axis
             self._activity_failed(broken(error, self._doing))
             return

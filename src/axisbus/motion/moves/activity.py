@@ -31,7 +31,8 @@ class Activity(ABC):
     goes on moving. Only one that ``clears_error`` leads out of ErrorStop; one that ``ends_at_rest`` has ended well only when the
     axis is seen to stand. ``ramp`` is what a halt brakes it with, in position increments per s² (None: not known). ``behind`` is
     how many increments the axis is behind what has been asked of it by now, where the command knows that better than 6062h, and
-    ``led_speed`` the speed that was asked for, in increments per s.
+    ``led_speed`` the speed that was asked for, in increments per s. ``rests_from`` is the moment (s) from which on its end may be
+    seen: an axis that stood before had perhaps not set off yet.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
@@ -41,6 +42,7 @@ class Activity(ABC):
     course: Course | None = None
     behind: float | None = None
     led_speed: float = 0.0
+    rests_from: float = -math.inf
 
     @property
     def leading(self) -> Follow | None:

@@ -13,20 +13,26 @@ from axisbus.motion.stop.standing import Standing
 class Arrival:
     """Holds the look for standstill of the running command, and until when it may take after the command's own end."""
 
-    __slots__ = ("_deadline", "_parameters", "_standing")
+    __slots__ = ("_deadline", "_parameters", "_since", "_standing")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._standing: Standing | None = None
+        self._since = 0.0
         self._deadline: float | None = None
 
     def begin(self, activity: Activity, now: float) -> None:
         """A command begins; what was received before does not count."""
-        homing = activity.mode is ModeOfOperation.HOMING
-        self._standing = Standing(self._parameters, now, homing=homing) if activity.ends_at_rest else None
-        self._deadline = None
+        self._standing = self._deadline = None
+        if activity.ends_at_rest:
+            self._look(activity, now)
 
-    def complete(self, done: bool, image: Image) -> bool:
+    def _look(self, activity: Activity, since: float) -> None:
+        self._since = since
+        homing = activity.mode is ModeOfOperation.HOMING
+        self._standing = Standing(self._parameters, since, homing=homing)
+
+    def complete(self, activity: Activity, done: bool, image: Image) -> bool:
         """Return whether a command has ended that is ``done`` by its own rule.
 
         Raises:
@@ -34,6 +40,8 @@ class Arrival:
         """
         if self._standing is None:
             return done
+        if activity.rests_from > self._since:
+            self._look(activity, activity.rests_from)
         stands = self._standing.seen(image)
         if not done or stands:
             return done

@@ -81,6 +81,7 @@ class Follow(Activity):
         order.halt = False
         order.target_position = self._target(image)
         if self.clock.t < self._trajectory.duration or self.clock.braking:
+            self.rests_from = image.now
             return False
         return self._arrived(image)
 

@@ -59,6 +59,7 @@ class PositionMove(Prepared):
         if not taken:
             return False
         if not self._judged:
+            self.rests_from = image.now
             self._judge_demand(image)
         if self._arrived(image):
             return True

@@ -1,0 +1,111 @@
+"""Frames that the scan reads itself, when it has sent SYNC: a second socket on the SocketCAN link, for their COB-IDs alone.
+
+Theory of operation
+-------------------
+A receive thread is woken for each frame, takes the interpreter from whoever has it, and gives it back: for the TPDOs of a dozen
+drives, all within a millisecond, that costs more than the frames themselves. These the kernel keeps, in a socket whose filter lets
+nothing else through, until the scan asks for them; the channel's own socket gets a filter that leaves them out. When they came, the
+kernel tells by a clock that may be set, which the monotonic one may not: so no stamp lies before the last look, or after this one.
+
+Where a link has no such socket (any adapter but SocketCAN, another system), the receive thread brings these frames as any other.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import sys
+import time
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+
+import can
+
+from axisbus.cia301 import cob
+
+_FRAME = struct.Struct("=IB3x8s")  # struct can_frame (linux/can.h)
+_FILTER = struct.Struct("=II")
+_STAMP = struct.Struct("@ll")
+_EXTENDED, _REMOTE, _ALL_BUT = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_EXACTLY = _EXTENDED | _REMOTE | cob.ID_MASK_11  # a data frame with 11 bits of identifier
+_CAN_RAW, _CAN_RAW_FILTER, _CAN_RAW_JOIN_FILTERS = 101, 1, 6  # linux/can/raw.h
+_SO_TIMESTAMPNS = 35  # asm-generic/socket.h
+_ROOM = 64  # bytes for the time stamp
+_MOST = 512  # filters of a socket
+
+Taken = tuple[int, bytes, float]
+
+
+class CyclicSocket:
+    """The frames of some COB-IDs; holds state: which, and when it was last looked at. ``drain`` is for one thread."""
+
+    def __init__(self, raw: socket.socket, others: socket.socket | None) -> None:
+        """``raw`` is a CAN_RAW socket that does not block, ``others`` the one that is to leave these frames out."""
+        self._raw = raw
+        self._others = others
+        self._looked = time.monotonic()
+
+    def listen(self, can_ids: Collection[int]) -> bool:
+        """Let exactly these COB-IDs come here, each of 11 bits; return whether the kernel does so.
+
+        Safe at any time: for a moment a frame may come both ways.
+        """
+        if len(can_ids) > _MOST:
+            return False
+        here = b"".join(_FILTER.pack(can_id, _EXACTLY) for can_id in can_ids)
+        elsewhere = b"".join(_FILTER.pack(can_id | _ALL_BUT, _EXACTLY) for can_id in can_ids) or _FILTER.pack(
+            0, 0
+        )
+        try:
+            self._raw.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, here)
+            if self._others is not None:
+                self._others.setsockopt(_CAN_RAW, _CAN_RAW_JOIN_FILTERS, 1)
+                self._others.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, elsewhere)
+        except OSError:
+            return False
+        return True
+
+    def drain(self) -> Iterator[Taken]:
+        """Yield COB-ID, data and monotonic time of reception of each frame that has come, oldest first; does not block.
+
+        Raises:
+            OSError: the link is down or gone.
+        """
+        now = time.monotonic()
+        since, self._looked = self._looked, now
+        ahead = time.time() - now
+        receive = self._raw.recvmsg
+        while True:
+            try:
+                frame, notes, _, _ = receive(_FRAME.size, _ROOM)
+            except BlockingIOError:
+                return
+            if len(frame) < _FRAME.size:
+                return
+            can_id, length, data = _FRAME.unpack(frame)
+            stamp = now
+            if notes:
+                seconds, nanoseconds = _STAMP.unpack_from(notes[0][2])
+                stamp = min(now, max(since, seconds + nanoseconds * 1e-9 - ahead))
+            yield can_id, data[:length], stamp
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._raw.close()
+
+
+def cyclic_socket(bus: can.BusABC, link: str) -> CyclicSocket | None:
+    """Open a second socket on a SocketCAN link; None where this is none, or Linux does not let us."""
+    others = getattr(bus, "socket", None)
+    if sys.platform != "linux" or not isinstance(others, socket.socket) or others.family != socket.AF_CAN:
+        return None
+    raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    made = CyclicSocket(raw, others)
+    with suppress(OSError):
+        raw.setblocking(False)
+        raw.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        if made.listen(()):
+            raw.bind((link,))
+            return made
+    made.close()
+    return None

@@ -1,0 +1,91 @@
+"""How a channel gives one frame to its adapter: through python-can, or straight into the socket of Linux's SocketCAN."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from typing import Protocol
+
+import can
+
+from axisbus.cia301 import cob
+
+# struct can_frame and the flags in its identifier (linux/can.h).
+_FRAME = struct.Struct("=IB3x8s")
+_EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
+_DONT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)
+
+
+class Line(Protocol):
+    """One attempt for one frame; whatever goes wrong is raised as python-can does, or its driver."""
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Give a data frame to the adapter."""
+
+    def send_remote(self, can_id: int, length: int) -> None:
+        """Give it a remote frame, with the data length of the frame that it asks for."""
+
+
+class PythonCanLine:
+    """Any adapter that python-can knows."""
+
+    def __init__(self, bus: can.BusABC, timeout: float | None) -> None:
+        """``timeout``: see ``adapter.send_timeout``."""
+        self._bus = bus
+        self._timeout = timeout
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """As ``Line.send``."""
+        self._give(
+            can.Message(arbitration_id=can_id, data=data, is_extended_id=_is_extended(can_id), check=False)
+        )
+
+    def send_remote(self, can_id: int, length: int) -> None:
+        """As ``Line.send_remote``."""
+        extended = _is_extended(can_id)
+        self._give(
+            can.Message(
+                arbitration_id=can_id, is_extended_id=extended, is_remote_frame=True, dlc=length, check=False
+            )
+        )
+
+    def _give(self, message: can.Message) -> None:
+        self._bus.send(message, self._timeout)
+
+
+class SocketCanLine:
+    """The raw socket of a SocketCAN link: a frame costs a fraction of what python-can's checks and waits do, and never blocks."""
+
+    def __init__(self, raw: socket.socket) -> None:
+        """``raw`` is an open CAN_RAW socket."""
+        self._socket = raw
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """As ``Line.send``."""
+        self._give(_FRAME.pack(_wire_id(can_id), len(data), data))
+
+    def send_remote(self, can_id: int, length: int) -> None:
+        """As ``Line.send_remote``."""
+        self._give(_FRAME.pack(_wire_id(can_id) | _REMOTE, length, b""))
+
+    def _give(self, frame: bytes) -> None:
+        try:
+            self._socket.send(frame, _DONT_WAIT)
+        except OSError as error:
+            raise can.CanOperationError(f"Failed to transmit: {error.strerror}", error.errno) from error
+
+
+def line_of(bus: can.BusABC, timeout: float | None) -> Line:
+    """Return the quickest way to an open adapter."""
+    raw = getattr(bus, "socket", None)
+    if isinstance(raw, socket.socket) and type(bus).__name__ == "SocketcanBus":
+        return SocketCanLine(raw)
+    return PythonCanLine(bus, timeout)
+
+
+def _wire_id(can_id: int) -> int:
+    return can_id | _EXTENDED if _is_extended(can_id) else can_id
+
+
+def _is_extended(can_id: int) -> bool:
+    return can_id > cob.ID_MASK_11

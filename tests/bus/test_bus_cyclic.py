@@ -1,0 +1,207 @@
+"""Frames that the scan reads itself: from a socket of their own, with the time at which the kernel had them."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from axisbus.bus.link import cyclic
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.cyclic import CyclicSocket, cyclic_socket
+from axisbus.errors import AdapterError
+from kit.bus.peer import FakeBus
+
+SO_TIMESTAMPNS = 35
+
+
+def frame(can_id: int, data: bytes) -> bytes:
+    """struct can_frame, typed off from linux/can.h."""
+    return can_id.to_bytes(4, "little") + bytes((len(data), 0, 0, 0)) + data.ljust(8, b"\0")
+
+
+class Line(CyclicSocket):
+    """A pair of sockets instead of a CAN link; ``asked`` holds what was to be listened to."""
+
+    def __init__(self, stamps: bool = True) -> None:
+        self.far, near = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        near.setblocking(False)
+        if stamps:
+            near.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        super().__init__(near, None)
+        self.asked: list[frozenset[int]] = []
+        self.takes = True
+
+    def listen(self, can_ids) -> bool:
+        self.asked.append(frozenset(can_ids))
+        return self.takes
+
+
+@pytest.fixture
+def line():
+    made = Line()
+    yield made
+    made.far.close()
+    made.close()
+
+
+def test_each_frame_comes_once_in_order_with_its_data(line):
+    line.far.send(frame(0x181, b"\1\2\3"))
+    line.far.send(frame(0x182, b""))
+    line.far.send(frame(0x181, bytes(8)))
+    assert [(can_id, data) for can_id, data, _ in line.drain()] == [
+        (0x181, b"\1\2\3"),
+        (0x182, b""),
+        (0x181, bytes(8)),
+    ]
+    assert list(line.drain()) == []
+
+
+def test_a_frame_has_the_time_at_which_it_came_and_not_at_which_it_was_read(line):
+    list(line.drain())
+    before = time.monotonic()
+    line.far.send(frame(0x181, b""))
+    after = time.monotonic()
+    time.sleep(0.05)
+    ((_, _, stamp),) = line.drain()
+    assert before - 0.005 <= stamp <= after + 0.005
+
+
+def test_without_the_kernels_time_it_is_that_of_reading():
+    line = Line(stamps=False)
+    line.far.send(frame(0x181, b""))
+    before = time.monotonic()
+    ((_, _, stamp),) = line.drain()
+    assert before <= stamp <= time.monotonic()
+    line.far.close()
+    line.close()
+
+
+@pytest.mark.parametrize(("set_by", "expected"), [(-3600.0, 11.0), (3600.0, 10.0)])
+def test_a_clock_that_is_set_makes_no_frame_older_than_the_last_look_or_of_the_future(
+    monkeypatch, line, set_by, expected
+):
+    clock = SimpleNamespace(now=10.0)
+    real = time.time()
+    monkeypatch.setattr(
+        cyclic, "time", SimpleNamespace(monotonic=lambda: clock.now, time=lambda: real + set_by)
+    )
+    list(line.drain())
+    line.far.send(frame(0x181, b""))
+    clock.now = 11.0
+    ((_, _, stamp),) = line.drain()
+    assert stamp == expected
+
+
+def test_a_short_frame_ends_the_look(line):
+    line.far.send(b"\1\2")
+    assert list(line.drain()) == []
+
+
+# -- on a channel ---------------------------------------------------------------------------------------------------------
+
+
+def channel_on(line: Line) -> Channel:
+    return Channel(FakeBus(), "socketcan:fake", cyclic=line)
+
+
+def test_a_channel_hands_out_what_is_drained_to_all_who_listen_and_to_ears(line):
+    heard: list[tuple[str, bytes]] = []
+    with channel_on(line) as channel:
+        channel.subscribe_cyclic(0x181, lambda data, _: heard.append(("slot", data)))
+        channel.subscribe(0x181, lambda data, _: heard.append(("other", data)))
+        line.far.send(frame(0x181, b"\5"))
+        with channel.overheard(lambda one: heard.append((f"ear {one.can_id:03X}", one.data))):
+            channel.drain()
+        line.far.send(frame(0x181, b"\6"))
+        channel.drain()
+        assert channel.counters.received == 2
+    assert heard == [("ear 181", b"\5"), ("slot", b"\5"), ("other", b"\5"), ("slot", b"\6"), ("other", b"\6")]
+
+
+def test_a_channel_listens_for_what_is_subscribed_and_no_more_when_it_is_not(line):
+    def receiver(_data, _stamp):
+        raise AssertionError
+
+    with channel_on(line) as channel:
+        channel.subscribe_cyclic(0x181, receiver)
+        channel.subscribe_cyclic(0x182, receiver)
+        channel.subscribe_cyclic(0x1234_5678, receiver)  # 29 bits: the receive thread's
+        channel.unsubscribe(0x181, receiver)
+        channel.unsubscribe(0x182, receiver)
+        line.far.send(frame(0x182, b""))
+        channel.drain()
+        channel.check()
+    assert line.asked == [{0x181}, {0x181, 0x182}, {0x182}, set()]
+
+
+def test_where_the_kernel_does_not_filter_nothing_is_drained(line):
+    line.takes = False
+    heard = []
+    with channel_on(line) as channel:
+        channel.subscribe_cyclic(0x181, lambda data, _: heard.append(data))
+        line.far.send(frame(0x181, b""))
+        channel.drain()
+    assert heard == []
+
+
+def test_a_link_that_goes_is_told_by_the_next_check(line):
+    with channel_on(line) as channel:
+        channel.subscribe_cyclic(0x181, lambda *_: None)
+        line._raw.close()
+        channel.drain()
+        with pytest.raises(AdapterError, match="stopped receiving"):
+            channel.check()
+
+
+# -- filters --------------------------------------------------------------------------------------------------------------
+
+
+class Options:
+    """A socket that takes options; ``refuses`` is the one that it does not."""
+
+    def __init__(self, refuses: int | None = None) -> None:
+        self.refuses = refuses
+        self.set: list[tuple[int, int, object]] = []
+
+    def setsockopt(self, level: int, option: int, value) -> None:
+        if option == self.refuses:
+            raise OSError
+        self.set.append((level, option, value))
+
+
+def pairs(value: bytes) -> list[tuple[int, int]]:
+    return list(struct.iter_unpack("=II", value))
+
+
+def test_the_kernel_lets_data_frames_of_these_cob_ids_through_here_and_all_others_there():
+    here, there = Options(), Options()
+    assert CyclicSocket(here, there).listen([0x181, 0x282])
+    mask = 0xC000_07FF  # 29 bits, remote, and the identifier itself
+    assert here.set == [(101, 1, here.set[0][2])]
+    assert pairs(here.set[0][2]) == [(0x181, mask), (0x282, mask)]
+    assert there.set[0] == (101, 6, 1)  # all of them must fit
+    assert there.set[1][:2] == (101, 1)
+    assert pairs(there.set[1][2]) == [(0x2000_0181, mask), (0x2000_0282, mask)]
+
+
+def test_with_nothing_to_listen_to_everything_comes_there():
+    here, there = Options(), Options()
+    assert CyclicSocket(here, there).listen([])
+    assert here.set[0][2] == b""
+    assert pairs(there.set[1][2]) == [(0, 0)]
+
+
+def test_a_kernel_that_cannot_do_it_and_too_many_cob_ids_are_told():
+    assert not CyclicSocket(Options(refuses=1), Options()).listen([0x181])
+    assert not CyclicSocket(Options(), Options(refuses=6)).listen([0x181])
+    assert CyclicSocket(Options(), Options()).listen(range(0x100, 0x100 + 512))
+    assert not CyclicSocket(Options(), Options()).listen(range(0x100, 0x100 + 513))
+
+
+def test_an_adapter_without_a_can_socket_has_none(line):
+    assert cyclic_socket(FakeBus(), "can0") is None
+    assert cyclic_socket(SimpleNamespace(socket=line.far), "can0") is None
