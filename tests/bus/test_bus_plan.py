@@ -506,3 +506,22 @@ def test_planning_twice_changes_nothing_more() -> None:
     assert {pdo.change for pdo in second.pdos} == {Change.KEEP}
     assert not second.remapped
     assert replace(second, pdos=()) == replace(first, pdos=())
+
+
+# -- a full wire ----------------------------------------------------------------------------------------------------------
+
+
+def types_of(device, **changes) -> dict[str, int]:
+    plan = make_plan(NODE, device, objects(), policy=Policy(slow=12, **changes))
+    return {pdo.name: pdo.target.transmission_type for pdo in plan.active}
+
+
+def test_on_a_full_wire_only_what_a_cyclic_mode_lives_on_comes_with_every_sync():
+    assert types_of(EMPTY) == {"RPDO1": 1, "RPDO2": 1, "TPDO1": 1, "TPDO2": 12, "TPDO3": 12}
+    with_word = types_of(DevicePdos(GENERIC.rpdos, GENERIC.tpdos), remap=False)
+    assert set(with_word.values()) == {1}  # each of its TPDOs has the statusword
+    assert types_of(EMPTY, fixed=frozenset({(False, 2)}))["TPDO3"] == 12
+
+
+def test_on_a_full_wire_without_sync_nothing_has_a_pace():
+    assert set(types_of(EMPTY, sync=False).values()) == {255}

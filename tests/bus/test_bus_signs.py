@@ -145,6 +145,9 @@ class Wire:
         assert receiver == self.receiver
         self.receiver = None
 
+    def drain(self) -> None:
+        pass
+
     def check(self) -> None:
         if self.fails:
             raise BusOff("off")

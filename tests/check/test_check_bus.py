@@ -39,8 +39,9 @@ def test_the_arithmetic_of_the_bus_load_is_shown(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("bitrate", "period", "severity", "load"),
     [
-        ("500_000", "3ms", "warning", "67%"),  # 1005 bits for PDOs and SYNC, 6 of heartbeats, in 1500
-        ("250_000", "4ms", "error", "101%"),  # 1005 and 8 in 1000
+        # 1005 bits for PDOs and SYNC with everything at each SYNC; TPDO2 of node 2 (115) comes with one in three, one in nine
+        ("500_000", "3ms", "warning", "62%"),  # 928, and 6 of heartbeats, in 1500
+        ("250_000", "4ms", "error", "91%"),  # 903 and 8 in 1000
     ],
 )
 def test_a_bus_that_is_too_full_is_told_with_the_period_that_would_fit(

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
 from axisbus.bus.node.nmt import guarding_answer
@@ -13,12 +14,13 @@ from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.bus.pdo.plan import Policy, Wanted, spare_cob_ids
+from axisbus.bus.pdo.plan import Wanted
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo_pace import REPEAT
 from axisbus.bus.port import CanPort
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.pdo_tables import fixed_pdos, map_entry, requested_pdos, timed_pdos
+from axisbus.cell.pdo_plan import policy_of
+from axisbus.cell.pdo_tables import map_entry
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy
@@ -110,17 +112,8 @@ class CanComms:
         """Plan and set the PDOs of an axis, make its port, and fill it with the drive's present values."""
         if disturb:
             self._set_tables()
-        policy = Policy(
-            sync=self._cell.bus.sync,
-            remap=disturb and self._config.remappable and not self._config.pdos,
-            communication=disturb,
-            taken=_cob_ids_of(set(self._cell.nodes) - {self._node.node_id}),
-            spare=spare_cob_ids(frozenset(self._cell.nodes), self._node.node_id),
-            timers=disturb,
-            fixed=fixed_pdos(self._config.pdos),
-            timed=timed_pdos(self._config.pdos),
-            requests=requested_pdos(self._config.pdos),
-        )
+        usual = policy_of(self._cell, self._config)
+        policy = replace(usual, remap=disturb and usual.remap, communication=disturb, timers=disturb)
         also = [(table.receive, table.number) for table in self._config.pdos]
         plan = configure(self._node.sdo, Wanted(), policy, axis.drive_axis, also=also)
         port = CanPort(
@@ -187,7 +180,3 @@ class CanComms:
 def _controlword_pdo(port: CanPort) -> int | None:
     pdos = [pdo for pdo in port.plan.active if pdo.receive and CONTROLWORD in pdo.values]
     return pdos[0].target.number if len(pdos) == 1 else None
-
-
-def _cob_ids_of(node_ids: set[int]) -> frozenset[int]:
-    return frozenset(base + node_id for node_id in node_ids for base in (*cob.RPDO, *cob.TPDO))

@@ -94,7 +94,7 @@ class CanPort:
         self._replies: deque[SdoReply] = deque()
         self._controlword: int | None = None
         self._frames: list[Frame] = []
-        self._stop_frames: tuple[Frame, ...] = ()
+        self._committed: dict[int, bytes] = {}  # the last frame of each RPDO, by its COB-ID
         self._nmt_stopped = False
         self._offs = node.channel.offs
         self._returning = False  # from a bus-off; nothing was heard of it since
@@ -181,8 +181,8 @@ class CanPort:
     def take_frames(self) -> list[Frame]:
         """Return the frames given since the last call, in the order in which they must go out."""
         frames, self._frames = self._frames, []
-        if self._controlword is not None and frames:
-            self._stop_frames = tuple(self._quick_stops())
+        for can_id, data in frames:
+            self._committed[can_id] = data
         return frames
 
     def drop_frames(self) -> None:
@@ -204,7 +204,7 @@ class CanPort:
             return (), ()
         index = self.index(OUTPUT_OBJECTS[CONTROLWORD]).to_bytes(2, "little")
         sdo = _QUICK_STOP_SDO[:1] + index + _QUICK_STOP_SDO[3:]
-        return self._stop_frames, ((cob.SDO_RX + self.node.node_id, sdo),)
+        return tuple(self._quick_stops()), ((cob.SDO_RX + self.node.node_id, sdo),)
 
     def prime(self) -> None:
         """Read by SDO what no TPDO may bring soon, and what an RPDO would otherwise overwrite; blocks for a dozen transfers.
@@ -247,8 +247,12 @@ class CanPort:
         return off
 
     def _quick_stops(self) -> list[Frame]:
-        word = Command.QUICK_STOP.word
-        return [image.frame(word) for image in self._images if image.holds_controlword and not image.unknown]
+        committed = self._committed.copy()
+        return [
+            image.with_controlword(committed[image.cob_id], Command.QUICK_STOP.word)
+            for image in self._images
+            if image.holds_controlword and image.cob_id in committed
+        ]
 
     def _held_back(self, controlword: int | None) -> int | None:
         """Keep a controlword that may start a motion until the values that travel by SDO have arrived."""

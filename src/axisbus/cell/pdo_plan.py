@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from axisbus.bus.pdo.mapping import axis_objects
 from axisbus.bus.pdo.plan import Change, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
-from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.pdo import Pdo
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
+
+FULL = 0.5  # of the wire: beyond it stand heartbeats, SDO and a reserve
+MOST_SYNCS = 240  # transmission type 240 (CiA 301 table 72)
+_OLDEST = 0.25  # seconds, as old as what is polled by SDO
+_LEAST_SHARE = 0.05  # of the wire
+# Bits at worst (55 + 10 for each byte): SYNC; RPDO and TPDO of 7 bytes; TPDOs of velocity with torque, and of the demand.
+_SYNC_BITS, _FAST_BITS, _SLOW_BITS = 55, 125 + 125, 115 + 95
 
 
 def travelling(
@@ -23,7 +31,7 @@ def travelling(
     """
     device = pdo_tables.device_pdos(node, eds)
     seen: set[tuple[bool, int]] = set()
-    policy = _policy(cell, node)
+    policy = policy_of(cell, node)
     for axis in cell.axes_of(node.node_id):
         if not axis.at.sound("drive_axis"):
             continue
@@ -41,7 +49,8 @@ def travelling(
                 yield receive, pdo
 
 
-def _policy(cell: CellConfig, node: NodeConfig) -> Policy:
+def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:
+    """Return how the PDOs of a node may be planned, by the cell file."""
     others = set(cell.nodes) - {node.node_id}
     return Policy(
         sync=cell.bus.sync,
@@ -51,4 +60,22 @@ def _policy(cell: CellConfig, node: NodeConfig) -> Policy:
         fixed=pdo_tables.fixed_pdos(node.pdos),
         timed=pdo_tables.timed_pdos(node.pdos),
         requests=pdo_tables.requested_pdos(node.pdos),
+        slow=slow_pace(cell.bus, len(cell.axes)),
     )
+
+
+def slow_pace(bus: BusConfig, axes: int) -> int:
+    """Return with how many SYNCs velocity, torque and demand come: each, where the wire has room for it, else fewer.
+
+    By what our own layout needs of the wire at worst. Then they take a twentieth of it, or what is left below ``FULL``, and come
+    every ``_OLDEST`` seconds at least.
+    """
+    if not bus.at.sound("bitrate", "scan_period", "sync") or bus.bitrate is None or not bus.sync:
+        return 1
+    room = bus.bitrate * bus.scan_period
+    left = FULL * room - _SYNC_BITS - axes * _FAST_BITS
+    slow = axes * _SLOW_BITS
+    if slow <= left:
+        return 1
+    latest = max(1, min(MOST_SYNCS, int(_OLDEST / bus.scan_period)))
+    return min(latest, math.ceil(slow / max(left, _LEAST_SHARE * room)))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.cell import pdo_tables
-from axisbus.cell.model import BusConfig
+from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia301.pdo import Pdo
@@ -16,6 +18,7 @@ from axisbus.motion.moves.interpolation import interpolation_period
 
 ERROR_LOAD = 0.9
 WARNING_LOAD = 0.6
+_TRIES = 20
 _LATE = 0.001  # seconds; a shorter period depends on the computer
 _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _HEARTBEAT_BYTES = 1
@@ -61,7 +64,7 @@ def bus_load(case: Case) -> Found:
                 remedy="write bitrate = 1_000_000 (the bus's own) in [bus]; where the link sets it, it is then compared",
             )
         return
-    traffic = [each for each in _traffic(case) if each.frames]
+    traffic = [each for each in _traffic(case, case.cell) if each.frames]
     bits = sum(each.total for each in traffic)
     room = bus.bitrate * bus.scan_period
     load = bits / room
@@ -72,32 +75,40 @@ def bus_load(case: Case) -> Found:
     )
     line = bus.at.of("scan_period")
     if load > WARNING_LOAD:
-        needed = bits / bus.bitrate / WARNING_LOAD
+        fits = _fitting_period(case, bits / bus.bitrate / WARNING_LOAD)
         report = case.error if load > ERROR_LOAD else case.warning
         yield report(
             line,
             message,
             observed,
-            f"a scan_period from {_rounded_up(needed)} on, a higher bitrate, or fewer PDOs",
+            f'a scan_period from "{fits * 1000:g}ms" on, a higher bitrate, or fewer PDOs',
         )
     else:
         yield case.note(line, message, observed)
 
 
-def _rounded_up(seconds: float) -> str:
-    tenths = -(-seconds * 10_000 // 1)
-    return f'"{tenths / 10:g}ms"'
+def _fitting_period(case: Case, period: float) -> float:
+    """Return a period that fits, at least ``period`` seconds, in tenths of a millisecond: in a longer one more may travel."""
+    assert case.cell.bus.bitrate is not None
+    for _ in range(_TRIES):
+        period = math.ceil(period * 10_000 - 1e-6) / 10_000
+        cell = replace(case.cell, bus=replace(case.cell.bus, scan_period=period))
+        needed = sum(each.total for each in _traffic(case, cell)) / case.cell.bus.bitrate / WARNING_LOAD
+        if needed <= period:
+            break
+        period = needed
+    return period
 
 
-def _traffic(case: Case) -> Iterator[Traffic]:
-    bus = case.cell.bus
+def _traffic(case: Case, cell: CellConfig) -> Iterator[Traffic]:
+    bus = cell.bus
     if bus.sync:
         yield Traffic("SYNC", 1, worst_bits(1 if bus.sync_counter else 0))
     if bus.time is not None:
         yield Traffic("TIME", bus.scan_period / bus.time, worst_bits(_TIME_BYTES))
     frames: dict[tuple[str, int], float] = {}
     for node, eds, dictionary in case.nodes:
-        for receive, pdo in travelling(case.cell, node, eds, dictionary):
+        for receive, pdo in travelling(cell, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
             asked_every = None if receive else pdo_tables.requested_pdos(node.pdos).get(pdo.number)
             count = per_cycle(pdo, receive, bus) if asked_every is None else bus.scan_period / asked_every
@@ -108,7 +119,7 @@ def _traffic(case: Case) -> Iterator[Traffic]:
     for (what, bits), count in sorted(frames.items()):
         yield Traffic(what, count, bits)
     if bus.heartbeat is not None:
-        beats = (len(case.cell.nodes) + 1) * bus.scan_period / bus.heartbeat
+        beats = (len(cell.nodes) + 1) * bus.scan_period / bus.heartbeat
         yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
 
 

@@ -8,6 +8,7 @@ from kit.campaign.facts import Asked, Facts, Trouble
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _FARTHEST = 120.0  # s, the same where it moves: a cell of a few turns is crossed in less
+_ARRIVES = 3.0  # s that a command may take when its axes have come to rest
 _REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
 _READS = (
     2.0  # s in which an error may say that its code is being read: by SDO, which a stalled drive answers late
@@ -34,10 +35,13 @@ class Truth:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
         self._errors: dict[str, int] = {}
+        self._moved: dict[str, float] = {}  # when it was seen moving last
         self._locked: dict[str, float] = {}  # since when an axis has had the error that it has
         self._late_until: dict[str, float] = {}  # feedback that was delayed shows what it had
 
     def look(self, name: str) -> None:
+        if self._facts.moves(name):
+            self._moved[name] = self._facts.now
         self._nothing_stale(name)
         self._error_names_its_cause(name)
 
@@ -53,9 +57,11 @@ class Truth:
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
 
     def _has_far_to_go(self, asked: Asked) -> bool:
-        """Whether it leads an axis that has counted far away meanwhile, and moves."""
+        """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there."""
         far = asked.what.startswith("move_") and self._facts.now - asked.since < _FARTHEST
-        return far and any(self._facts.moves(name) for name in asked.names)
+        return far and any(
+            self._facts.now - self._moved.get(name, -_FARTHEST) < _ARRIVES for name in asked.names
+        )
 
     def ended(self, asked: Asked) -> None:
         """A command that failed says why, and that has happened."""

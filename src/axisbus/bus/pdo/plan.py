@@ -37,6 +37,7 @@ _EVENT_TYPES = (254, 255)
 # set-point before its target starts towards the old one. So the controlword is mapped last, wherever it is.
 LAYOUT_OUTPUTS = (("controlword", "mode", "target_position"), ("target_velocity", "target_torque"))
 LAYOUT_INPUTS = (("statusword", "mode", "position"), ("velocity", "torque"), ("demand",))
+EVERY_SYNC = frozenset(LAYOUT_INPUTS[0])  # what a cyclic mode lives on
 
 
 class Change(Enum):
@@ -58,7 +59,8 @@ class Policy:
     are for event-driven TPDOs. ``refused`` holds the indices that the drive would not map. ``taken`` are COB-IDs of other nodes,
     ``spare`` those that PDOs past the fourth may take. ``fixed`` are the PDOs (whether receive, number) whose transmission type the
     user has set, ``timed`` the TPDOs, by number, whose event timer is the user's; both stay. ``requests`` are the TPDOs, by number,
-    that we ask for by remote frames, each with its period in seconds; no other is ever asked for.
+    that we ask for by remote frames, each with its period in seconds; no other is ever asked for. ``slow`` is the number of SYNCs
+    after which a TPDO comes that carries nothing of ``EVERY_SYNC``.
     """
 
     sync: bool = True
@@ -73,6 +75,7 @@ class Policy:
     fixed: frozenset[tuple[bool, int]] = frozenset()
     timed: frozenset[int] = frozenset()
     requests: Mapping[int, float] = field(default_factory=dict)
+    slow: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,11 +304,17 @@ class _Side:
         if not self._may_retype(pdo):
             return self._quicker(pdo)
         if self.policy.sync:
-            keeps = pdo.synchronous if self.receive else pdo.transmission_type == SYNC_EVERY
-            return pdo if keeps else replace(pdo, transmission_type=SYNC_EVERY)
+            wanted = SYNC_EVERY if self.receive else self._pace(pdo)
+            keeps = pdo.synchronous if self.receive else pdo.transmission_type == wanted
+            return pdo if keeps else replace(pdo, transmission_type=wanted)
         if pdo.transmission_type not in _EVENT_TYPES:
             pdo = replace(pdo, transmission_type=EVENT_PROFILE)
         return pdo if self.receive else self._timers(pdo)
+
+    def _pace(self, pdo: Pdo) -> int:
+        """With which SYNC a TPDO comes: each, unless the wire is too full for what may come less often."""
+        carried = choose.names_in(pdo.mapping, self.entries)
+        return SYNC_EVERY if EVERY_SYNC.intersection(carried) else self.policy.slow
 
     def _timers(self, pdo: Pdo) -> Pdo:
         """Event timer and inhibit time of an event-driven TPDO, where the drive has them and they are not set tighter."""

@@ -103,6 +103,13 @@ class RpdoImage:
             )
         return self.cob_id, self._codec.pack(values)  # type: ignore[arg-type]  # None is excluded above
 
+    def with_controlword(self, data: bytes, controlword: int) -> Frame:
+        """Return COB-ID and ``data``, which was sent before, with another controlword."""
+        values = list(self._codec.unpack(data))
+        if self._controlword_at is not None:
+            values[self._controlword_at] = controlword
+        return self.cob_id, self._codec.pack(values)
+
 
 def _cut(value: int, bits: int, signed: bool) -> int:
     value &= (1 << bits) - 1
