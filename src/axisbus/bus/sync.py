@@ -91,7 +91,7 @@ class SyncConsumer:
             if deadline is None or now < deadline:
                 continue
             if excused or now - deadline < self._watch.period / 2:
-                raise self._missing(now)
+                raise self._missing(now, deadline)
             excused = True  # we come too late ourselves: what came meanwhile may still wait to be read
             self._take(now + self._watch.period / 2, keep=True)
         too_fast = self._watch.too_fast
@@ -148,8 +148,8 @@ class SyncConsumer:
             remedy=f'write scan_period = "{measured * 1000:.3g}ms", or set 1006h of the producer to {period * 1e6:.0f}',
         )
 
-    def _missing(self, now: float) -> BusError:
-        since = (self._watch.deadline or now) - self._watch.patience
+    def _missing(self, now: float, deadline: float) -> BusError:
+        since = deadline - self._watch.patience
         remedy = "look at the device that sends SYNC (lost, stopped, reset?); sync_timeout in [bus] allows it more time"
         starved = self._starvation.text(now)
         return SyncError(

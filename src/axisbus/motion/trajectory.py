@@ -91,7 +91,7 @@ class Trapezoid:
 
     def _way(self, t: float) -> float:
         """Return the distance covered ``t`` seconds after the start, in the first half."""
-        ramp = min(self.velocity / self.acceleration, self.duration / 2)
+        ramp = self.velocity / self.acceleration
         if t <= ramp:
             return 0.5 * self.acceleration * t * t
         return 0.5 * self.acceleration * ramp * ramp + self.velocity * (t - ramp)

@@ -116,12 +116,12 @@ class NodeEvents:
         monitor = self._monitor
         if monitor.bootups != self._bootups:
             self._bootups, self._operational = monitor.bootups, False
-            self._note(NodeEventKind.BOOT_UP, now, monitor.bootup_stamp or now)
+            self._note(NodeEventKind.BOOT_UP, now, monitor.bootup_stamp)
         elif (monitor.state is _OPERATIONAL) is not self._operational:
             self._operational = not self._operational
             forgotten = monitor.state is NmtState.UNKNOWN
             bad = NodeEventKind.UNKNOWN if forgotten else NodeEventKind.STATE
-            since = now if forgotten else monitor.stamp or now
+            since = None if forgotten else monitor.stamp
             self._note(NodeEventKind.OPERATIONAL if self._operational else bad, now, since)
         if monitor.overdue(now) is not self._lost:
             self._lost = not self._lost
@@ -133,12 +133,14 @@ class NodeEvents:
         if self._lost:
             self._note(NodeEventKind.LOST, now, self._monitor.deadline)
         else:
-            self._note(NodeEventKind.BACK, now, self._monitor.stamp or now)
+            self._note(NodeEventKind.BACK, now, self._monitor.stamp)
 
-    def _note(self, kind: NodeEventKind, now: float, since: float) -> None:
+    def _note(self, kind: NodeEventKind, now: float, since: float | None) -> None:
+        """Note an event that could be known ``since`` a time; None: since now."""
         monitor = self._monitor
-        silent = max(0.0, now - monitor.stamp) if monitor.stamp is not None else 0.0
-        event = NodeEvent(monitor.node_id, kind, now, monitor.state, silent, max(0.0, now - since))
+        event = NodeEvent(
+            monitor.node_id, kind, now, monitor.state, _passed(monitor.stamp, now), _passed(since, now)
+        )
         self._tell(event)
         if self.on_event is not None:
             self.on_event(event)
@@ -155,3 +157,8 @@ class NodeEvents:
         for kind in [kind for kind in self._held if now - self._told[kind] >= EVERY]:
             self._told[kind] = now
             self.history.append(self._held.pop(kind))
+
+
+def _passed(since: float | None, now: float) -> float:
+    """The seconds since then; what is stamped while the scan looks has not passed."""
+    return 0.0 if since is None else max(0.0, now - since)

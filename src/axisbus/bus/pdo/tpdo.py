@@ -29,8 +29,7 @@ class TpdoSlot:
         self._codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self._names = tuple((position, name) for position, name in enumerate(pdo.values) if name is not None)
         self._drop = drop
-        self._latest: tuple[bytes, float] | None = None
-        self._seen: tuple[bytes, float] | None = None
+        self._latest = self._seen = (b"", -math.inf)
 
     @property
     def size(self) -> int:
@@ -40,8 +39,7 @@ class TpdoSlot:
     @property
     def stamp(self) -> float:
         """When the newest whole frame came, in seconds; minus infinity where none has."""
-        latest = self._latest
-        return -math.inf if latest is None else latest[1]
+        return self._latest[1]
 
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; called in the receive thread."""
@@ -55,7 +53,7 @@ class TpdoSlot:
     def read_into(self, samples: dict[str, Sample]) -> None:
         """Put the values of a frame that has come since the last call into ``samples``, where they are newer; for one reader."""
         latest = self._latest
-        if latest is None or latest is self._seen:
+        if latest is self._seen:
             return
         self._seen = latest
         data, stamp = latest

@@ -82,11 +82,9 @@ def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
 
 
 def _takeover(core: AxisCore) -> Takeover | None:
-    """What must be found out of a drive that was found enabled in a mode that follows its targets."""
-    image = core.image
-    if image.state is not State.OPERATION_ENABLED or image.mode not in FOLLOWS_TARGETS:
-        return None
-    return Takeover(ModeOfOperation(image.mode), core.parameters)
+    """What must be found out of a drive in a mode that follows its targets, where the enable finds it enabled."""
+    mode = core.image.mode
+    return Takeover(ModeOfOperation(mode), core.parameters) if mode in FOLLOWS_TARGETS else None
 
 
 def _disable(core: AxisCore, command: c.Disable, ticket: Ticket, _: Gate) -> None:

@@ -106,7 +106,7 @@ class Proof:
         """
         if self._point.edge_at != self._edge:
             self._begin(image)
-        elif self._edge < math.inf and not self.seen:
+        elif self._edge < math.inf:
             self._look(image)
         if self.seen or self._known:
             image.led.taken = self._point.target
