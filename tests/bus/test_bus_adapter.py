@@ -8,7 +8,7 @@ from pathlib import Path
 import can
 import pytest
 
-from axisbus.bus.link import adapter, socketcan
+from axisbus.bus.link import adapter, listen, socketcan
 from axisbus.bus.link.socketcan import Link
 from axisbus.errors import AdapterError, ArgumentError
 
@@ -119,3 +119,35 @@ def test_without_ip_sysfs_tells_what_it_can(tmp_path: Path, monkeypatch: pytest.
     assert socketcan.link("can0") == Link("can0", True, queue_length=10)
     assert socketcan.link("can1") == Link("can1", False, queue_length=10)
     assert socketcan.link("eth0") is None
+
+
+@pytest.mark.parametrize(
+    ("script", "answer"),
+    [
+        ("echo answer", "answer\n"),
+        ("echo answer; exit 1", "answer\n"),  # what it does not know it says in its own way
+        ("sleep 9", ""),
+        (None, ""),
+    ],
+)
+def test_ip_is_asked_and_what_it_does_not_answer_is_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str | None, answer: str
+) -> None:
+    program = tmp_path / "ip"
+    if script is not None:
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+    monkeypatch.setattr(socketcan, "_IP_TIMEOUT", 0.2 if answer == "" else 60.0)
+    monkeypatch.setattr(socketcan.shutil, "which", lambda *_, **__: str(program))
+    assert socketcan._ip("can0") == answer
+    monkeypatch.setattr(socketcan.shutil, "which", lambda *_, **__: None)
+    assert socketcan._ip("can0") == ""
+
+
+def test_only_of_socketcan_links_the_system_knows_the_bit_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {"can0": Link("can0", True, bitrate=500_000), "5": Link("5", True, bitrate=250_000)}
+    monkeypatch.setattr(socketcan, "link", known.get)
+    assert listen.link_bitrate("socketcan", "can0") == 500_000
+    assert listen.link_bitrate("socketcan", 5) == 250_000
+    assert listen.link_bitrate("socketcan", "can7") is None
+    assert listen.link_bitrate("pcan", "can0") is None

@@ -9,10 +9,10 @@ import pytest
 
 from axisbus.bus.link import operation
 from axisbus.bus.node import nmt
-from axisbus.bus.node.nmt import NodeMonitor
+from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.cia301.drops import Drops
-from axisbus.cia301.nmt import NmtState
-from axisbus.errors import AdapterError, BusOff
+from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.errors import AdapterError, BusOff, NodeRefused, NodeTimeout, StateError
 
 HEARTBEAT, NMT = 0x705, 0x000
 
@@ -23,6 +23,7 @@ class Line:
     def __init__(self) -> None:
         self.receivers: dict[int, list] = {}
         self.on_failure: list = []
+        self.name = "line"
         self.in_receive_thread = False
         self.drops = Drops()
 
@@ -243,3 +244,73 @@ def test_what_shows_that_a_machine_is_running(
     line.check = check
     assert operation.signs_of_operation(line, 0.05) == told
     assert not any(line.receivers.values())  # nobody listens any more
+
+
+def test_nobody_listens_in_the_receive_thread(line: Line) -> None:
+    line.in_receive_thread = True
+    with pytest.raises(StateError, match="listening to the bus"):
+        operation.signs_of_operation(line, 0.05)
+    assert line.receivers == {}
+
+
+# Commands to a node that is guarded.
+
+
+class Passing:
+    """A condition on which waiting lets the clock go on."""
+
+    def __init__(self, clock: SimpleNamespace) -> None:
+        self.clock = clock
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def notify_all(self) -> None: ...
+
+    def wait(self, seconds: float) -> None:
+        self.clock.now += seconds
+
+
+def guarded(node: NodeMonitor, line: Line, clock: SimpleNamespace, *answers: str) -> list[float]:
+    """Let a guarded node give one of these answers to each request ("": none); return when it is asked."""
+    left, asked = list(answers), []
+
+    def send_remote(can_id: int) -> None:
+        assert can_id == HEARTBEAT
+        asked.append(clock.now - 100.0)
+        answer = left.pop(0) if left else ""
+        if answer:
+            line.brings(HEARTBEAT, answer, clock.now)
+
+    line.send, line.send_remote = lambda *_: None, send_remote
+    node._changed = Passing(clock)
+    node.guard(1.0)
+    return asked
+
+
+def test_a_guarded_node_that_answers_twice_with_nothing_is_not_asked_on(
+    node: NodeMonitor, line: Line, clock: SimpleNamespace
+) -> None:
+    asked = guarded(node, line, clock)
+    with pytest.raises(NodeTimeout):
+        nmt.command(line, node, NmtCommand.START)
+    assert asked == pytest.approx([0.0, 0.1])
+    assert node.asking
+
+
+def test_with_each_answer_a_guarded_node_has_two_tries_again(
+    node: NodeMonitor, line: Line, clock: SimpleNamespace
+) -> None:
+    asked = guarded(node, line, clock, "", "7F", "", "85")
+    assert nmt.command(line, node, NmtCommand.START) is Confirmation.GUARDING
+    assert asked == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+def test_a_guarded_node_that_stays_where_it_is_is_asked_until_the_time_is_over(
+    node: NodeMonitor, line: Line, clock: SimpleNamespace
+) -> None:
+    asked = guarded(node, line, clock, *["7F", "FF"] * 9)
+    with pytest.raises(NodeRefused, match="it is there, and pre-operational"):
+        nmt.command(line, node, NmtCommand.START, timeout=0.25)
+    assert asked == pytest.approx([0.0, 0.1, 0.2])

@@ -666,6 +666,12 @@ def test_how_bad_another_value_is(index, subindex, access, kind, severity):
     assert held_against(index, subindex, access, 7, little(7, 4)).differences == ()
 
 
+@pytest.mark.parametrize(("value", "shown"), [(0xFF, "255"), (0x100, "0x100"), (0x101, "0x101")])
+def test_a_number_of_more_than_two_digits_is_shown_in_hex(value, shown):
+    [difference] = held_against(0x2000, 1, "rw", 7, little(value, 4)).differences
+    assert difference.message == f"is {shown}, the EDS says 7"
+
+
 @pytest.mark.parametrize(
     ("access", "data", "code", "kind"),
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -276,6 +277,13 @@ def images(*texts: str) -> list[RpdoImage]:
         signed = tuple(CIA402.get(mapped.index, (0, False))[1] for mapped in pdo.mapping)
         made.append(RpdoImage(PlannedPdo(True, pdo, pdo, Change.KEEP, names, signed)))
     return made
+
+
+def test_a_pdo_is_asked_for_only_where_that_was_planned():
+    pdo = tpdo(1, "6041/16", 255)
+    planned = PlannedPdo(False, pdo, pdo, Change.KEEP, ("statusword",), (False,))
+    assert not Requests([TpdoSlot(planned)])
+    assert Requests([TpdoSlot(replace(planned, request=0.5))])
 
 
 def put(image: RpdoImage, **values: int) -> RpdoImage:

@@ -224,6 +224,35 @@ def test_one_object_that_cannot_be_mapped_does_not_cost_the_others(sdo: SdoClien
     assert any("6060h cannot be mapped into RPDO1" in note for note in plan.notes)
 
 
+@pytest.mark.parametrize(
+    ("code", "speaks_of"),
+    [
+        (0x0602_0000, "the object"),  # does not exist
+        (0x0604_0041, "the object"),  # cannot be mapped
+        (0x0604_0043, "the object"),  # incompatible parameter
+        (0x0609_0011, "the object"),  # no such sub-index
+        (0x0609_0030, "the object"),  # value out of range
+        (0x0601_0002, "the mapping"),  # read only
+        (0x0604_0042, "the mapping"),  # too long
+        (0x0800_0022, "the mapping"),  # not in this state
+    ],
+)
+def test_by_its_abort_code_a_refused_entry_costs_its_object_or_the_mapping(
+    sdo: SdoClient, slave: Slave, code: int, speaks_of: str
+) -> None:
+    original = slave._write
+
+    def write(index: int, subindex: int, value: bytes) -> int:
+        if index == 0x1600 and value[2:] == b"\x60\x60":
+            return code
+        return original(index, subindex, value)
+
+    slave._write = write  # type: ignore[method-assign]
+    plan = configure(sdo, PAIR)
+    assert (plan.outputs["target_position"] is Source.SYNC_PDO) is (speaks_of == "the object")
+    assert plan.outputs["mode"] is Source.SDO
+
+
 def test_a_drive_that_says_yes_and_does_not_do_it(sdo: SdoClient, slave: Slave) -> None:
     original = slave._write
 

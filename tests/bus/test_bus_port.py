@@ -300,6 +300,16 @@ def test_the_quick_stop_of_a_silent_cycle_has_the_values_that_were_sent_last(mak
     assert by_pdo == ((0x205, struct.pack("<biH", 1, 7, 0x02)),)
 
 
+def test_the_quick_stop_has_no_value_that_was_never_sent(make: Maker) -> None:
+    """A controlword is missing: the target waits in the image, and nothing goes out."""
+    port = make(EVENT_DRIVEN, sync=False)
+    assert rpdos(port) == [0x205]
+    port.write(Outputs(target_position=9))
+    assert port.take_frames() == []
+    by_pdo, _ = port.stop_frames()
+    assert by_pdo == ((0x205, struct.pack("<biH", 1, 7, 0x02)),)
+
+
 # -- polled values
 
 

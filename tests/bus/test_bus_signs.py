@@ -111,6 +111,20 @@ def test_a_node_that_was_never_heard_has_no_silence():
         (NodeEventKind.OPERATIONAL, 7.0, 0.0, 0.0),
         (NodeEventKind.BOOT_UP, 8.0, 0.0, 0.0),
     ]
+    watched = monitor(state=UNKNOWN, stamp=None, deadline=2.0)
+    events = NodeEvents(watched)
+    events.look(3.0)
+    watched.deadline = math.inf  # nobody watches it any more
+    events.look(4.0)
+    assert events_of(events) == [(NodeEventKind.LOST, 3.0, 0.0, 1.0), (NodeEventKind.BACK, 4.0, 0.0, 0.0)]
+
+
+def test_what_comes_while_the_scan_looks_is_not_of_the_future():
+    node = monitor()
+    events = NodeEvents(node)
+    node.state, node.stamp = STOPPED, 2.5
+    events.look(2.25)
+    assert events_of(events) == [(NodeEventKind.STATE, 2.25, 0.0, 0.0)]
 
 
 def test_which_events_are_bad_and_how_many_are_kept():
@@ -237,6 +251,29 @@ def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():
     made._wait(0.0)
     wire.deliver = deliver
     assert made.wait() == 2.0
+
+
+@pytest.mark.parametrize(
+    ("now", "comes", "begins"),
+    [
+        (2.0, 2.03, True),
+        (2.0, 2.04, False),  # half a period later is too late
+        (0.625 + 0.03125, 0.68, True),  # just half a period late ourselves
+        (0.625 + 0.03, 0.68, False),
+    ],
+)
+def test_where_we_come_too_late_ourselves_it_may_be_half_a_period_late(now, comes, begins):
+    wire = Wire(0.0625, 0.125, comes)
+    made = consumer(wire, 0.0625, 0.5)
+    made.wait()
+    made.wait()
+    wire.now = now
+    if begins:
+        assert made.wait() == comes
+        return
+    with pytest.raises(SyncError) as caught:
+        made.wait()
+    assert caught.value.observed.startswith(f"none on 080h for {(wire.now - 0.125) * 1000:.1f} ms, ")
 
 
 def test_a_failed_channel_is_told_before_a_missing_sync():
