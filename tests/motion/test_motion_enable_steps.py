@@ -103,8 +103,9 @@ def test_a_position_that_is_late_is_awaited_without_a_step_towards_power():
     activity = enable(drive)
     for _ in range(128):
         assert not activity.step(*drive.cycle(statusword=SWITCHED_ON, mode=1))
-        assert drive.order.controlword(drive.image.state) == 0x07  # it stays where it is
-        assert drive.order.target_position is None
+        order = drive.order
+        assert order.controlword(drive.image.state) == 0x07  # it stays where it is
+        assert (order.target_position, order.target_velocity, order.target_torque) == (None, 0, 0)
     assert not activity.step(*drive.cycle())
     with pytest.raises(StaleError, match="enabling needs it"):
         activity.step(*drive.cycle())
@@ -128,8 +129,9 @@ def test_an_axis_that_still_moves_without_power_is_not_caught_unless_that_is_ask
         for _ in range(140):
             position += 10
             assert not activity.step(*drive.cycle(statusword=READY, mode=1, position=position))
-            assert drive.order.controlword(drive.image.state) == 0x06
-            assert drive.order.target_position is None
+            order = drive.order
+            assert order.controlword(drive.image.state) == 0x06
+            assert (order.target_position, order.target_velocity, order.target_torque) == (None, 0, 0)
     assert position == 10 * 130  # two seconds after the first look
     caught = Drive()
     activity = enable(caught, moving=True)
@@ -303,6 +305,7 @@ def test_a_cyclic_mode_has_its_offsets_taken_back_before_there_is_power():
 
 def test_the_resting_modes_stand_still_most_surely_first():
     assert [int(mode) for mode in RESTING_MODES] == [1, 8, 3, 9, 4]
+    assert [CONDUCT[mode].rests for mode in RESTING_MODES] == [0, 1, 2, 3, 4]
 
 
 # The walk of the power stage.

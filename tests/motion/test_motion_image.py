@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,11 +17,13 @@ from axisbus.motion.axis.order import Order
 from axisbus.motion.moves.onchange import OnChange
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.proof import Proof, proof_of
-from axisbus.motion.moves.setpoint import SetPoint
+from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.rundown import RunDown
 from kit.motion.rig import GENERIC, dictionary_of, parameters
+from kit.motion.steps import Drive
+from kit.motion.steps import T as STEP
 
 T = 0.01
 HALF, SPAN = 2**31, 2**32
@@ -472,7 +477,86 @@ def test_without_bit_12_bit_4_is_low_for_a_time_before_it_rises_under_halt_or_be
     assert point.step(img, order)
 
 
+@pytest.mark.parametrize(
+    ("period", "words", "cycles"),
+    [
+        (0.01, range(40), 4),
+        (0.005, range(40), 4),  # 20 ms
+        (0.004, range(40), 5),
+        (0.01, [1, 2], 4),
+        (0.01, [3, 7], 7),  # the second word of after the edge
+        (0.01, [3], 10),  # no word comes for 0.1 s
+        (0.01, [], 10),
+    ],
+)
+def test_without_bit_12_bit_4_stands_until_any_drive_has_looked_at_it(period, words, cycles):
+    img, order, point = fresh_image(), Order(), OnChange(5_000, "x", 1.0)
+    highs = []
+    for number in range(2 * cycles + 1):
+        stamp = max((word for word in words if word <= number), default=0) * period
+        img.update(Inputs(number * period, True, Sample(ENABLED, stamp), None, None, None, None, None))
+        order.clear()
+        point.step(img, order)
+        highs.append(bool(order.bits))
+    assert highs[: cycles + 1] == [True] * cycles + [False]
+    if words == range(40):
+        assert point.phase is Phase.TAKEN  # and it was low for as long
+
+
 BIT_10, ENABLED = 0x0400, 0x0027
+
+
+def given_edge(drive: Drive, target: int, **seen: int) -> Proof:
+    """A set-point whose edge has just been given to a drive that shows these values."""
+    point = SimpleNamespace(target=target, edge_at=math.inf, from_halt=False)
+    proof = Proof(point, Profile(100, 100, 100, 100.0, 100.0), drive.parameters)
+    proof.step(drive.cycle(**seen)[0])
+    point.edge_at = drive.now
+    proof.step(drive.image)
+    return proof
+
+
+@pytest.mark.parametrize("value", ["position", "demand"])
+def test_the_first_value_after_the_edge_that_is_nearer_shows_that_a_set_point_was_taken(value):
+    drive = Drive()
+    proof = given_edge(drive, 5_000, statusword=ENABLED, position=0, demand=0)
+    proof.step(drive.cycle(statusword=ENABLED)[0])
+    assert not proof.seen
+    proof.step(drive.cycle(**{value: 900})[0])
+    assert proof.seen
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("value", ["position", "demand"])
+def test_a_set_point_where_the_axis_stands_is_enough_within_the_tolerance_and_after_a_while(value, side):
+    for off, there in ((0, True), (1, False)):
+        drive = Drive()
+        place = side * int(drive.parameters.standstill_tolerance)
+        near = {"position": 0} | {value: 5_000 + place + side * off}
+        proof = given_edge(drive, 5_000, statusword=ENABLED, **near)
+        edge = drive.now
+        drive.now = edge + 0.3 - 2 * STEP
+        drive.cycle(**near)
+        assert not proof.suffices(drive.image)
+        drive.cycle(**near)
+        assert drive.now == edge + 0.3
+        assert proof.suffices(drive.image) is there
+
+
+def test_an_axis_that_stands_at_its_target_is_not_blamed_for_coming_no_nearer():
+    for off, blamed in ((0, False), (1, True)):
+        drive = Drive()
+        place = 5_000 + int(drive.parameters.standstill_tolerance) + off
+        proof = given_edge(drive, 5_000, statusword=ENABLED, position=place)
+        for _ in range(640):
+            try:
+                proof.step(drive.cycle(position=place)[0])
+            except SetPointError:
+                break
+        else:
+            assert not blamed
+            continue
+        assert blamed
 
 
 def proved(word_at) -> tuple[Proof, float]:

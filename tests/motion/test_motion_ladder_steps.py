@@ -9,7 +9,7 @@ import pytest
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
-from axisbus.errors import ArgumentError, LimitError, StaleError
+from axisbus.errors import ArgumentError, DriveError, LimitError, StaleError
 from axisbus.motion.group.gate import OPEN
 from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.follow import Follow
@@ -384,6 +384,72 @@ def test_a_path_is_braked_only_where_it_runs_and_something_is_known_to_do_it_wit
             none.answers(request.id)
         unknown.step(*none.cycle(statusword=ENABLED, mode=8, position=0))
     assert not unknown.begin_braking()
+
+
+class Change:
+    """A change of mode that says in each cycle what it is told to; notes whether it was taken back."""
+
+    def __init__(self, *says: bool | Exception) -> None:
+        self.says, self.cancelled = list(says), 0
+
+    def step(self, *_) -> bool:
+        said = self.says.pop(0)
+        if isinstance(said, Exception):
+            raise said
+        return said
+
+    def cancel(self, _) -> None:
+        self.cancelled += 1
+
+
+def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
+    """A halt while a trajectory in csp is being left; what the trajectory is asked to do is noted."""
+    asked: list[str] = []
+
+    def brakes() -> bool:
+        asked.append("brake")
+        return True
+
+    follow = SimpleNamespace(
+        mode=8, at_rest=False, begin_braking=brakes, step=lambda *_: asked.append("step")
+    )
+    stop = Stop()
+    stop.ladder = StopLadder(stop.drive.parameters, Then.HOLD, follow=follow, leaving=change)
+    return stop, asked
+
+
+def test_a_change_of_mode_is_seen_through_before_the_drive_s_own_halt():
+    stop, asked = stop_out_of_a_path(Change(False, False, True))
+    stop.run(2, True, statusword=ENABLED, mode=8)
+    assert asked == ["brake", "brake"]  # it goes on along the path by itself
+    assert not stop.drive.order.halt
+    assert stop.ladder.leaving is not None
+    stop.run(1, True, mode=3)
+    assert (stop.ladder.leaving, stop.ladder.follow) == (None, None)
+    assert stop.drive.order.halt
+    stop.run(2, True)
+    assert asked == ["brake"] * 3
+
+
+def test_where_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path():
+    change = Change(False, DriveError("no"))
+    stop, asked = stop_out_of_a_path(change)
+    stop.run(3, True, statusword=ENABLED, mode=8)
+    assert change.cancelled == 1
+    assert stop.ladder.leaving is None
+    assert asked == ["brake", "brake", "brake", "step", "brake", "step"]
+    assert not stop.drive.order.halt
+
+
+def test_a_harder_stop_takes_the_change_of_mode_back():
+    change = Change(False, False)
+    stop, _ = stop_out_of_a_path(change)
+    stop.run(1, True, statusword=ENABLED, mode=8)
+    assert change.cancelled == 0
+    stop.ladder.harden(Then.HOLD, Rung.QUICK_STOP)
+    stop.run(2, True)
+    assert change.cancelled == 1
+    assert stop.ladder.leaving is None
 
 
 def test_a_path_that_is_over_is_at_rest():

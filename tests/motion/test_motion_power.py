@@ -593,3 +593,18 @@ def test_handles_of_power_commands_tell_how_they_ended():
     assert handle.active
     handle.wait(1)
     assert handle.done
+
+
+def test_a_drive_that_is_in_fault_again_while_its_first_one_is_looked_into_is_not_enabled():
+    r = rig()
+    r.run(0.1)
+    r.device.dials.sdo_delay = 0.3  # of 603Fh
+    r.drive.fault(0x2310)
+    r.run(0.03)
+    r.axis.reset().wait(1)
+    r.drive.fault(0x3210)
+    r.run(0.02)
+    with pytest.raises(StateError, match="is in ErrorStop"):
+        r.axis.enable().wait(1)
+    r.run(1.0)
+    assert r.axis.error.code == 0x3210

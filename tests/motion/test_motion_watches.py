@@ -779,6 +779,35 @@ def test_a_jog_lives_as_long_as_it_is_renewed():
     assert not jog.renew(command, drive.image)
 
 
+# A disabled axis whose drive is enabled by somebody else.
+
+
+@pytest.mark.parametrize(
+    ("off", "told"),
+    [
+        (0, 16),  # a quarter of a second after the first
+        (15, 16),
+        (16, 33),  # one that was off for longer begins anew
+    ],
+)
+def test_a_drive_that_is_enabled_again_and_again_for_a_quarter_of_a_second_is_told(off, told):
+    drive, supervision = watched()
+    errors = []
+    for cycle in range(told + 1):
+        word = DISABLED if 0 < cycle <= off else ENABLED
+        errors.append(supervision.energised(drive.cycle(statusword=word)[0], at_work=False))
+    assert [error is not None for error in errors] == [False] * told + [True]
+    assert errors[-1].message == "x: its drive was enabled, and nobody asked this program for it"
+
+
+def test_while_a_command_is_at_work_its_drive_may_be_enabled():
+    drive, supervision = watched()
+    for _ in range(100):
+        assert supervision.energised(drive.cycle(statusword=ENABLED)[0], at_work=True) is None
+    told = [supervision.energised(drive.cycle()[0], at_work=False) is not None for _ in range(17)]
+    assert told == [False] * 16 + [True]
+
+
 # What a drive says of its fault.
 
 
@@ -861,6 +890,27 @@ def test_only_emergencies_of_the_last_seconds_that_are_no_resets_are_told():
     drive.image.emcy = tuple(parse(code.to_bytes(2, "little") + bytes(6), stamp) for code, stamp in codes)
     made.note(drive.image)
     assert [entry.code for entry in made.recent_emcy(10.0)] == [0x3210, 0x4210, 0x5210]
+
+
+def test_of_a_drive_that_says_much_the_last_sixteen_emergencies_are_kept():
+    drive = Drive()
+    made = History()
+
+    def hears(code: int, times: int) -> list[int]:
+        drive.image.emcy = tuple(parse(code.to_bytes(2, "little") + bytes(6), 9.0) for _ in range(times))
+        made.note(drive.image)
+        return [entry.code for entry in made.recent_emcy(10.0)]
+
+    drive.cycle(statusword=ENABLED)
+    assert hears(0x2310, 1) == [0x2310]
+    assert hears(0x0000, 15) == [0x2310]
+    assert hears(0x0000, 1) == []
+
+
+def test_of_the_states_of_a_drive_the_last_eight_are_kept():
+    drive = Drive()
+    assert not history(drive, READY, *[REACTION, FAULT] * 3, REACTION).began_in_fault
+    assert history(drive, READY, *[REACTION, FAULT] * 4).began_in_fault
 
 
 def test_remedies_are_told_once_each_the_first_first():
