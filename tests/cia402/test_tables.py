@@ -367,3 +367,17 @@ def test_more_than_the_window_cannot_be_missing_and_little_is_not_worth_a_word()
     assert little.missing(1.0) == 0.0
     little.note(1.0, 0.0625)
     assert little.missing(1.0) == 0.125
+    just = Starvation()
+    just.note(1.0, 0.1)
+    assert just.missing(1.0) == 0.1
+
+
+def test_what_was_not_late_takes_no_room():
+    lately = Starvation()
+    lately.note(1.0, 0.5)
+    for _ in range(1000):
+        lately.note(1.0, 0.0)
+    assert lately.missing(1.0) == 0.5
+    for _ in range(256):
+        lately.note(1.0, 2**-10)
+    assert lately.missing(1.0) == 0.25  # of what was, the last 256 are kept
