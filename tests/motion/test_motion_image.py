@@ -509,7 +509,7 @@ BIT_10, ENABLED = 0x0400, 0x0027
 def given_edge(drive: Drive, target: int, **seen: int) -> Proof:
     """A set-point whose edge has just been given to a drive that shows these values."""
     point = SimpleNamespace(target=target, edge_at=math.inf, from_halt=False)
-    proof = Proof(point, Profile(100, 100, 100, 100.0, 100.0), drive.parameters)
+    proof = Proof(point, Profile(96, 100, 100, 96.0, 100.0, down=100.0), drive.parameters)
     proof.step(drive.cycle(**seen)[0])
     point.edge_at = drive.now
     proof.step(drive.image)
@@ -541,6 +541,17 @@ def test_a_set_point_where_the_axis_stands_is_enough_within_the_tolerance_and_af
         drive.cycle(**near)
         assert drive.now == edge + 0.3
         assert proof.suffices(drive.image) is there
+
+
+@pytest.mark.parametrize("shown", [{"position": 0}, {"position": 0, "demand": 0}])
+def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown):
+    drive = Drive()
+    proof = given_edge(drive, 5_000, statusword=ENABLED, **shown)
+    edge = drive.now
+    with pytest.raises(SetPointError):
+        while drive.now < edge + 10.0:
+            proof.step(drive.cycle(**shown)[0])
+    assert drive.now == edge + drive.parameters.timing.acknowledge + 0.0625 + STEP
 
 
 def test_an_axis_that_stands_at_its_target_is_not_blamed_for_coming_no_nearer():

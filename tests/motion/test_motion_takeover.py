@@ -209,6 +209,13 @@ def test_a_drive_with_torque_modes_alone_keeps_the_torque_that_holds_its_load():
     assert r.drive.mode_display == TQ
 
 
+def test_a_drive_with_cst_alone_is_refused_because_its_torque_may_hold_something():
+    r = found(CST, modes=frozenset({M.CYCLIC_SYNC_TORQUE}))
+    with pytest.raises(StateError, match="cannot be taken over in mode cst without a jump") as caught:
+        r.axis.enable().wait(5)
+    assert caught.value.observed.startswith("its torque may be holding something")
+
+
 @pytest.mark.parametrize("offsets", [(0, 0, 0), (3_000, 3_000, 300)])
 @pytest.mark.parametrize("mode", [PP, PV])
 def test_offsets_do_not_matter_in_a_profile_mode_and_are_taken_back_before_a_cyclic_one(mode, offsets):

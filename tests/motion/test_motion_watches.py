@@ -146,6 +146,28 @@ def test_a_gap_longer_than_the_statusword_may_be_old_stops_the_axis(gap, told):
 
 
 @pytest.mark.parametrize(
+    ("age", "period", "longest"),
+    [
+        (0.5, T, 0.5),
+        (math.inf, T, 1.0),  # a statusword that may be of any age
+        (None, T, 1.0),
+        (0.125, T, 0.25),  # shorter ones are a busy computer's
+        (0.5, 0.125, 1.25),  # ten cycles
+    ],
+)
+def test_how_long_this_program_may_not_have_run(age, period, longest):
+    told = []
+    for gap in (longest, longest + 2**-10):
+        drive = Drive(scan_period=period)
+        ages = {} if age is None else {"statusword": age}
+        supervision = Supervision(drive.parameters, SimpleNamespace(max_age=ages))
+        drive.cycle(statusword=ENABLED, position=0)
+        drive.later(gap - T).cycle(statusword=ENABLED, position=0)
+        told.append(supervision.power(drive.image, AxisState.STANDSTILL) is not None)
+    assert told == [False, True]
+
+
+@pytest.mark.parametrize(
     ("nmt", "operational", "restarted"),
     [
         (0, False, True),

@@ -61,12 +61,8 @@ TORQUE_MODES = _that(Leads.TORQUE)
 WITHOUT_POSITION_DEMAND = frozenset(mode for mode, conduct in CONDUCT.items() if not conduct.demand)
 # In these 607Ah does not act, and a drive that falls out of them into a position mode goes to it.
 WITHOUT_TARGET_POSITION = WITHOUT_POSITION_DEMAND - {_M.HOMING}
-RESTING_MODES = tuple(
-    sorted(
-        (mode for mode, conduct in CONDUCT.items() if conduct.rests is not None),
-        key=lambda mode: CONDUCT[mode].rests or 0,
-    )
-)
+_PLACES = {conduct.rests: mode for mode, conduct in CONDUCT.items() if conduct.rests is not None}
+RESTING_MODES = tuple(mode for _, mode in sorted(_PLACES.items()))
 # Those that a drive found energised stays in; one that was driven by a torque is brought into one that holds it.
 KEPT_MODES = frozenset(RESTING_MODES) - TORQUE_MODES
 HOLDING_MODES = tuple(mode for mode in RESTING_MODES if CONDUCT[mode].holds)
