@@ -300,6 +300,13 @@ def test_the_quick_stop_of_a_silent_cycle_has_the_values_that_were_sent_last(mak
     assert by_pdo == ((0x205, struct.pack("<biH", 1, 7, 0x02)),)
 
 
+def test_a_controlword_that_travels_by_sdo_is_stopped_by_sdo(make: Maker) -> None:
+    port = make(EMPTY)
+    assert port.stop_frames() == ((), ())
+    port.write(Outputs(controlword=0x06))
+    assert port.stop_frames() == ((), ((0x605, bytes.fromhex("2B 40 60 00 02 00 00 00")),))
+
+
 def test_the_quick_stop_has_no_value_that_was_never_sent(make: Maker) -> None:
     """A controlword is missing: the target waits in the image, and nothing goes out."""
     port = make(EVENT_DRIVEN, sync=False)

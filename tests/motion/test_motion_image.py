@@ -554,6 +554,17 @@ def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown)
     assert drive.now == edge + drive.parameters.timing.acknowledge + 0.0625 + STEP
 
 
+@pytest.mark.parametrize(("place", "seen"), [(2_501, True), (2_500, False)])
+def test_bit_10_that_comes_again_nearer_to_the_new_target_than_to_the_old_one_shows_it(place, seen):
+    drive = Drive()
+    drive.image.led.set_point = 0
+    proof = given_edge(drive, 5_000, statusword=ENABLED, position=place)
+    proof.step(drive.cycle(statusword=ENABLED, position=place)[0])
+    assert not proof.seen
+    proof.step(drive.cycle(statusword=ENABLED | BIT_10, position=place)[0])
+    assert proof.seen is seen
+
+
 def test_an_axis_that_stands_at_its_target_is_not_blamed_for_coming_no_nearer():
     for off, blamed in ((0, False), (1, True)):
         drive = Drive()

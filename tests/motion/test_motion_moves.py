@@ -30,7 +30,7 @@ from axisbus.motion.states import AxisState
 from axisbus.sim.dials import NEVER
 from axisbus.sim.motor import MotorParams
 from axisbus.units import Scale
-from kit.motion.rig import BLIND, PERIOD, rig
+from kit.motion.rig import BLIND, GENERIC, PERIOD, dictionary_of, rig
 from kit.motion.watch import HALT, Watch
 
 NEAR = 51  # increments: the stand-in's own position window (6067h) and one
@@ -688,3 +688,27 @@ def test_whatever_is_asked_the_last_target_is_reached_within_velocity_and_accele
     assert r.drive.position == pytest.approx(moves[-1][0] * 1000, abs=2)
     assert watch.speed <= max(velocity for _, velocity, _, _ in moves) * 1000 * 1.01 + 100
     assert watch.acceleration() <= max(a for _, _, a, _ in moves) * 1000 * 1.05 + 20_000
+
+
+@pytest.mark.parametrize(
+    ("index", "call", "mode"),
+    [
+        (0x607A, lambda axis: axis.move_absolute(5.0), "pp"),
+        (0x60FF, lambda axis: axis.move_velocity(5.0), "pv"),
+        (0x6071, lambda axis: axis.torque_control(0.5), "tq"),
+        (0x6098, lambda axis: axis.home(), "hm"),
+    ],
+)
+def test_what_the_drive_has_no_object_for_is_refused(index, call, mode):
+    r = rig(objects=frozenset(dictionary_of(GENERIC).objects) - {index}).enabled()
+    with pytest.raises(StateError, match=rf"cannot run {mode} \(") as caught:
+        call(r.axis).wait(5)
+    assert f"{index:04X}h" in caught.value.observed
+
+
+def test_a_position_is_set_at_once_where_the_axis_stands():
+    r = rig().enabled()
+    r.run(1.0)
+    handle = r.axis.set_position(500.0)
+    r.run(PERIOD)
+    assert handle.done

@@ -196,25 +196,25 @@ class Image:
             self.position = None
             self.still.forget()
             return
-        raw, stamp = sample.value, sample.stamp
+        raw = sample.value
         if self._raw_position is None:
             position = raw
         else:
-            self.lost_count = (stamp - self.position_stamp) * self.fastest >= _HALF
+            self.lost_count = (sample.stamp - self.position_stamp) * self.fastest >= _HALF
             position = unwrap(self._seen_position, raw)
         self._raw_position = raw
         self.position = self._seen_position = position
-        if stamp != self.position_stamp:
-            self.position_stamp = stamp
-            self.still.feed(position, stamp)
+        if sample.stamp != self.position_stamp:
+            self.position_stamp = sample.stamp
+            self.still.feed(position, sample.stamp)
 
     def _take_demand(self, sample: Sample | None, oldest: float) -> None:
         demand, position, led = None, self.position, self.led
         if sample is not None:
-            self.demand_stamp = stamp = sample.stamp
-            if stamp >= oldest and position is not None and not led.idle:
+            self.demand_stamp = sample.stamp
+            if sample.stamp >= oldest and position is not None and not led.idle:
                 demand = unwrap(position, sample.value)
-                self.still_demand.feed(demand, stamp)
+                self.still_demand.feed(demand, sample.stamp)
         if not led.idle and led.judge(demand, position, self.state, self.mode):
             demand = None
         self.demand = demand
