@@ -40,6 +40,7 @@ from axisbus.motion.moves.prepare import Prepare, profile_writes, slow_ramp_writ
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
+from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.ramped import RampedWay
 from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.standing import Standing
@@ -1144,3 +1145,11 @@ def test_the_edge_of_a_reset_stays_high_for_four_cycles_however_short_a_transiti
         words.append(drive.order.controlword(State.FAULT))
     assert words[:6] == [0x00, 0x00, 0x80, 0x80, 0x80, 0x80]
     assert words[6] == 0x00
+
+
+def test_a_long_story_keeps_its_beginning_and_its_end():
+    told = "0"
+    for number in range(1, 20):
+        told = chained(told, str(number))
+    assert told.split(THEN) == ["0", "1", "2", "3", "16", "17", "18", "19"]
+    assert chained(THEN.join("0123456"), "7").split(THEN) == list("01234567")

@@ -103,7 +103,9 @@ def master(
 def test_short_suspensions_make_a_trajectory_late_and_nothing_jumps(tmp_path):
     with master(tmp_path, (), "following") as cell:
         for _ in range(4):
-            cell.suspend(0.1)
+            cell.suspend(
+                0.06
+            )  # more than a period, and far from the age at which what came before is too old
             time.sleep(0.25)
         cell.wait_for_the_end()
         place = cell.line.where()

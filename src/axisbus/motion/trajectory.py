@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Protocol
 
@@ -43,6 +43,7 @@ class Trapezoid:
     end: float
     velocity: float
     acceleration: float
+    _total: float = field(init=False, repr=False, compare=False)  # asked for in every cycle
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -55,11 +56,13 @@ class Trapezoid:
             raise ArgumentError("a trapezoid needs finite numbers", observed=", ".join(map(told, values)))
         if self.velocity <= 0 or self.acceleration <= 0:
             raise ArgumentError("a trapezoid needs velocity and acceleration above 0", observed=repr(self))
+        total = duration(self.end - self.start, self.velocity, self.acceleration)
+        object.__setattr__(self, "_total", total)
 
     @property
     def duration(self) -> float:
         """Seconds from rest to rest."""
-        return duration(self.end - self.start, self.velocity, self.acceleration)
+        return self._total
 
     @property
     def span(self) -> tuple[float, float]:
@@ -81,7 +84,7 @@ class Trapezoid:
         distance = abs(self.end - self.start)
         if t <= 0 or not distance:
             return self.start
-        total = self.duration
+        total = self._total
         if t >= total:
             return self.end
         way = self._way(min(t, total - t))

@@ -126,6 +126,8 @@ def arrange(
     """
     changed = {image.cob_id for image in images if image.take(given)}
     used = _used(images, given, controlword)
+    if len(images) == 1:  # most drives: there is no order
+        return [image.frame(controlword) for image in used]
     first = [image for image in used if image.cob_id in changed]
     rest = [image for image in used if image.cob_id not in changed]
     held_back = {image.cob_id for image in first if image.holds_controlword and previous is not None}

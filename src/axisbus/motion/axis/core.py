@@ -39,7 +39,7 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.aftermath import Aftermath
-from axisbus.motion.stop.diagnosis import THEN, FaultStory, History, enrich, join_remedies
+from axisbus.motion.stop.diagnosis import FaultStory, History, chained, enrich, join_remedies
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.rundown import RunDown
@@ -300,7 +300,7 @@ class AxisCore:
         if self.error is None or self.state is not AxisState.ERRORSTOP:
             self.error = error
         elif error.message not in f"{self.error.message}{self.error.observed}":
-            self.error.observed += f"{THEN}{error.message} ({error.observed})"
+            self.error.observed = chained(self.error.observed, f"{error.message} ({error.observed})")
             self.error.remedy = join_remedies(error.remedy, self.error.remedy)
         self.state = AxisState.ERRORSTOP
         self.tripped = error

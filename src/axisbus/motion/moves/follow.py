@@ -64,6 +64,9 @@ class Follow(Activity):
         self._stepped = False
         self._pace: Pace | None = None
         self._step: Step | None = None  # to the last target, before it was rounded to increments
+        self._ahead: tuple[float, Step] | None = (
+            None  # to the next one, and when that is: looked at, and found good
+        )
         self.brakes_along = False
         if trajectory is not None:
             self.begin(trajectory)
@@ -201,8 +204,10 @@ class Follow(Activity):
         assert self._pace is not None
         assert self._step is not None
         t, period, before = self.clock.t, self._parameters.scan_period, self._step
-        found = self._pace.excess(before, self._pace.next(before, way(t + period)))
+        after = self._pace.next(before, way(t + period))
+        found = self._pace.excess(before, after)
         if found is None:
+            self._ahead = t + period, after
             return
         ramp = self._parameters.path_deceleration
         self.brakes_along = bool(ramp) and brakes_smoothly(way, t, period, before.velocity, ramp or 0.0)
@@ -211,12 +216,21 @@ class Follow(Activity):
     def _target(self, image: Image) -> int:
         assert self._trajectory is not None
         units, limits = self._parameters.units, self._limits
-        value = self._way(self._trajectory, self.clock.t)
+        known = self._known_step()
+        value = self._way(self._trajectory, self.clock.t) if known is None else known.position
         if limits is not None and not limits[0] <= value <= limits[1]:
             raise self._leaves(None, value)
-        self._go_to(value)
+        if known is None:
+            self._go_to(value)
+        else:
+            self._step = known
         self._last = units.position.to_increments(value) + image.origin
         return self._last
+
+    def _known_step(self) -> Step | None:
+        """Return the step to the target of now, where it has been looked at in advance; it counts once."""
+        ahead, self._ahead = self._ahead, None
+        return ahead[1] if ahead is not None and ahead[0] == self.clock.t else None
 
     def _go_to(self, value: float) -> None:
         """Note the step to the next target; nothing that is too much goes out, whatever was seen of it in advance."""

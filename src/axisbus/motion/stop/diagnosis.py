@@ -44,6 +44,7 @@ _REMEDY_BY_CODE = {
 # What a drive says that has heard too little of us: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA 402-2, 603Fh).
 _OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
 
+_KEPT = 4  # parts at the beginning and at the end of a story
 _NO_CODE = "no error code could be read (603Fh)"
 _NOT_YET = "its error code is being read (603Fh)"
 _NO_OTHER = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE, State.UNKNOWN})
@@ -131,6 +132,14 @@ class FaultStory:
         if code in _OF_OUR_SILENCE:
             name_starvation(fault, image)
         return fault
+
+
+def chained(observed: str, what: str) -> str:
+    """Return what was observed with what came then; of a long story the beginning and the end are kept."""
+    parts = [*observed.split(THEN), what]
+    if len(parts) > 2 * _KEPT:
+        parts = [*parts[:_KEPT], *parts[-_KEPT:]]
+    return THEN.join(parts)
 
 
 def first_observation(error: AxisbusError) -> str:
