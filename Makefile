@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench campaign flaky explore mutants format clean
+.PHONY: demo quick test test-socketcan check bench bench-cycle campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -29,6 +29,9 @@ check: $(READY)           ## lint, format, types, layers
 
 bench: $(READY)           ## ratios against a baseline in the same run
 	$(BIN)/python tests/bench.py
+
+bench-cycle: $(READY)     ## CPU of a whole cycle over a socket, against canopen's PDO maps in the same run
+	PYTHONPATH=tests $(BIN)/python tests/bench_cycle.py
 
 campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
 	$(BIN)/python tests/campaign.py
