@@ -8,10 +8,12 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from axisbus.bus.link import cyclic
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.cyclic import CyclicSocket, cyclic_socket
+from axisbus.bus.link.cyclic import CyclicSocket, all_but, cyclic_socket
 from axisbus.errors import AdapterError
 from kit.bus.peer import FakeBus
 
@@ -157,6 +159,18 @@ def test_a_link_that_goes_is_told_by_the_next_check(line):
             channel.check()
 
 
+def test_a_channel_that_is_being_closed_has_not_failed(line):
+    told: list[object] = []
+    channel = channel_on(line)
+    channel.on_failure.append(told.append)
+    channel.subscribe_cyclic(0x181, lambda *_: None)
+    channel.close()
+    channel.drain()
+    assert told == []
+    with pytest.raises(AdapterError, match="is closed"):
+        channel.check()
+
+
 # -- filters --------------------------------------------------------------------------------------------------------------
 
 
@@ -177,29 +191,53 @@ def pairs(value: bytes) -> list[tuple[int, int]]:
     return list(struct.iter_unpack("=II", value))
 
 
+EXTENDED, REMOTE = 0x8000_0000, 0x4000_0000
+MASK = EXTENDED | REMOTE | 0x7FF
+
+
+def passes(filters, can_id: int) -> int:
+    """How many filters a frame passes, as linux/can.h says: <received_can_id> & mask == can_id & mask."""
+    return sum(can_id & mask == wanted & mask for wanted, mask in filters)
+
+
 def test_the_kernel_lets_data_frames_of_these_cob_ids_through_here_and_all_others_there():
     here, there = Options(), Options()
     assert CyclicSocket(here, there).listen([0x181, 0x282])
-    mask = 0xC000_07FF  # 29 bits, remote, and the identifier itself
-    assert here.set == [(101, 1, here.set[0][2])]
-    assert pairs(here.set[0][2]) == [(0x181, mask), (0x282, mask)]
-    assert there.set[0] == (101, 6, 1)  # all of them must fit
-    assert there.set[1][:2] == (101, 1)
-    assert pairs(there.set[1][2]) == [(0x2000_0181, mask), (0x2000_0282, mask)]
+    assert [call[:2] for call in (*here.set, *there.set)] == [(101, 1), (101, 1)]
+    assert pairs(here.set[0][2]) == [(0x181, MASK), (0x282, MASK)]
+    others = pairs(there.set[0][2])
+    assert [can_id for can_id in range(0x800) if passes(others, can_id) != 1] == [0x181, 0x282]
+    for can_id in (0x181 | REMOTE, 0x181 | EXTENDED, 0x1234_5678 | EXTENDED, 0x181 | EXTENDED | REMOTE):
+        assert passes(others, can_id) == 1
+        assert passes(pairs(here.set[0][2]), can_id) == 0
+
+
+@given(st.sets(st.integers(0, 0x7FF), max_size=60))
+def test_every_frame_comes_one_way_and_no_frame_both(can_ids):
+    others = all_but(can_ids)
+    assert {can_id for can_id in range(0x800) if passes(others, can_id) != 1} == can_ids
+    assert all(passes(others, can_id) <= 1 for can_id in range(0x800))
+
+
+def test_the_tpdos_of_many_drives_are_few_filters():
+    tpdos = [base + node for base in (0x180, 0x280, 0x380) for node in range(1, 65)]
+    assert len(all_but(tpdos)) < 60
 
 
 def test_with_nothing_to_listen_to_everything_comes_there():
     here, there = Options(), Options()
     assert CyclicSocket(here, there).listen([])
     assert here.set[0][2] == b""
-    assert pairs(there.set[1][2]) == [(0, 0)]
+    others = pairs(there.set[0][2])
+    assert all(passes(others, can_id) for can_id in (0, 0x181, 0x7FF, 0x181 | REMOTE, 0x181 | EXTENDED))
 
 
 def test_a_kernel_that_cannot_do_it_and_too_many_cob_ids_are_told():
     assert not CyclicSocket(Options(refuses=1), Options()).listen([0x181])
-    assert not CyclicSocket(Options(), Options(refuses=6)).listen([0x181])
+    assert not CyclicSocket(Options(), Options(refuses=1)).listen([0x181])
     assert CyclicSocket(Options(), Options()).listen(range(0x100, 0x100 + 512))
     assert not CyclicSocket(Options(), Options()).listen(range(0x100, 0x100 + 513))
+    assert not CyclicSocket(Options(), Options()).listen(range(0, 0x800, 3))
 
 
 def test_an_adapter_without_a_can_socket_has_none(line):

@@ -40,6 +40,7 @@ class Master:
         while True:
             self.cycle.wait_until(self._next)
             self._next = max(self._next + PERIOD, self.cycle.now())
+            self.cycle.receive()
             seen = [port.read(self.cycle.now()) for port in self.ports]
             if all(i.statusword is not None and i.statusword.value & mask == statusword for i in seen):
                 return seen

@@ -3,7 +3,8 @@
 Theory of operation
 -------------------
 One daemon thread calls ``recv`` and hands each frame to the receivers of its COB-ID, with the monotonic time of its reception.
-Receivers store and return; they never block and never send.
+Receivers store and return; they never block and never send. What comes in every cycle the scan takes itself by ``drain``, where the
+adapter lets us keep it apart (``cyclic``).
 
 What goes wrong is *remembered*: an exception from ``recv`` or from a receiver sets ``failure``, tells
 ``on_failure``, and from then on every ``send`` and ``check`` raises it. So a master that has become deaf cannot go on driving.
@@ -217,7 +218,8 @@ class Channel:
                     self._tell_ear(ear, Frame(stamp, can_id, data, extended=False))
                 self._distribute(can_id, data, stamp)
         except OSError as error:
-            self.fail(failures.deaf(self.name, error))
+            if not self._closing:
+                self.fail(failures.deaf(self.name, error))
 
     def _listen_cyclic(self, can_ids: frozenset[int]) -> None:
         if self._cyclic is not None and self._cyclic.listen(can_ids):

@@ -26,9 +26,9 @@ from axisbus.cia301 import cob
 _FRAME = struct.Struct("=IB3x8s")  # struct can_frame (linux/can.h)
 _FILTER = struct.Struct("=II")
 _STAMP = struct.Struct("@ll")
-_EXTENDED, _REMOTE, _ALL_BUT = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
 _EXACTLY = _EXTENDED | _REMOTE | cob.ID_MASK_11  # a data frame with 11 bits of identifier
-_CAN_RAW, _CAN_RAW_FILTER, _CAN_RAW_JOIN_FILTERS = 101, 1, 6  # linux/can/raw.h
+_CAN_RAW, _CAN_RAW_FILTER = 101, 1  # linux/can/raw.h
 _SO_TIMESTAMPNS = 35  # asm-generic/socket.h
 _ROOM = 64  # bytes for the time stamp
 _MOST = 512  # filters of a socket
@@ -50,17 +50,14 @@ class CyclicSocket:
 
         Safe at any time: for a moment a frame may come both ways.
         """
-        if len(can_ids) > _MOST:
+        here = [(can_id, _EXACTLY) for can_id in can_ids]
+        elsewhere = all_but(can_ids)
+        if max(len(here), len(elsewhere)) > _MOST:
             return False
-        here = b"".join(_FILTER.pack(can_id, _EXACTLY) for can_id in can_ids)
-        elsewhere = b"".join(_FILTER.pack(can_id | _ALL_BUT, _EXACTLY) for can_id in can_ids) or _FILTER.pack(
-            0, 0
-        )
         try:
-            self._raw.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, here)
+            self._raw.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, _packed(here))
             if self._others is not None:
-                self._others.setsockopt(_CAN_RAW, _CAN_RAW_JOIN_FILTERS, 1)
-                self._others.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, elsewhere)
+                self._others.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, _packed(elsewhere))
         except OSError:
             return False
         return True
@@ -92,6 +89,31 @@ class CyclicSocket:
     def close(self) -> None:
         """Release the socket."""
         self._raw.close()
+
+
+def all_but(can_ids: Collection[int]) -> list[tuple[int, int]]:
+    """Return filters, as identifier and mask, that let every frame through but data frames of these COB-IDs of 11 bits.
+
+    Whole blocks of identifiers, and not the kernel's inverted filters joined: those would keep error frames away as well.
+    """
+    extended, remote = (_EXTENDED, _EXTENDED), (_REMOTE, _EXTENDED | _REMOTE)
+    return [*_blocks(frozenset(can_ids), 0, cob.ID_MASK_11 + 1), extended, remote]
+
+
+def _blocks(can_ids: Collection[int], first: int, size: int) -> list[tuple[int, int]]:
+    """Return the filters of the ``size`` (a power of two) identifiers from ``first`` on, less ``can_ids``, which all lie there."""
+    if not can_ids:
+        return [(first, _EXACTLY & ~(size - 1))]
+    if len(can_ids) == size:
+        return []
+    half = size // 2
+    low = [can_id for can_id in can_ids if can_id < first + half]
+    high = [can_id for can_id in can_ids if can_id >= first + half]
+    return _blocks(low, first, half) + _blocks(high, first + half, half)
+
+
+def _packed(filters: Collection[tuple[int, int]]) -> bytes:
+    return b"".join(_FILTER.pack(can_id, mask) for can_id, mask in filters)
 
 
 def cyclic_socket(bus: can.BusABC, link: str) -> CyclicSocket | None:

@@ -1,0 +1,99 @@
+"""One frame on its way into an adapter: the bytes that Linux's SocketCAN wants, and what is raised where it does not take them."""
+
+from __future__ import annotations
+
+import errno
+import socket
+
+import can
+import pytest
+
+from axisbus.bus.link.line import PythonCanLine, SocketCanLine, line_of
+
+
+@pytest.fixture
+def ends():
+    pair = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    yield pair
+    for end in pair:
+        end.close()
+
+
+class SocketcanBus:
+    """As python-can's: it has a socket."""
+
+    def __init__(self, raw: object) -> None:
+        self.socket = raw
+
+
+class OtherBus(SocketcanBus):
+    """Some adapter over a network, which has a socket, too."""
+
+
+def test_a_frame_is_the_struct_can_frame_of_linux(ends):
+    line = SocketCanLine(ends[0])
+    line.send(0x205, b"\1\2\3")
+    line.send(0x1234_5678, bytes(8))
+    line.send(0x7FF, b"")
+    line.send_remote(0x185, 6)
+    assert [ends[1].recv(100).hex() for _ in range(4)] == [
+        "05020000030000000102030000000000",
+        "78563492080000000000000000000000",  # bit 31: 29 bits of identifier
+        "ff070000000000000000000000000000",
+        "85010040060000000000000000000000",  # bit 30: remote
+    ]
+
+
+def test_a_full_queue_is_refused_at_once_and_may_be_tried_again(ends):
+    line = SocketCanLine(ends[0])
+
+    def fill() -> None:
+        for _ in range(100_000):
+            line.send(0x205, bytes(8))
+
+    with pytest.raises(can.CanOperationError) as refused:
+        fill()
+    assert refused.value.error_code == errno.EAGAIN
+    ends[1].recv(100)
+    line.send(0x205, bytes(8))
+
+
+def test_a_socket_that_is_gone_says_so_as_python_can_does():
+    line = SocketCanLine(_closed())
+    with pytest.raises(can.CanOperationError, match="Failed to transmit") as gone:
+        line.send(0x205, b"")
+    assert gone.value.error_code == errno.EBADF
+
+
+def _closed() -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    made.close()
+    return made
+
+
+def test_only_python_cans_own_socketcan_is_passed_by(ends):
+    assert isinstance(line_of(SocketcanBus(ends[0]), None), SocketCanLine)
+    assert isinstance(line_of(SocketcanBus("no socket"), None), PythonCanLine)
+    assert isinstance(line_of(OtherBus(ends[0]), None), PythonCanLine)
+
+
+@pytest.mark.parametrize(("can_id", "extended"), [(0x205, False), (0x7FF, False), (0x800, True)])
+def test_any_other_adapter_gets_a_message_and_its_time(can_id, extended):
+    given = []
+
+    class Bus:
+        def send(self, message, timeout) -> None:
+            given.append((message, timeout))
+
+    line = PythonCanLine(Bus(), 0.05)
+    line.send(can_id, b"\7")
+    line.send_remote(can_id, 4)
+    (data, first), (remote, second) = given
+    assert (first, second) == (0.05, 0.05)
+    assert (data.arbitration_id, data.is_extended_id, bytes(data.data)) == (can_id, extended, b"\7")
+    assert (remote.arbitration_id, remote.is_extended_id, remote.is_remote_frame, remote.dlc) == (
+        can_id,
+        extended,
+        True,
+        4,
+    )
