@@ -108,16 +108,35 @@ def test_a_cycle_does_its_work_in_this_order():
     assert order == ["observe"]
 
 
-@pytest.mark.parametrize(
-    ("late", "order"), [(0.024, ["sync", "receive", "commit"]), (0.031, ["receive", "commit", "sync"])]
-)
-def test_after_a_long_delay_sync_waits_for_what_is_asked_now(late, order):
-    bench = Bench()
-    bench.scan.once()
-    bench.log.clear()
-    bench.late = [late]
-    bench.scan.once()
-    assert [name for name, _ in bench.log] == ["wait", *order, "heartbeat"]
+@pytest.mark.parametrize(("late", "first"), [(0.2, "sync"), (0.3, "commit")])
+def test_after_a_delay_that_stops_the_axes_sync_waits_for_what_is_asked_now(late, first):
+    r = rig().enabled()
+    assert r.core.supervision.longest_gap == 0.25
+    log = []
+    for name in ("sync", "commit"):
+        call = getattr(r.cycle, name)
+        setattr(r.cycle, name, lambda name=name, call=call: log.append(name) or call())
+    r.cycle.dials.wait_late = late
+    r.run(0.001)
+    assert log[0] == first
+    assert sorted(log) == ["commit", "sync"]
+
+
+@pytest.mark.parametrize("late", [0.03, 0.1, 0.2])
+def test_a_delay_that_stops_nothing_leaves_out_no_target(late):
+    r = rig().enabled()
+    handle = r.axis.follow(Trapezoid(0.0, 50.0, 90.0, 400.0))
+    r.run(0.35)
+    targets = []
+    latch = r.ports["x"].latch
+    r.ports["x"].latch = lambda: (latch(), targets.append(r.drive.target_position))
+    for delay in (0.0, late, 0.0, 0.0, late, 0.0):
+        r.cycle.dials.wait_late = delay
+        r.run(0.001)
+    r.cycle.dials.wait_late = 0.0
+    r.run(0.1)
+    assert max(b - a for a, b in pairwise(targets)) <= 900 + 1  # 90 deg/s in 10 ms
+    handle.wait(5)
 
 
 def test_what_was_on_its_way_before_a_long_delay_does_not_move_the_axis_after_it():

@@ -6,7 +6,7 @@ One cycle (``once``) is: wait for the grid, SYNC, take the commands, then for ea
 
 - **SYNC at the grid.** It leaves before anything is computed, so that the drives sample and obey at even distances, however long
   a cycle's own work takes. What a cycle commits takes effect at the next SYNC, and what it reads was sampled at the one before.
-  After a long delay (``_OLD``) SYNC comes last: what waits in the drives is of long ago, and must be replaced before it acts.
+  After a delay that stops the axes SYNC comes last: what waits in the drives is of long ago, and must be replaced before it acts.
 
 - **One writer.** Only the scan touches cores and ports. Other threads let commands wait (``submit``, see ``inbox``) and read
   snapshots.
@@ -47,7 +47,6 @@ from axisbus.motion.stop.policy import FaultPolicy, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
 from axisbus.session import Observer, Target
 
-_OLD = 3  # cycles that were missed, after which what the drives were given last must not take effect
 _HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
 
 
@@ -91,6 +90,7 @@ class Scan:
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
+        self._before = math.inf  # when the cycle before began
         self._collected = COLLECTOR.seconds  # seconds that the collector had run when the cycle before began
         self._done_at = (
             self._sending
@@ -217,8 +217,10 @@ class Scan:
     def once(self) -> None:
         """Do one cycle. Raises what the bus raises (``BusError``)."""
         cycle = self.cycle
-        woken, missed = self._wait(cycle)
-        if missed < _OLD and not self.ended:
+        woken = self._wait(cycle)
+        gap = woken - self._before
+        old = gap > 2 * self.period and gap > self._longest_gap
+        if not old and not self.ended:
             cycle.sync()
         if (
             self.ended
@@ -226,6 +228,7 @@ class Scan:
             return
         cycle.receive()
         now = cycle.now()  # of after a send that may have blocked: what begins now has all of its time
+        self._before = now
         self._take_commands(now)
         for group in self.groups.values():
             group.step()
@@ -237,7 +240,7 @@ class Scan:
         cycle.commit()
         if self.ended:
             return
-        if missed >= _OLD:
+        if old:
             cycle.sync()
         cycle.heartbeat()
         self._sending = (now - woken) + (cycle.now() - began)
@@ -278,10 +281,13 @@ class Scan:
     def _ended(self, what: str) -> AxisbusError:
         return ended(what, self.failure, self._quick_stop_sent)
 
-    def _wait(self, cycle: Cycle) -> tuple[float, int]:
-        """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
+    @property
+    def _longest_gap(self) -> float:
+        """Seconds between two cycles after which an axis is stopped."""
+        return min((core.supervision.longest_gap for core in self.axes.values()), default=math.inf)
 
-        Return when it is, and how many were skipped.
+    def _wait(self, cycle: Cycle) -> float:
+        """Wait for the next point of the grid; skip and count those that have passed, or lie less than half a period ahead.
         Two cycles close together would be a burst: two SYNCs within a fraction of the time that the drives interpolate over.
         """
         if self._next is None:
@@ -299,7 +305,7 @@ class Scan:
             self.starvation.note(now, late)
         self._collected = COLLECTOR.seconds
         self._next += (1 + missed) * self.period
-        return now, missed
+        return now
 
     def _skip(self, cycles: int, now: float) -> None:
         if cycles:

@@ -52,7 +52,7 @@ class Supervision:
         self._resting = Resting(parameters)
         self._met_operational = False
         oldest = capabilities.max_age.get("statusword", math.inf)
-        self._longest_gap = max(
+        self.longest_gap = max(
             oldest if math.isfinite(oldest) else 1.0, 10 * parameters.scan_period, _LEAST_GAP
         )
         self._excused_until = -math.inf
@@ -65,8 +65,8 @@ class Supervision:
     def node(self, image: Image) -> Finding | None:
         """Return that the node is lost, once, until ``lost`` is set back; in every cycle."""
         self.guard.look(image)
-        if image.gap > self._longest_gap:
-            self._excused_until = image.now + 2 * self._longest_gap
+        if image.gap > self.longest_gap:
+            self._excused_until = image.now + 2 * self.longest_gap
         if image.operational:
             self._met_operational = True
         elif self._met_operational and not self.lost and not self._excused(image):
@@ -94,7 +94,7 @@ class Supervision:
             return self._unknown(image) if image.state is _UNKNOWN else self.unrest(image, activity)
         if state not in _POWERED:
             return None
-        if image.gap > self._longest_gap:
+        if image.gap > self.longest_gap:
             return self._gap(image)
         if image.state is not _ENABLED and not self._is_held(image, state):
             return self._unknown(image) if image.state is _UNKNOWN else self._dropped(image)
@@ -161,7 +161,7 @@ class Supervision:
                 f"{name}: this program did not run for {image.gap:.3g} s",
                 axis=name,
                 observed=f"the scan has a period of {self._parameters.scan_period * 1000:g} ms; longer than "
-                f"{self._longest_gap:.3g} s the state of the drive cannot be trusted",
+                f"{self.longest_gap:.3g} s the state of the drive cannot be trusted",
                 remedy=f"{REMEDY}; the axis was stopped",
             ),
             along=False,
