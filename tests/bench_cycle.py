@@ -116,13 +116,13 @@ def theirs(bus: can.BusABC, _: CyclicSocket | None, count: int, period: float, c
                 pdo.add_variable(index)
         tpdo.cob_id, rpdo.cob_id = echo.TPDO + node_id, echo.RPDO + node_id
         network.subscribe(tpdo.cob_id, tpdo.on_message)
-        axes.append((tpdo, tpdo[0], tpdo[2], rpdo, *rpdo))
+        axes.append((tpdo[0], tpdo[2], rpdo, *rpdo))
     step, goal = SPEED * 1000 * period, [0.0]
 
     def work() -> None:
         network.send_message(0x80, b"")
         goal[0] += step
-        for _, word, position, rpdo, target, mode, controlword in axes:
+        for word, position, rpdo, target, mode, controlword in axes:
             assert word.raw >= 0
             assert position.raw is not None
             target.raw, mode.raw, controlword.raw = int(goal[0]), 8, 0xF
@@ -130,7 +130,7 @@ def theirs(bus: can.BusABC, _: CyclicSocket | None, count: int, period: float, c
 
     pace(period, 50, work)
     cost = pace(period, cycles, work)
-    last = axes[-1][2].raw
+    last = axes[-1][1].raw
     assert abs(last - goal[0]) < 10 * step, (last, goal)
     network.notifier.stop()
     return cost

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from axisbus.check.bus_load import nearest_period, worst_bits
+from axisbus.check.bus_load import nearest_period
+from axisbus.cia301.frame import worst_bits
 from kit import cells
 
 NO_GROUP = ('\n[groups.xy]\naxes = ["x", "y"]', "")

@@ -181,8 +181,7 @@ class CanPort:
     def take_frames(self) -> list[Frame]:
         """Return the frames given since the last call, in the order in which they must go out."""
         frames, self._frames = self._frames, []
-        for can_id, data in frames:
-            self._committed[can_id] = data
+        self._committed.update(frames)
         return frames
 
     def drop_frames(self) -> None:
@@ -204,7 +203,7 @@ class CanPort:
             return (), ()
         index = self.index(OUTPUT_OBJECTS[CONTROLWORD]).to_bytes(2, "little")
         sdo = _QUICK_STOP_SDO[:1] + index + _QUICK_STOP_SDO[3:]
-        return tuple(self._quick_stops()), ((cob.SDO_RX + self.node.node_id, sdo),)
+        return self._quick_stops(), ((cob.SDO_RX + self.node.node_id, sdo),)
 
     def prime(self) -> None:
         """Read by SDO what no TPDO may bring soon, and what an RPDO would otherwise overwrite; blocks for a dozen transfers.
@@ -246,13 +245,13 @@ class CanPort:
             self._doubtful |= self.node.nmt.assumed or self.node.nmt.state is not NmtState.OPERATIONAL
         return off
 
-    def _quick_stops(self) -> list[Frame]:
+    def _quick_stops(self) -> tuple[Frame, ...]:
         committed = self._committed.copy()
-        return [
+        return tuple(
             image.with_controlword(committed[image.cob_id], Command.QUICK_STOP.word)
             for image in self._images
             if image.holds_controlword and image.cob_id in committed
-        ]
+        )
 
     def _held_back(self, controlword: int | None) -> int | None:
         """Keep a controlword that may start a motion until the values that travel by SDO have arrived."""

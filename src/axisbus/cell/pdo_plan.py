@@ -10,16 +10,17 @@ from axisbus.bus.pdo.plan import Change, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
+from axisbus.cia301.frame import worst_bits
 from axisbus.cia301.pdo import Pdo
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 
-FULL = 0.5  # of the wire: beyond it stand heartbeats, SDO and a reserve
-MOST_SYNCS = 240  # transmission type 240 (CiA 301 table 72)
+_FULL = 0.5  # of the wire: beyond it stand heartbeats, SDO and a reserve
+_MOST_SYNCS = 240  # transmission type 240 (CiA 301 table 72)
 _OLDEST = 0.25  # seconds, as old as what is polled by SDO
 _LEAST_SHARE = 0.05  # of the wire
-# Bits at worst (55 + 10 for each byte): SYNC; RPDO and TPDO of 7 bytes; TPDOs of velocity with torque, and of the demand.
-_SYNC_BITS, _FAST_BITS, _SLOW_BITS = 55, 125 + 125, 115 + 95
+# Bits: SYNC; RPDO and TPDO of 7 bytes; TPDOs of velocity with torque, and of the demand.
+_SYNC_BITS, _FAST_BITS, _SLOW_BITS = worst_bits(0), 2 * worst_bits(7), worst_bits(6) + worst_bits(4)
 
 
 def travelling(
@@ -67,15 +68,15 @@ def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:
 def slow_pace(bus: BusConfig, axes: int) -> int:
     """Return with how many SYNCs velocity, torque and demand come: each, where the wire has room for it, else fewer.
 
-    By what our own layout needs of the wire at worst. Then they take a twentieth of it, or what is left below ``FULL``, and come
+    By what our own layout needs of the wire at worst. Then they take a twentieth of it, or what is left below half of it, and come
     every ``_OLDEST`` seconds at least.
     """
     if not bus.at.sound("bitrate", "scan_period", "sync") or bus.bitrate is None or not bus.sync:
         return 1
     room = bus.bitrate * bus.scan_period
-    left = FULL * room - _SYNC_BITS - axes * _FAST_BITS
+    left = _FULL * room - _SYNC_BITS - axes * _FAST_BITS
     slow = axes * _SLOW_BITS
     if slow <= left:
         return 1
-    latest = max(1, min(MOST_SYNCS, int(_OLDEST / bus.scan_period)))
+    latest = max(1, min(_MOST_SYNCS, int(_OLDEST / bus.scan_period)))
     return min(latest, math.ceil(slow / max(left, _LEAST_SHARE * room)))

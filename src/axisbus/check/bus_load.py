@@ -11,6 +11,7 @@ from axisbus.cell import pdo_tables
 from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.case import Case, Check, Found
+from axisbus.cia301.frame import worst_bits
 from axisbus.cia301.pdo import Pdo
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import LimitError
@@ -18,22 +19,13 @@ from axisbus.motion.moves.interpolation import interpolation_period
 
 ERROR_LOAD = 0.9
 WARNING_LOAD = 0.6
-_TRIES = 20
+_TRIES = 20  # periods, each a little longer
 _LATE = 0.001  # seconds; a shorter period depends on the computer
 _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _HEARTBEAT_BYTES = 1
 _TIME_BYTES = 6
 
 _M = ModeOfOperation
-
-
-def worst_bits(data_bytes: int) -> int:
-    """Return the longest that a frame with an 11-bit identifier can be, in bits: 55 + 10 for each of its 0 to 8 bytes.
-
-    44 bits of frame and 3 between frames, 8 for each byte, and a stuff bit after every four of the 34 + 8n that are stuffed
-    (ISO 11898-1).
-    """
-    return 55 + 10 * data_bytes
 
 
 class Traffic(NamedTuple):

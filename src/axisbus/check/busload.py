@@ -8,23 +8,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from axisbus.bus.link import errorframe
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import UNSTUFFED, Frame, worst_bits
 
 WINDOW = 0.1  # seconds
 _CRC = 0x4599  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1 (ISO 11898-1)
-_TAIL = 13  # CRC delimiter, acknowledge (2), end of frame (7), intermission (3): not stuffed
 _RUN = 5  # equal bits after which one of the other kind is stuffed in
-
-
-def plain_bits(data_bytes: int, extended: bool = False) -> int:
-    """Return a frame's bits without any stuff bit, intermission included."""
-    return (54 if extended else 34) + 8 * data_bytes + _TAIL
-
-
-def worst_bits(data_bytes: int, extended: bool = False) -> int:
-    """Return the longest that a frame of this size can be: a stuff bit after every four of the stuffed part but the first."""
-    plain = plain_bits(data_bytes, extended)
-    return plain + (plain - _TAIL - 1) // 4
 
 
 def actual_bits(frame: Frame) -> int:
@@ -37,7 +25,7 @@ def _actual(can_id: int, data: bytes, extended: bool, remote: bool) -> int:
     bits = _head(can_id, len(data), extended, remote)
     bits += "".join(f"{octet:08b}" for octet in data)
     bits += f"{_crc(bits):015b}"
-    return len(bits) + _stuffed(bits) + _TAIL
+    return len(bits) + _stuffed(bits) + UNSTUFFED
 
 
 def _head(can_id: int, length: int, extended: bool, remote: bool) -> str:

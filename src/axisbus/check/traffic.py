@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from axisbus.cell.model import CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.bus_load import per_cycle
-from axisbus.check.busload import plain_bits, worst_bits
 from axisbus.check.case import Case
+from axisbus.cia301.frame import plain_bits, worst_bits
 from axisbus.eds.model import Eds
 
 

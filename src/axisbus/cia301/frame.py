@@ -1,8 +1,10 @@
-"""One CAN frame as it was on the wire, with nothing said of what it means."""
+"""One CAN frame as it was on the wire, with nothing said of what it means, and how many bits one takes."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+UNSTUFFED = 13  # CRC delimiter, acknowledge (2), end of frame (7), intermission (3): not stuffed
 
 
 class Frame(NamedTuple):
@@ -18,3 +20,14 @@ class Frame(NamedTuple):
     extended: bool = False
     remote: bool = False
     error: bool = False
+
+
+def plain_bits(data_bytes: int, extended: bool = False) -> int:
+    """Return a frame's bits without any stuff bit, intermission included."""
+    return (54 if extended else 34) + 8 * data_bytes + UNSTUFFED
+
+
+def worst_bits(data_bytes: int, extended: bool = False) -> int:
+    """Return the longest that a frame of this size can be: a stuff bit after every four of the stuffed part but the first."""
+    plain = plain_bits(data_bytes, extended)
+    return plain + (plain - UNSTUFFED - 1) // 4

@@ -2,12 +2,12 @@
 
 Theory of operation
 -------------------
-One cycle (``once``) is: wait for the grid, SYNC, take the commands, then for each axis read, step, write; then commit, heartbeat.
+One cycle (``once``) is: wait for the grid, SYNC, receive, take the commands, then for each axis read, step, write; then commit,
+heartbeat.
 
 - **SYNC at the grid.** It leaves before anything is computed, so that the drives sample and obey at even distances, however long
   a cycle's own work takes. What a cycle commits takes effect at the next SYNC, and what it reads was sampled at the one before.
   After a delay that stops the axes SYNC comes last: what waits in the drives is of long ago, and must be replaced before it acts.
-
 - **One writer.** Only the scan touches cores and ports. Other threads let commands wait (``submit``, see ``inbox``) and read
   snapshots.
 - **Absolute grid.** Cycle k belongs to t0 + k * period. A late cycle is done late, the missed ones are skipped and counted, never
@@ -222,9 +222,7 @@ class Scan:
         old = gap > 2 * self.period and gap > self._longest_gap
         if not old and not self.ended:
             cycle.sync()
-        if (
-            self.ended
-        ):  # the supervisor has taken over while we waited, or a frame was stuck: nothing may follow it
+        if self.ended:  # taken over while we waited, or a frame was stuck: nothing may follow
             return
         cycle.receive()
         now = cycle.now()  # of after a send that may have blocked: what begins now has all of its time

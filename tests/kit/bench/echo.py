@@ -8,7 +8,7 @@ import struct
 import sys
 
 FRAME = struct.Struct("<IB3x8s")  # struct can_frame of Linux
-TPDO, RPDO, SDO_TX, SDO_RX, HEARTBEAT, EMCY = 0x180, 0x200, 0x580, 0x600, 0x700, 0x80
+TPDO, RPDO, SDO_TX, SDO_RX, HEARTBEAT = 0x180, 0x200, 0x580, 0x600, 0x700
 _BEAT = 25  # SYNCs between two heartbeats of a node
 # What a drive shows for the lower bits of its controlword, and whether it is enabled then.
 _SHOWN = {0x0: 0x0250, 0x6: 0x0231, 0x7: 0x0233, 0xF: 0x1637, 0x2: 0x0217}

@@ -125,9 +125,8 @@ _SDO = ("SDO", "answer", "6060h", "not written", "cannot be", "mode")
 
 MISHAPS: Mapping[str, Mishap] = {
     "jam": Mishap(_dial(blocked=True), _STANDS, "free", moves=True),
-    "sticks": Mishap(
-        _dial(sticks=400.0), _STANDS, "sticks_no_more", moves=True
-    ),  # it leaps when it comes loose
+    # It leaps when it comes loose.
+    "sticks": Mishap(_dial(sticks=400.0), _STANDS, "sticks_no_more", moves=True),
     "encoder_frozen": Mishap(_dial(encoder_frozen=True), _STANDS, "encoder_live", moves=True, deaf=True),
     "fault": Mishap(  # what is told before the code is there is replaced by what is told then
         lambda site, name, _: site.cell.drive(name).fault(0x2310),

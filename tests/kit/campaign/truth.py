@@ -10,9 +10,7 @@ _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
 _FARTHEST = 120.0  # s, the same where it moves: a cell of a few turns is crossed in less
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
 _REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
-_READS = (
-    2.0  # s in which an error may say that its code is being read: by SDO, which a stalled drive answers late
-)
+_READS = 2.0  # s in which an error may say that its code is being read: a stalled drive answers late
 _NEAR = 1.5  # deg by which a position that is shown may be off
 _USUAL_AGE = 1.2  # s: what is sent on change only, or polled, counts so long
 _REFUSED = (CommandError, StateError, LimitError)  # what was asked cannot be done; nothing has gone wrong

@@ -21,13 +21,12 @@ from contextlib import suppress
 
 import can
 
+from axisbus.bus.link.line import EXTENDED, FRAME, REMOTE, raw_socket
 from axisbus.cia301 import cob
 
-_FRAME = struct.Struct("=IB3x8s")  # struct can_frame (linux/can.h)
 _FILTER = struct.Struct("=II")
 _STAMP = struct.Struct("@ll")
-_EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
-_EXACTLY = _EXTENDED | _REMOTE | cob.ID_MASK_11  # a data frame with 11 bits of identifier
+_EXACTLY = EXTENDED | REMOTE | cob.ID_MASK_11  # a data frame with 11 bits of identifier
 _CAN_RAW, _CAN_RAW_FILTER = 101, 1  # linux/can/raw.h
 _SO_TIMESTAMPNS = 35  # asm-generic/socket.h
 _ROOM = 64  # bytes for the time stamp
@@ -37,7 +36,7 @@ Taken = tuple[int, bytes, float]
 
 
 class CyclicSocket:
-    """The frames of some COB-IDs; holds state: which, and when it was last looked at. ``drain`` is for one thread."""
+    """The frames of some COB-IDs, which the kernel knows; holds state: when it looked last. ``drain`` is for one thread."""
 
     def __init__(self, raw: socket.socket, others: socket.socket | None) -> None:
         """``raw`` is a CAN_RAW socket that does not block, ``others`` the one that is to leave these frames out."""
@@ -74,12 +73,12 @@ class CyclicSocket:
         receive = self._raw.recvmsg
         while True:
             try:
-                frame, notes, _, _ = receive(_FRAME.size, _ROOM)
+                frame, notes, _, _ = receive(FRAME.size, _ROOM)
             except BlockingIOError:
                 return
-            if len(frame) < _FRAME.size:
+            if len(frame) < FRAME.size:
                 return
-            can_id, length, data = _FRAME.unpack(frame)
+            can_id, length, data = FRAME.unpack(frame)
             stamp = now
             if notes:
                 seconds, nanoseconds = _STAMP.unpack_from(notes[0][2])
@@ -96,7 +95,7 @@ def all_but(can_ids: Collection[int]) -> list[tuple[int, int]]:
 
     Whole blocks of identifiers, and not the kernel's inverted filters joined: those would keep error frames away as well.
     """
-    extended, remote = (_EXTENDED, _EXTENDED), (_REMOTE, _EXTENDED | _REMOTE)
+    extended, remote = (EXTENDED, EXTENDED), (REMOTE, EXTENDED | REMOTE)
     return [*_blocks(frozenset(can_ids), 0, cob.ID_MASK_11 + 1), extended, remote]
 
 
@@ -118,8 +117,8 @@ def _packed(filters: Collection[tuple[int, int]]) -> bytes:
 
 def cyclic_socket(bus: can.BusABC, link: str) -> CyclicSocket | None:
     """Open a second socket on a SocketCAN link; None where this is none, or Linux does not let us."""
-    others = getattr(bus, "socket", None)
-    if sys.platform != "linux" or not isinstance(others, socket.socket) or others.family != socket.AF_CAN:
+    others = raw_socket(bus)
+    if sys.platform != "linux" or others is None:
         return None
     raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     made = CyclicSocket(raw, others)

@@ -11,8 +11,8 @@ import can
 from axisbus.cia301 import cob
 
 # struct can_frame and the flags in its identifier (linux/can.h).
-_FRAME = struct.Struct("=IB3x8s")
-_EXTENDED, _REMOTE = 0x8000_0000, 0x4000_0000
+FRAME = struct.Struct("=IB3x8s")
+EXTENDED, REMOTE = 0x8000_0000, 0x4000_0000
 _DONT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)
 
 
@@ -62,11 +62,11 @@ class SocketCanLine:
 
     def send(self, can_id: int, data: bytes) -> None:
         """As ``Line.send``."""
-        self._give(_FRAME.pack(_wire_id(can_id), len(data), data))
+        self._give(FRAME.pack(_wire_id(can_id), len(data), data))
 
     def send_remote(self, can_id: int, length: int) -> None:
         """As ``Line.send_remote``."""
-        self._give(_FRAME.pack(_wire_id(can_id) | _REMOTE, length, b""))
+        self._give(FRAME.pack(_wire_id(can_id) | REMOTE, length, b""))
 
     def _give(self, frame: bytes) -> None:
         try:
@@ -77,14 +77,18 @@ class SocketCanLine:
 
 def line_of(bus: can.BusABC, timeout: float | None) -> Line:
     """Return the quickest way to an open adapter."""
+    raw = raw_socket(bus)
+    return PythonCanLine(bus, timeout) if raw is None else SocketCanLine(raw)
+
+
+def raw_socket(bus: can.BusABC) -> socket.socket | None:
+    """Return the socket of python-can's own SocketCAN bus; None where the bus is another."""
     raw = getattr(bus, "socket", None)
-    if isinstance(raw, socket.socket) and type(bus).__name__ == "SocketcanBus":
-        return SocketCanLine(raw)
-    return PythonCanLine(bus, timeout)
+    return raw if isinstance(raw, socket.socket) and type(bus).__name__ == "SocketcanBus" else None
 
 
 def _wire_id(can_id: int) -> int:
-    return can_id | _EXTENDED if _is_extended(can_id) else can_id
+    return can_id | EXTENDED if _is_extended(can_id) else can_id
 
 
 def _is_extended(can_id: int) -> bool:

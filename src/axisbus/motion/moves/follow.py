@@ -64,9 +64,7 @@ class Follow(Activity):
         self._stepped = False
         self._pace: Pace | None = None
         self._step: Step | None = None  # to the last target, before it was rounded to increments
-        self._ahead: tuple[float, Step] | None = (
-            None  # to the next one, and when that is: looked at, and found good
-        )
+        self._ahead: tuple[float, Step] | None = None  # to the next one, and when: looked at, and good
         self.brakes_along = False
         if trajectory is not None:
             self.begin(trajectory)
