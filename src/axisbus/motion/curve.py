@@ -1,0 +1,89 @@
+"""A smooth curve through the samples of a path.
+
+Theory of operation
+-------------------
+At a sample's own time the curve is exactly that sample. Between two it is the cubic with the speeds of both ends, and the speed at
+a sample is that of the parabola through it and its neighbours: straight lines and constant accelerations stay what they are, and
+nowhere does the speed jump. Where the path rests (two intervals without way in a row, or its beginning or end) the speed is 0, and
+the curve goes no farther than to the place of rest.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+BEHIND = AHEAD = 2  # samples before and after an interval on which the curve within it depends
+_SAME = 1e-6  # share of a step within which two times are the same one, that was computed twice
+
+
+def following(t: float, step: float, duration: float) -> float:
+    """Return the time of the sample after that of ``t``: steps are added one by one, as the scan does; the last is ``duration``."""
+    return t + step if t + step < duration else duration
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Samples ``step`` seconds apart (the last interval may be shorter), the first of them with the number ``first``.
+
+    ``times`` in seconds, as many as ``positions``, at least one.
+    """
+
+    step: float
+    first: int
+    times: tuple[float, ...]
+    positions: tuple[float, ...]
+
+    @property
+    def after(self) -> int:
+        """The number of the sample after the last."""
+        return self.first + len(self.times)
+
+    def joined(self, times: Sequence[float], positions: Sequence[float]) -> Curve:
+        """Return the curve with more samples at its end."""
+        return Curve(self.step, self.first, (*self.times, *times), (*self.positions, *positions))
+
+    def without(self, t: float, behind: int) -> Curve:
+        """Return the curve without what lies more than ``behind`` samples before ``t``."""
+        gone = bisect_right(self.times, t) - 1 - behind
+        if gone <= 0:
+            return self
+        return Curve(self.step, self.first + gone, self.times[gone:], self.positions[gone:])
+
+    def at(self, t: float) -> float:
+        """Return the position at ``t``, which lies between the first and the last time."""
+        index = bisect_right(self.times, t) - 1
+        begin, here = self.times[index], self.positions[index]
+        if t == begin:
+            return here
+        width, way = self.times[index + 1] - begin, self.positions[index + 1] - here
+        share, enter, leave = (t - begin) / width, self._speed(index), self._speed(index + 1)
+        left = 1.0 - share
+        bend = left * (enter * width - way) - share * (leave * width - way)
+        gone = share * (way + left * bend)
+        if not enter or not leave:  # it rests at one end
+            gone = min(max(gone, min(way, 0.0)), max(way, 0.0))
+        return here + gone
+
+    def _speed(self, index: int) -> float:
+        """Return the signed speed at a sample."""
+        before, after = self._slope(index - 1), self._slope(index)
+        if not before and not self._slope(index - 2):
+            return 0.0
+        if not after and not self._slope(index + 1):
+            return 0.0
+        earlier, later = self._time(index) - self._time(index - 1), self._time(index + 1) - self._time(index)
+        return (later * before + earlier * after) / (earlier + later)
+
+    def _slope(self, index: int) -> float:
+        """Return the mean speed between a sample and the next; 0 beyond the ends, where a path rests."""
+        if not 0 <= index < len(self.times) - 1:
+            return 0.0
+        width = self.times[index + 1] - self.times[index]
+        if width <= _SAME * self.step:
+            return 0.0
+        return (self.positions[index + 1] - self.positions[index]) / width
+
+    def _time(self, index: int) -> float:
+        return self.times[min(max(index, 0), len(self.times) - 1)]

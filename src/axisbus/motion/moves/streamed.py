@@ -1,0 +1,257 @@
+"""A trajectory that comes in samples, ahead of its use, from a program that is not the scan's.
+
+Theory of operation
+-------------------
+The program's own code runs where the program does: what comes is a head (``StreamHead``), and then samples, one for each executed
+cycle, that have been asked for (``wanted``). The times of the samples are made as ``PathClock`` makes those of the cycles, so that
+the targets are those of the trajectory itself. An axis that is braked comes between samples; there they are joined (``Curve``).
+
+An axis does not begin before enough is known. Then, in each cycle, what is known must suffice to go on for one more period and to
+come to rest within it: braking from a speed v with a deceleration a takes at most v/a of the path's time (see ``lookahead``, which
+looks as far ahead and a period more). Where it does not suffice, or the program has failed, the axis is braked along what is known
+and stands on its path.
+
+``feed`` and ``fail`` are called by one other thread than the scan's. Each replaces one value that never changes by another, and the
+scan takes that value once in each call: no lock is needed, and none is held up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from axisbus.errors import ArgumentError, AxisbusError, CommandError
+from axisbus.motion.curve import AHEAD, BEHIND, Curve, following
+from axisbus.motion.numbers import number, told
+
+_BUSY = 2.0  # seconds that a program may be busy with something else
+_HEADSTART = 1.0  # seconds beyond what braking takes that are known before the axis begins
+_MARGIN = 6  # periods: one goes by, braking and looking ahead end in the next, the rest is to spare
+_KEPT = 16  # samples that are kept behind where the axis is
+_CHUNK = 0.25  # seconds in a chunk
+_SMALLEST, _LARGEST = 16, 256  # samples in a chunk
+
+_REMEDY = (
+    "make position(t) faster, and look what keeps the program's other threads from running (a long call into a library, a "
+    "debugger, a busy computer)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StreamHead:
+    """What is told of a trajectory before it begins, with its first samples (``positions``, from time 0 on).
+
+    ``duration`` and ``step`` (the scan's period) in seconds. ``span`` with ``top_speed``, and ``top_acceleration``, are None where
+    the trajectory itself does not tell them (``lookahead.Known``, ``pace.Ramped``).
+    """
+
+    duration: float
+    step: float
+    positions: tuple[float, ...]
+    span: tuple[float, float] | None = None
+    top_speed: float | None = None
+    top_acceleration: float | None = None
+
+
+class Streamed:
+    """A trajectory made of a head and of what is fed; holds the samples from a little behind ``reached`` on, in seconds.
+
+    It tells ``span``, ``top_speed`` and ``top_acceleration`` as attributes only where its head does.
+    """
+
+    span: tuple[float, float]
+    top_speed: float
+    top_acceleration: float
+
+    def __init__(self, head: StreamHead) -> None:
+        """Take the head.
+
+        Raises:
+            ArgumentError: it holds what is no number, no sample, or more of them than the trajectory has.
+        """
+        _require_numbers((head.duration, head.step, *head.positions))
+        if head.step <= 0 or not head.positions:
+            raise ArgumentError("the head of a trajectory needs a sample and a positive step")
+        self.duration = head.duration
+        self.reached = 0.0
+        self._tell_facts(head)
+        self._deceleration: float | None = None
+        self._failure: AxisbusError | None = None
+        self._waits_since: float | None = None
+        self._may_begin = False
+        self._curve = Curve(head.step, 0, (0.0,), head.positions[:1])
+        self._fastest = 0.0
+        self._asked = len(head.positions)
+        self.feed(1, head.positions[1:])
+        self._asked_until = self._curve.times[-1]
+
+    # -- the trajectory ----------------------------------------------------------------------------------------------
+
+    @property
+    def known_until(self) -> float:
+        """Up to when the path is known, in seconds, and nothing that comes changes it any more."""
+        return _known(self._curve, self.duration)
+
+    def position(self, t: float) -> float:
+        """Return the position at ``t`` seconds; before and after, the ends.
+
+        Raises:
+            CommandError: it is not known yet, or not any more.
+        """
+        curve, t = self._curve, max(t, 0.0)
+        until = _known(curve, self.duration)
+        if t >= self.duration <= until:
+            return curve.positions[-1]
+        since = curve.times[BEHIND if curve.first else 0]
+        if not since <= t <= until:
+            raise CommandError(
+                f"position at {t:.3f} s is not known", observed=f"known are {since:.3f} to {until:.3f} s"
+            )
+        return curve.at(t)
+
+    # -- its program, in another thread --------------------------------------------------------------------------------
+
+    def feed(self, first: int, positions: Sequence[float]) -> None:
+        """Take the samples from number ``first`` on.
+
+        Raises:
+            ArgumentError: they do not join on to what is known, are more than was asked for, or no numbers; nothing is taken.
+        """
+        curve, asked = self._curve, self._asked
+        if first != curve.after or first + len(positions) > asked:
+            raise ArgumentError(
+                "samples of a trajectory came that were not asked for",
+                observed=f"numbers {first} to {first + len(positions) - 1}; expected were {curve.after} to {asked - 1}",
+            )
+        _require_numbers(positions)
+        times = self._times_after(curve.times[-1], len(positions))
+        if len(times) < len(positions):
+            raise ArgumentError("a trajectory has more samples than fit its duration")
+        ways = pairwise((curve.positions[-1], *positions))
+        self._fastest = max(self._fastest, max((abs(b - a) for a, b in ways), default=0.0) / self._step)
+        self._curve = curve.joined(times, positions).without(self.reached, _KEPT)
+
+    def fail(self, error: AxisbusError) -> None:
+        """End the trajectory with ``error``: no more of it will come. The first one counts."""
+        self._failure = self._failure or error
+
+    # -- what is asked of its program ------------------------------------------------------------------------------------
+
+    def wanted(self, t: float) -> tuple[int, int] | None:
+        """Return which samples are to be asked for now, where the axis is at ``t``: the first's number, and how many; else None.
+
+        What was returned counts as asked for.
+        """
+        if self._failure is not None or self._asked_until >= self.duration:
+            return None
+        if self._asked_until > t + _BUSY + self._stretch:
+            return None
+        left, chunk = (self.duration - self._asked_until) / self._step, self._chunk
+        times = self._times_after(self._asked_until, chunk if left > 1.5 * chunk else 2 * chunk)
+        asked = self._asked, len(times)
+        self._asked, self._asked_until = self._asked + len(times), times[-1]
+        return asked
+
+    # -- the axis, in the scan -------------------------------------------------------------------------------------------
+
+    def brakes_with(self, deceleration: float | None, period: float) -> None:
+        """Take what the axis brakes with along a path (unit/s², None: it cannot), and the scan's period in seconds.
+
+        Raises:
+            ArgumentError: the samples are not one for each cycle.
+        """
+        if period != self._step:
+            raise ArgumentError(
+                "the samples of a trajectory do not fit the scan",
+                observed=f"their step is {self._step:g} s, the scan's period {period:g} s",
+            )
+        self._deceleration = deceleration
+
+    def ready(self, now: float, name: str) -> bool:
+        """Return whether enough is known for the axis ``name`` to begin, at ``now`` (s, monotonic); once it is, it stays so.
+
+        Raises:
+            AxisbusError: its program has failed, or did not send enough in time.
+        """
+        if self._failure is not None:
+            raise self._failure
+        self._waits_since = now if self._waits_since is None else self._waits_since
+        enough = self.known_until >= min(self.duration, self._stretch + _HEADSTART)
+        self._may_begin = self._may_begin or enough
+        if not self._may_begin and now - self._waits_since > _BUSY:
+            raise self._late(name, "it has not begun", "nothing has moved")
+        return self._may_begin
+
+    def shortage(self, t: float, name: str) -> AxisbusError | None:
+        """Return why the axis ``name``, at ``t``, must be braked now to stand within what is known; None where it may go on."""
+        self.reached = t
+        if self._failure is not None:
+            return self._failure
+        until = self.known_until
+        if until >= self.duration:
+            return None
+        margin = _MARGIN * self._step
+        if until >= t + margin + self._braking(
+            abs(self.position(t + self._step) - self.position(t)) / self._step
+        ):
+            return None
+        how = "braked along it" if self._deceleration else "stopped"
+        return self._late(name, f"the axis is at {t:.3f} s of it", f"the axis was {how}")
+
+    # -- helpers ---------------------------------------------------------------------------------------------------------
+
+    @property
+    def _step(self) -> float:
+        return self._curve.step
+
+    @property
+    def _chunk(self) -> int:
+        return min(max(round(_CHUNK / self._step), _SMALLEST), _LARGEST)
+
+    @property
+    def _stretch(self) -> float:
+        """How much of the path must be known ahead of the axis at its fastest, in seconds."""
+        return _MARGIN * self._step + self._braking(self._fastest)
+
+    def _braking(self, speed: float) -> float:
+        return speed / self._deceleration if self._deceleration else 0.0
+
+    def _times_after(self, t: float, count: int) -> list[float]:
+        """Return the times of at most ``count`` samples after that of ``t``; none after the end."""
+        times: list[float] = []
+        while len(times) < count and t < self.duration:
+            t = following(t, self._step, self.duration)
+            times.append(t)
+        return times
+
+    def _tell_facts(self, head: StreamHead) -> None:
+        """Have an attribute only where it is told: whoever asks for ``Known`` or ``Ramped`` looks for it."""
+        if head.span is not None and head.top_speed is not None:
+            _require_numbers((*head.span, head.top_speed))
+            self.span, self.top_speed = head.span, head.top_speed
+        if head.top_acceleration is not None:
+            _require_numbers((head.top_acceleration,))
+            self.top_acceleration = head.top_acceleration
+
+    def _late(self, name: str, where: str, how: str) -> CommandError:
+        curve = self._curve
+        known = f"known of it are {curve.times[0]:.3f} to {self.known_until:.3f} s of {self.duration:.3f} s"
+        return CommandError(
+            f"{name}: the program did not send its trajectory in time",
+            observed=f"{where}, {known}",
+            remedy=f"{_REMEDY}; {how}",
+        )
+
+
+def _known(curve: Curve, duration: float) -> float:
+    """Return up to when a curve will stay as it is: all of it, or as far as it does not depend on the next sample."""
+    if curve.times[-1] >= duration:
+        return duration
+    return curve.times[max(len(curve.times) - 1 - AHEAD, 0)]
+
+
+def _require_numbers(values: Sequence[object]) -> None:
+    for value in values:
+        if number(value) is None:
+            raise ArgumentError("a trajectory needs finite numbers", observed=f"it gave {told(value)}")
