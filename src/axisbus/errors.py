@@ -35,7 +35,7 @@
     │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
     │   └── StaleError               a value that the command needs is too old or was never received
-    ├── CommandError                 a command broke off by an exception in its own work, which hangs on it as __cause__
+    ├── CommandError                 a command broke off in its own work: by an exception (__cause__), or for want of what it needs
     └── Interrupted                  the command ended because something else was wanted
         ├── Replaced                 a newer command on the same axis took over
         └── Stopped                  a stop took over: asked for, by policy, or on the way out
@@ -340,7 +340,10 @@ class StaleError(DriveError):
 
 
 class CommandError(AxisbusError):
-    """A command broke off by an exception in its own work, such as a trajectory's code; ``__cause__`` has the traceback."""
+    """A command broke off in its own work: by an exception, of which ``__cause__`` has the traceback.
+
+    Or its program did not send what it needs, such as the next piece of a trajectory, in time.
+    """
 
 
 class Interrupted(AxisbusError):

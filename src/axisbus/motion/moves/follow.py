@@ -17,6 +17,7 @@ from axisbus.motion.moves.guarded import Guarded
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
+from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.trajectory import Trajectory
@@ -48,6 +49,7 @@ class Follow(Activity):
         ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
         """
         self._trajectory: Trajectory | None = None
+        self._stream: Streamed | None = None  # the trajectory, where it comes bit by bit
         self._parameters = parameters
         self._gate = gate
         self._brake = brake
@@ -99,6 +101,9 @@ class Follow(Activity):
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
         self._trajectory = Guarded(trajectory, self._parameters.name)
+        if isinstance(trajectory, Streamed):
+            self._stream = trajectory
+            trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
 
     def take_stepped(self) -> bool:
         """Return whether it was stepped, by its axis's command or stop, since the last call."""
@@ -154,7 +159,11 @@ class Follow(Activity):
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
         if not self._prepared:
             self._prepared = self._setup.step(image, order) and self._mode.step(image, order)
-        return self._prepared and self._gate.pass_through(self)
+        return self._prepared and self._may_begin(image) and self._gate.pass_through(self)
+
+    def _may_begin(self, image: Image) -> bool:
+        """Whether enough is known of a trajectory that comes bit by bit."""
+        return self._running or self._stream is None or self._stream.ready(image.now, self._parameters.name)
 
     def _start(self, image: Image) -> None:
         assert self._trajectory is not None
@@ -178,15 +187,23 @@ class Follow(Activity):
             self._limits = widened(self._parameters.limits.position, start, margin)
 
     def _look_ahead(self, trajectory: Trajectory) -> None:
-        """Raise LimitError where the next target would be too much, or the axis could not be kept within its limits any more.
+        """Raise what is wrong where the next target would be too much, or the axis could not be kept within its limits any more.
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
         if self.clock.braking:
             return
         way = partial(self._way, trajectory)
+        self._look_at_stream()
         self._look_at_limits(way)
         self._look_at_pace(way)
+
+    def _look_at_stream(self) -> None:
+        """Look whether the axis could still be braked within what is known."""
+        error = None if self._stream is None else self._stream.shortage(self.clock.t, self._parameters.name)
+        if error is not None:
+            self.brakes_along = bool(self._parameters.path_deceleration)
+            raise error
 
     def _look_at_limits(self, way: Path) -> None:
         """Look as far ahead as braking takes; what is known in advance has been checked before."""
