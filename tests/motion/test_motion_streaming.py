@@ -391,6 +391,24 @@ def test_a_command_takes_over_from_it_without_a_jolt(mode_delay):
     assert watch.acceleration() <= 500_000 * 1.6
 
 
+def test_while_a_group_waits_it_is_braked_along_what_it_has_all_the_same():
+    """Its own move waits for the other axis, and the trajectory leads it until then."""
+    r = rig("xy").enabled()
+    r.axes["y"].follow(Trapezoid(0.0, 5.0, 100.0, 500.0)).wait(5)  # so that its mode has to change
+    wire = Wire(r, LONG, delay=late_at(0.01))
+    wire.follow()
+    r.until(lambda: wire.stream.reached > 2.0)
+    r.drive_of("y").dials.mode_delay = 0.8
+    watch = Watch(r)
+    handle = r.group("x", "y").move_direct((400.0, 20.0))
+    r.until(lambda: not handle.busy)
+    assert "did not send its trajectory in time" in str(handle.exception())
+    r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))
+    assert watch.acceleration() <= 500_000 * 1.1
+    assert watch.transitions == []
+    assert watch.travel[1] <= LONG.position(wire.stream.known_until) * 1000
+
+
 def test_other_axes_of_a_group_are_stopped_with_one_whose_program_falls_silent():
     r = rig("xy").enabled()
     first = Wire(r, LONG, delay=late_at(0.01)).follow()

@@ -79,7 +79,7 @@ class GoingOn(Follow):
             self._deadline = image.now + self._profile.timeout
         if self._before is not None:
             if self._is_given_up or not self._gate.pass_through(self):
-                self._before.step(image, order)
+                self._go_along(self._before, image, order)
                 return False
             self._take_over(self._before, image)
         if super().step(image, order):
@@ -103,6 +103,13 @@ class GoingOn(Follow):
     def at_rest(self) -> bool:
         """Whether the commanded motion stands still."""
         return super().at_rest if self._before is None else self._before.at_rest
+
+    def _go_along(self, before: Follow, image: Image, order: Order) -> None:
+        """Be led by what led the axis before; where that fails, the axis is braked along it as it would have been."""
+        try:
+            before.step(image, order)
+        finally:
+            self.brakes_along = before.brakes_along
 
     def _take_over(self, before: Follow, image: Image) -> None:
         self.begin(self.plan(image.origin))
