@@ -14,7 +14,6 @@ from axisbus.errors import ArgumentError, CommandError
 from axisbus.machine.feeding import Sampler
 from axisbus.motion.curve import Curve, following
 from axisbus.motion.group.pathclock import PathClock
-from axisbus.motion.moves.guarded import Guarded
 from axisbus.motion.moves.lookahead import Known
 from axisbus.motion.moves.streamed import Streamed, StreamHead
 from axisbus.motion.pace import Ramped
@@ -181,9 +180,8 @@ class Plain:
 @pytest.mark.parametrize("path", [Trapezoid(0.0, 9.0, 5.0, 50.0), Sampled([0.0, 3.0, -1.0], 0.1), Plain()])
 def test_it_tells_of_itself_what_the_trajectory_tells(path):
     stream, _ = streamed(path)
-    for one in (stream, Guarded(stream, "x")):
-        assert isinstance(one, Known) is isinstance(path, Known)
-        assert isinstance(one, Ramped) is isinstance(path, Ramped)
+    assert isinstance(stream, Known) is isinstance(path, Known)
+    assert isinstance(stream, Ramped) is isinstance(path, Ramped)
     for fact in ("duration", "span", "top_speed", "top_acceleration"):
         assert getattr(stream, fact, None) == getattr(path, fact, None)
 

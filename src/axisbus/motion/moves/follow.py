@@ -48,7 +48,8 @@ class Follow(Activity):
 
         ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
         """
-        self._trajectory: Trajectory | None = None
+        self._trajectory: Guarded | None = None
+        self._told: Trajectory | None = None  # itself: what it tells in advance is looked for there
         self._stream: Streamed | None = None  # the trajectory, where it comes bit by bit
         self._parameters = parameters
         self._gate = gate
@@ -100,7 +101,7 @@ class Follow(Activity):
 
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
-        self._trajectory = Guarded(trajectory, self._parameters.name)
+        self._trajectory, self._told = Guarded(trajectory, self._parameters.name), trajectory
         if isinstance(trajectory, Streamed):
             self._stream = trajectory
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
@@ -112,10 +113,10 @@ class Follow(Activity):
 
     def resume(self, before: Follow) -> None:
         """Go on from the last target of ``before``, which lies one cycle back, with the trajectory that has been begun."""
-        assert self._trajectory is not None
+        assert self._told is not None
         self._prepared = self._running = True
         self._last, self._step, self._limits = before._last, before._step, before._limits
-        self._pace = pace_of(self._parameters, self._trajectory)
+        self._pace = pace_of(self._parameters, self._told)
 
     @property
     def last_step(self) -> Step:
@@ -167,6 +168,7 @@ class Follow(Activity):
 
     def _start(self, image: Image) -> None:
         assert self._trajectory is not None
+        assert self._told is not None
         units = self._parameters.units.position
         reference = self.reference(image)
         first = units.to_increments(self._trajectory.position(0.0)) + image.origin
@@ -179,8 +181,8 @@ class Follow(Activity):
             )
         self._running = True
         self._last = reference
-        self._is_known = isinstance(self._trajectory, Known)
-        self._pace = pace_of(self._parameters, self._trajectory)
+        self._is_known = isinstance(self._told, Known)
+        self._pace = pace_of(self._parameters, self._told)
         if self._parameters.limits.position is not None:
             margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
             start = units.to_units(reference - image.origin)

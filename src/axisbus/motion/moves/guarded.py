@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from axisbus.errors import ArgumentError, in_a_line
 from axisbus.interruption import is_own
@@ -12,7 +11,7 @@ from axisbus.motion.trajectory import Trajectory
 
 
 class Guarded:
-    """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself it tells as before."""
+    """Holds a trajectory, and its ``duration`` as it was told once; what else it tells of itself only itself tells."""
 
     __slots__ = ("_name", "_trajectory", "duration")
 
@@ -29,9 +28,6 @@ class Guarded:
             lambda: "duration",
             "mend its duration, which must give the same number always",
         )
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._trajectory, name)
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds.
