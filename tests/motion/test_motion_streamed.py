@@ -80,6 +80,13 @@ def test_where_it_rests_on_the_way_it_stands_still():
     assert {line.at(2 + part / 20) for part in range(61)} == {2.0}
 
 
+def test_a_corner_is_not_rounded_beyond_what_the_path_tells_of_itself():
+    line = curve([0, 4, 8, 12, 11.5, 11, 10.5, 10, 10, 10])
+    assert max(between(line)) > 12.01
+    assert max(between(replace(line, span=(0.0, 12.0)))) == 12.0
+    assert max(between(replace(line, span=(0.0, 12.0)).joined([10.0], [10.0]).without(3.0, 2))) == 12.0
+
+
 def test_the_speed_does_not_jump_at_a_corner():
     line = curve([0, 0, 0, 0, 1, 2, 3, 4, 4, 4, 4, 3, 2, 1, 1, 1])
     tiny = 1e-6

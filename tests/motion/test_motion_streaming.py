@@ -107,6 +107,20 @@ def hardest(path) -> float:
     )
 
 
+def late_at(moment: float):
+    """Nothing comes any more of what is asked for after that."""
+    return lambda t: NEVER if t >= moment else 0.0
+
+
+def stands_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
+    """All targets lie on the path, in its order, no farther than it was known."""
+    t, step = 0.0, PERIOD / 50
+    for target in watch.targets:
+        while t <= until and abs(path.position(t) * 1000 - target) > tolerance:
+            t += step
+        assert t <= until + step, f"{target} is not on the path, or not where it comes next"
+
+
 # As the trajectory itself.
 
 
@@ -193,21 +207,25 @@ def test_what_limits_say_of_a_path_is_the_same():
         assert streamed_told == told
 
 
+TEN = Limits(position=(-10.0, 10.0), velocity=400.0)
+
+
+@pytest.mark.parametrize("when", range(100, 112))
+def test_a_corner_at_the_limit_is_not_rounded_beyond_it(when):
+    """Where the axis is braked over it, between the samples."""
+    r = rig(limits=TEN, defaults=Defaults(velocity=100.0, acceleration=20.0)).enabled()
+    watch = Watch(r)
+    path = Sampled([0.0, 0.0, 10.0, 8.0, 8.0], 1.0)
+    handle = Wire(r, path).follow()
+    r.until(lambda: watch.targets and watch.targets[-1] >= 9_000 + (when - 100) * 70)
+    r.axis.halt().wait(5)
+    assert isinstance(handle.exception(), Stopped)
+    assert r.axis.state is AxisState.STANDSTILL
+    assert max(watch.targets) <= 10_000
+    stands_on(path, watch, path.duration, tolerance=hardest(path) * PERIOD**2)
+
+
 # What comes late.
-
-
-def late_at(moment: float):
-    """Nothing comes any more of what is asked for after that."""
-    return lambda t: NEVER if t >= moment else 0.0
-
-
-def stands_on(path, watch: Watch, until: float, tolerance: float = 5.0) -> None:
-    """All targets lie on the path, in its order, no farther than it was known."""
-    t, step = 0.0, PERIOD / 50
-    for target in watch.targets:
-        while t <= until and abs(path.position(t) * 1000 - target) > tolerance:
-            t += step
-        assert t <= until + step, f"{target} is not on the path, or not where it comes next"
 
 
 LONG = Trapezoid(0.0, 700.0, 100.0, 500.0)

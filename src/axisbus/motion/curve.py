@@ -27,13 +27,15 @@ def following(t: float, step: float, duration: float) -> float:
 class Curve:
     """Samples ``step`` seconds apart (the last interval may be shorter), the first of them with the number ``first``.
 
-    ``times`` in seconds, as many as ``positions``, at least one.
+    ``times`` in seconds, as many as ``positions``, at least one. ``span``: the lowest and the highest position of the path,
+    where they are known: a bend between samples goes no farther.
     """
 
     step: float
     first: int
     times: tuple[float, ...]
     positions: tuple[float, ...]
+    span: tuple[float, float] | None = None
 
     @property
     def after(self) -> int:
@@ -42,14 +44,14 @@ class Curve:
 
     def joined(self, times: Sequence[float], positions: Sequence[float]) -> Curve:
         """Return the curve with more samples at its end."""
-        return Curve(self.step, self.first, (*self.times, *times), (*self.positions, *positions))
+        return Curve(self.step, self.first, (*self.times, *times), (*self.positions, *positions), self.span)
 
     def without(self, t: float, behind: int) -> Curve:
         """Return the curve without what lies more than ``behind`` samples before ``t``."""
         gone = bisect_right(self.times, t) - 1 - behind
         if gone <= 0:
             return self
-        return Curve(self.step, self.first + gone, self.times[gone:], self.positions[gone:])
+        return Curve(self.step, self.first + gone, self.times[gone:], self.positions[gone:], self.span)
 
     def at(self, t: float) -> float:
         """Return the position at ``t``, which lies between the first and the last time."""
@@ -64,7 +66,9 @@ class Curve:
         gone = share * (way + left * bend)
         if not enter or not leave:  # it rests at one end
             gone = min(max(gone, min(way, 0.0)), max(way, 0.0))
-        return here + gone
+        if self.span is None:
+            return here + gone
+        return min(max(here + gone, self.span[0]), self.span[1])
 
     def _speed(self, index: int) -> float:
         """Return the signed speed at a sample."""

@@ -75,12 +75,12 @@ class Streamed:
             raise ArgumentError("the head of a trajectory needs a sample and a positive step")
         self.duration = head.duration
         self.reached = 0.0
-        self._tell_facts(head)
         self._deceleration: float | None = None
         self._failure: AxisbusError | None = None
         self._waits_since: float | None = None
         self._may_begin = False
-        self._curve = Curve(head.step, 0, (0.0,), head.positions[:1])
+        self._tell_facts(head)
+        self._curve = Curve(head.step, 0, (0.0,), head.positions[:1], head.span)
         self._fastest = 0.0
         self._asked = len(head.positions)
         self.feed(1, head.positions[1:])
