@@ -66,7 +66,7 @@ def test_another_state_is_told_to_whoever_asked_for_it(
     hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     told: list[NodeEvent] = []
-    events.on_event = told.append
+    events.hear(told.append)
     hear(fake, node, data)
     events.look(time.monotonic())
     assert [(event.kind.name, event.state) for event in told] == [("STATE", state)]
@@ -103,7 +103,7 @@ def test_a_node_that_goes_mad_is_told_once_a_second_with_how_often(node: Node, f
     heard = hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     every = []
-    events.on_event = every.append
+    events.hear(every.append)
     for look in range(250):  # a scan of 10 ms, and a state that changes in each
         hear(fake, node, "7f" if look % 2 == 0 else "05")
         events.look(heard + 0.01 * look)

@@ -58,7 +58,7 @@ def test_each_change_is_one_event_with_its_times():
     node = monitor()
     told = []
     events = NodeEvents(node)
-    events.on_event = told.append
+    events.hear(told.append)
     events.look(2.0)
     assert events_of(events) == []
     node.state, node.stamp = STOPPED, 2.5

@@ -152,7 +152,7 @@ class NodeAccess:
     def on_event(self, call: Callable[[NodeEvent], None]) -> None:
         """Have ``call`` called with every further event, in the scan's thread: it must not block."""
         if self._events is not None:
-            self._events.on_event = call
+            self._events.hear(call)
 
     @property
     def incidents(self) -> tuple[Incident, ...]:
@@ -192,11 +192,21 @@ class NodeAccess:
     def canopen(self) -> Any:
         """The node as ``canopen.RemoteNode``, for programs that know that library; SDO goes through our client.
 
-        The library loads the EDS for it, which may take a second, once per file. Raises StateError without a bus.
+        The library loads the EDS for it, which may take a second, once per file.
+
+        Raises:
+            StateError: there is no bus, or it belongs to another process.
         """
+        from axisbus.bus.node.node import Node
         from axisbus.bus.node.remote import remote_node
 
-        return remote_node(self._require_bus())
+        node = self._require_bus()
+        if not isinstance(node, Node):
+            raise StateError(
+                f"node {self.node_id}: its bus belongs to the core in its own process",
+                remedy='write process = "thread" in [bus] to use it by the canopen library, or use node.sdo and node.command',
+            )
+        return remote_node(node)
 
     def pdos(self) -> list[str]:
         """Return the PDOs in use, each as a line of text."""

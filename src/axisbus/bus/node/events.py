@@ -97,8 +97,7 @@ class NodeEvents:
     def __init__(self, monitor: Monitored) -> None:
         """Begin with the node as it is now."""
         self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
-        # Called in the scan's thread, with every single event; must not block.
-        self.on_event: Callable[[NodeEvent], None] | None = None
+        self._hear: tuple[Callable[[NodeEvent], None], ...] = ()
         self._monitor = monitor
         self._bootups = monitor.bootups
         self._operational = monitor.state is NmtState.OPERATIONAL
@@ -110,6 +109,10 @@ class NodeEvents:
     def events(self) -> list[NodeEvent]:
         """The history and what waits to get into it, in the order of time; may be read in any thread."""
         return sorted([*self.history, *list(self._held.values())], key=lambda event: event.stamp)
+
+    def hear(self, call: Callable[[NodeEvent], None]) -> None:
+        """Have ``call`` called with every single event from now on, in the scan's thread: it must not block."""
+        self._hear = (*self._hear, call)
 
     def look(self, now: float) -> None:
         """Note what has changed since the last look; does not block. Belongs to the scan's thread."""
@@ -142,8 +145,8 @@ class NodeEvents:
             monitor.node_id, kind, now, monitor.state, _passed(monitor.stamp, now), _passed(since, now)
         )
         self._tell(event)
-        if self.on_event is not None:
-            self.on_event(event)
+        for hear in self._hear:
+            hear(event)
 
     def _tell(self, event: NodeEvent) -> None:
         held = self._held.get(event.kind)
