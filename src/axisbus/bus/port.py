@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 
 from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import Node
@@ -183,6 +184,16 @@ class CanPort:
         frames, self._frames = self._frames, []
         self._committed.update(frames)
         return frames
+
+    @property
+    def committed(self) -> Mapping[int, bytes]:
+        """The last frame of each RPDO, by its COB-ID; it changes with every cycle."""
+        return self._committed
+
+    @property
+    def controlwords(self) -> list[tuple[int, int]]:
+        """The COB-ID of each RPDO that holds the controlword, and how many bits before it are others'."""
+        return [(image.cob_id, image.controlword_shift) for image in self._images if image.holds_controlword]
 
     def drop_frames(self) -> None:
         """Forget the frames given since the last call: the bus carries none, and later they would be of long ago."""

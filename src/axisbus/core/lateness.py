@@ -20,6 +20,7 @@ _PER_OCTAVE = 8
 _LEAST, _MOST = -19, 7  # exponents of two, in seconds: about 1 µs and 64 s
 _CLASSES = (_MOST - _LEAST + 1) * _PER_OCTAVE
 _HALF = 0.5
+_HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
 
 
 class Cause(Enum):
@@ -103,3 +104,10 @@ def _class_of(late: float) -> int:
 def _edge(number: int) -> float:
     octave, eighth = divmod(number, _PER_OCTAVE)
     return float(2.0 ** (octave + _LEAST - 1) * (1.0 + (eighth + 1) / _PER_OCTAVE))
+
+
+def hanging(age: float, period: float) -> str | None:
+    """Return that the scan hangs, whose last cycle was ``age`` seconds ago and whose period is ``period``; None if it does not."""
+    return (
+        f"the scan of the bus has done no cycle for {age:.2f} s" if age > max(_HANGING, 10 * period) else None
+    )

@@ -32,7 +32,7 @@ from axisbus.cia402.starvation import Starvation
 from axisbus.core.ending import ended, refused_while_leaving, too_many
 from axisbus.core.inbox import Inbox, Waiting
 from axisbus.core.inherited import inherited
-from axisbus.core.lateness import Lateness, cause_of
+from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.tuning import COLLECTOR
 from axisbus.errors import AxisbusError, in_a_line
 from axisbus.motion.axis.accept import accept
@@ -46,8 +46,6 @@ from axisbus.motion.stop.leaving import Leaving
 from axisbus.motion.stop.policy import FaultPolicy, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
 from axisbus.session import Observer, Target
-
-_HANGING = 0.25  # seconds without a cycle (at least ten periods) after which what was seen last is not of now
 
 
 class Wakes(Protocol):
@@ -178,10 +176,7 @@ class Scan:
         if self.ended:
             return "the machine is closed: nothing is received any more"
         last = max((snapshot.now for snapshot in self.snapshots.values()), default=0.0)
-        age = self.cycle.now() - last
-        if age > max(_HANGING, 10 * self.period):
-            return f"the scan of the bus has done no cycle for {age:.2f} s"
-        return None
+        return hanging(self.cycle.now() - last, self.period)
 
     @property
     def dead(self) -> str | None:

@@ -51,6 +51,11 @@ class RpdoImage:
         return self._controlword_at is not None
 
     @property
+    def controlword_shift(self) -> int:
+        """How many bits of the RPDO are before it, where it is mapped."""
+        return sum(mapped.bits for mapped in self.mapping[: self._controlword_at or 0])
+
+    @property
     def unknown(self) -> list[tuple[MappedObject, str | None]]:
         """The entries that have no value yet, each with its name (None: not motion's)."""
         return [

@@ -1,0 +1,226 @@
+"""The image of a cycle in shared memory: every axis's snapshot, whole and of one cycle, for any number of readers.
+
+Theory of operation
+-------------------
+The writer never waits: it fills one slot after the other and says then which is the newest. A slot begins and ends with its number;
+a reader copies the newest slot and looks at both numbers, and does so again where the writer was there meanwhile, which must have
+gone round all slots for that. A reader that is slow, stopped or mad can thus disturb nobody.
+
+Errors are texts of any length: an axis has the number of its error, and what that means travels beside (``messages.ErrorTold``).
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from axisbus.cia402.state import State
+from axisbus.errors import AxisbusError
+from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.states import AxisState
+
+_SLOTS = 8
+_TRIES = 100
+_NUMBER = struct.Struct("<Q")
+_AXIS = struct.Struct("<ddqqqqqqqqIHBB")
+_HEAD = 64  # bytes: the newest number, and room
+_STATES, _POWERS = tuple(AxisState), tuple(State)
+_STATE_AT = {state: number for number, state in enumerate(_STATES)}
+_POWER_AT = {power: number for number, power in enumerate(_POWERS)}
+_THERE, _HOMED, _OPERATIONAL = 0x100, 0x200, 0x400
+# The values that may be unknown, each with its bit; in the order of the structure.
+_STATUSWORD, _MODE, _POSITION, _DEMAND, _VELOCITY, _TORQUE, _TARGET = (1 << bit for bit in range(7))
+
+ErrorOf = Callable[[int], AxisbusError | None]
+
+
+def size_of(axes: int) -> int:
+    """Return how many bytes the image of so many axes takes."""
+    return _HEAD + _SLOTS * _slot(axes)
+
+
+def _slot(axes: int) -> int:
+    return 2 * _NUMBER.size + axes * _AXIS.size
+
+
+def number_of(memory: mmap.mmap) -> int:
+    """Return how many images have been written."""
+    number: int = _NUMBER.unpack_from(memory, 0)[0]
+    return number
+
+
+class ImageWriter:
+    """Writes images into ``memory``; for one thread. Holds the number of the newest."""
+
+    def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
+        """``names``: of every axis that may come, in their order."""
+        self._memory = memory
+        self._names = tuple(names)
+        self._slot = _slot(len(names))
+        self._number = 0
+
+    def write(self, snapshots: Mapping[str, Snapshot], errors: Mapping[str, int]) -> None:
+        """Write the next image; ``errors``: the number of each axis's error (none: 0). Does not block."""
+        self._number = number = self._number + 1
+        memory, at = self._memory, _HEAD + number % _SLOTS * self._slot
+        _NUMBER.pack_into(memory, at, 0)
+        place = at + _NUMBER.size
+        for name in self._names:
+            _put(memory, place, snapshots.get(name), errors.get(name, 0))
+            place += _AXIS.size
+        _NUMBER.pack_into(memory, place, number)
+        _NUMBER.pack_into(memory, at, number)
+        _NUMBER.pack_into(memory, 0, number)
+
+    @property
+    def newest(self) -> bytes:
+        """The newest image as bytes, which ``ImageReader.image`` reads."""
+        at = _HEAD + self._number % _SLOTS * self._slot
+        return self._memory[at : at + self._slot]
+
+
+class ImageReader:
+    """Reads images out of ``memory``; for any thread of any process."""
+
+    def __init__(self, memory: mmap.mmap, names: Sequence[str], error_of: ErrorOf) -> None:
+        """``names`` as the writer has them; ``error_of`` returns an error by its number."""
+        self._memory = memory
+        self._places = {name: _NUMBER.size + place * _AXIS.size for place, name in enumerate(names)}
+        self._slot = _slot(len(names))
+        self._error_of = error_of
+        self._last = Image(b"", {}, error_of)
+
+    @property
+    def number(self) -> int:
+        """How many images have been written."""
+        return number_of(self._memory)
+
+    def read(self) -> Image:
+        """Return the newest image; where the writer is too fast for that, time and again, the one that was read before."""
+        for _ in range(_TRIES):
+            number = self.number
+            at = _HEAD + number % _SLOTS * self._slot
+            found = self._memory[at : at + self._slot]
+            if not number:
+                break
+            if (
+                _NUMBER.unpack_from(found, 0)[0]
+                == number
+                == _NUMBER.unpack_from(found, self._slot - _NUMBER.size)[0]
+            ):
+                self._last = self.image(found)
+                break
+        return self._last
+
+    def image(self, data: bytes) -> Image:
+        """Return the image that these bytes are."""
+        return Image(data, self._places, self._error_of)
+
+
+class Image(Mapping[str, Snapshot]):
+    """The axes of one cycle by name, as they were then; each is made when it is looked at."""
+
+    __slots__ = ("_data", "_error_of", "_places")
+
+    def __init__(self, data: bytes, places: Mapping[str, int], error_of: ErrorOf) -> None:
+        self._data = data
+        self._places = places
+        self._error_of = error_of
+
+    def __getitem__(self, name: str) -> Snapshot:
+        """Return an axis; raises KeyError where it is not there."""
+        values = _AXIS.unpack_from(self._data, self._places[name])
+        if not values[-3] & _THERE:
+            raise KeyError(name)
+        return _snapshot(values, self._error_of)
+
+    @property
+    def time(self) -> float:
+        """When the cycle began, in seconds of the monotonic clock; 0 where there was none."""
+        return max((self[name].now for name in self), default=0.0)
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self._places if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        place = self._places.get(name)  # type: ignore[call-overload]
+        return place is not None and bool(_AXIS.unpack_from(self._data, place)[-3] & _THERE)
+
+
+def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> None:
+    if axis is None:
+        _AXIS.pack_into(memory, place, *(0,) * 14)
+        return
+    (
+        now,
+        state,
+        power,
+        word,
+        mode,
+        position,
+        stamp,
+        demand,
+        velocity,
+        torque,
+        target,
+        origin,
+        homed,
+        operational,
+        _,
+    ) = axis
+    flags = _THERE | (_HOMED if homed else 0) | (_OPERATIONAL if operational else 0)
+    flags |= (
+        (word is not None and _STATUSWORD)
+        | (mode is not None and _MODE)
+        | (position is not None and _POSITION)
+        | (demand is not None and _DEMAND)
+        | (velocity is not None and _VELOCITY)
+        | (torque is not None and _TORQUE)
+        | (target is not None and _TARGET)
+    )
+    _AXIS.pack_into(
+        memory,
+        place,
+        now,
+        stamp,
+        word or 0,
+        mode or 0,
+        position or 0,
+        demand or 0,
+        velocity or 0,
+        torque or 0,
+        target or 0,
+        origin,
+        error,
+        flags,
+        _STATE_AT[state],
+        _POWER_AT[power],
+    )
+
+
+def _snapshot(values: tuple[Any, ...], error_of: ErrorOf) -> Snapshot:
+    now, stamp, word, mode, position, demand, velocity, torque, target, origin, error, flags, state, power = (
+        values
+    )
+    return Snapshot(
+        now,
+        _STATES[state],
+        _POWERS[power],
+        word if flags & _STATUSWORD else None,
+        mode if flags & _MODE else None,
+        position if flags & _POSITION else None,
+        stamp,
+        demand if flags & _DEMAND else None,
+        velocity if flags & _VELOCITY else None,
+        torque if flags & _TORQUE else None,
+        target if flags & _TARGET else None,
+        origin,
+        bool(flags & _HOMED),
+        bool(flags & _OPERATIONAL),
+        error_of(error) if error else None,
+    )
