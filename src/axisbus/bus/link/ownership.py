@@ -1,0 +1,85 @@
+"""One owner of a CAN channel on this computer: a lock that other users see, and that ends with the last process which holds it.
+
+It is an abstract Unix socket of Linux, named after the channel: nothing is left on any disk, whatever way a program ends. Its
+descriptor may be inherited, so that a channel stays taken until everybody who must still stop a drive is gone.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from axisbus.bus.link.adapter import NO_RATE
+from axisbus.errors import SecondMasterError
+
+_CREDENTIALS = struct.Struct("3i")  # process, user and group ID (SO_PEERCRED)
+_BACKLOG = 16
+
+
+def take(interface: str, channel: str | int | None, *, beside: bool = False) -> socket.socket | None:
+    """Take a channel for this process; return what holds it until it is closed.
+
+    None where there is nothing to be taken: a channel without an adapter, or a platform without such locks, or ``beside``, where it
+    is taken already.
+
+    Raises:
+        SecondMasterError: another program has it.
+    """
+    if sys.platform != "linux" or interface in NO_RATE:
+        return None
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    name = f"\0axisbus {interface}:{channel}"
+    try:
+        lock.bind(name)
+        lock.listen(_BACKLOG)
+    except OSError:
+        lock.close()
+        if beside:
+            return None
+        raise _taken(f"{interface}:{channel}", _holder(name)) from None
+    return lock
+
+
+def _holder(name: str) -> int | None:
+    """Return the process that took the lock, None where it has just ended."""
+    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+        asking.settimeout(1.0)
+        asking.connect(name)
+        raw = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        return int(_CREDENTIALS.unpack(raw)[0])
+    return None
+
+
+def _taken(what: str, holder: int | None) -> SecondMasterError:
+    who = "a program that is just ending" if holder is None else _described(holder)
+    return SecondMasterError(
+        f"another program has the CAN channel {what}; nothing was sent",
+        observed=f"it is held by {who}",
+        heard=(who,),
+        remedy="end that program, or use it for what you want; axisbus stop CELL stops the drives beside it, axisbus monitor and "
+        "axisbus trace look on",
+    )
+
+
+def _described(process: int) -> str:
+    """Return a process by its command and its age, as far as they may be seen."""
+    folder = Path(f"/proc/{process}")
+    try:
+        words = (folder / "cmdline").read_bytes().split(b"\0")
+        ticks = int((folder / "stat").read_text().rpartition(")")[2].split()[19])
+    except (OSError, ValueError, IndexError):
+        return f"process {process}, which has ended: its drives are being stopped"
+    age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    command = " ".join(word.decode(errors="replace") for word in words if word)
+    return f"process {process} ({command}), which began {_ago(age)} ago"
+
+
+def _ago(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

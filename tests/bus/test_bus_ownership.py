@@ -1,0 +1,85 @@
+"""A CAN channel has one owner on this computer, until the last of its processes is gone."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from axisbus.bus.link import ownership
+from axisbus.errors import SecondMasterError
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the lock is one of Linux")
+NAME = f"test{os.getpid()}"
+HOLD = """\
+import time, sys
+from axisbus.bus.link import ownership
+lock = ownership.take("pcan", sys.argv[1])
+print("has it", flush=True)
+time.sleep(30)
+"""
+
+
+def test_a_channel_is_taken_once_and_free_again_when_it_is_given_back():
+    lock = ownership.take("pcan", NAME)
+    assert lock is not None
+    with pytest.raises(SecondMasterError, match=f"pcan:{NAME}"):
+        ownership.take("pcan", NAME)
+    other = ownership.take("pcan", f"{NAME}-2")
+    assert other is not None
+    other.close()
+    lock.close()
+    again = ownership.take("pcan", NAME)
+    assert again is not None
+    again.close()
+
+
+@pytest.mark.parametrize("interface", ["virtual", "udp_multicast"])
+def test_a_bus_without_an_adapter_is_for_everybody(interface):
+    assert ownership.take(interface, NAME) is None
+
+
+def test_another_program_that_has_it_is_named_and_its_death_frees_it():
+    with subprocess.Popen([sys.executable, "-c", HOLD, NAME], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline().strip() == "has it"
+        with pytest.raises(SecondMasterError) as caught:
+            ownership.take("pcan", NAME)
+        assert f"process {holder.pid} (" in caught.value.observed
+        assert "import time, sys" in caught.value.observed
+        assert "axisbus stop" in caught.value.remedy
+        assert caught.value.heard
+        assert ownership.take("pcan", NAME, beside=True) is None
+        holder.kill()
+        holder.wait()
+    lock = _taken_soon()
+    lock.close()
+
+
+def test_a_process_that_has_inherited_it_keeps_it_when_its_owner_is_gone():
+    lock = ownership.take("pcan", NAME)
+    assert lock is not None
+    with subprocess.Popen(["sleep", "30"], pass_fds=[lock.fileno()]) as child:
+        lock.close()
+        with pytest.raises(SecondMasterError):
+            ownership.take("pcan", NAME)
+        child.kill()
+        child.wait()
+    _taken_soon().close()
+
+
+def _taken_soon():
+    until = time.monotonic() + 5.0
+    while True:
+        try:
+            lock = ownership.take("pcan", NAME)
+        except SecondMasterError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.01)
+            continue
+        assert lock is not None
+        return lock
