@@ -56,6 +56,23 @@ def test_the_id_that_the_master_has_by_default_is_nobody_elses(tmp_path: Path) -
     assert "master_id = 126" in problem.remedy
 
 
+def test_a_core_of_its_own_needs_a_bus_that_other_processes_can_open(tmp_path: Path) -> None:
+    own = ("[bus]\n", '[bus]\nprocess = "own"\n')
+    assert cells.serious(cells.write(tmp_path, own)) == []
+    path = cells.write(tmp_path, own, ('interface = "pcan"', 'interface = "virtual"'))
+    problem = cells.only(path, "error", 'process = "own"')
+    assert "virtual" in problem.observed
+    assert 'process = "thread"' in problem.remedy
+
+
+def test_a_core_of_its_own_needs_linux(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "win32")
+    problem = cells.only(
+        cells.write(tmp_path, ("[bus]\n", '[bus]\nprocess = "own"\n')), "error", 'process = "own"'
+    )
+    assert "win32" in problem.observed
+
+
 def test_an_axis_needs_its_node(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ("node = 2", "node = 3"))
     problem = cells.only(path, "error", "node = 3")

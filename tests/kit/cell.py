@@ -146,7 +146,7 @@ class Cell(PlantProbe):
     @property
     def lock(self) -> AbstractContextManager[object]:
         """What keeps the plants from moving meanwhile."""
-        return next(iter(self.machine._runtime.stand_ins.values())).lock
+        return next(iter(self.machine._core.stand_ins.values())).lock
 
     @property
     def now(self) -> float:

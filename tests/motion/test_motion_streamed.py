@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from axisbus.core.process.feeding import Sampler
 from axisbus.errors import ArgumentError, CommandError
-from axisbus.machine.feeding import Sampler
 from axisbus.motion.curve import Curve, following
 from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.lookahead import Known

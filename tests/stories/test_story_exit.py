@@ -267,6 +267,6 @@ def test_a_drive_that_is_not_let_go_does_not_bear_our_silence(tmp_path):
     with Line(tmp_path) as line:
         machine = line.open()
         enable(machine["x"])
-        machine._runtime.link.leave = lambda _: None
+        machine._core.runtime.link.leave = lambda _: None
         machine.close()
         until(lambda: bool(line.devices["x"].errors.entries))

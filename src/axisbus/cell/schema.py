@@ -45,6 +45,7 @@ BUS: Keys = {
     # A drive waits for three heartbeats, and 1016h counts 65535 ms at most.
     "heartbeat": Key(v.or_word("off", None, v.duration("1ms", "20s"))),
     "on_lost_node": Key(v.words("group", "cell", "report")),
+    "process": Key(v.words("thread", "own")),
     "beside": _flag,
 }
 

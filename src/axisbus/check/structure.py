@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -48,6 +49,25 @@ def interface(case: Case) -> Found:
             "channel is missing in [bus]",
             'channel = "can0"',
         )
+
+
+def process(case: Case) -> Found:
+    """Check that the core can run in a process of its own, where it is to."""
+    bus = case.cell.bus
+    if bus.process != "own" or not bus.at.sound("process", "interface"):
+        return
+    if sys.platform != "linux":
+        why = f"it needs what Linux has and this platform ({sys.platform}) has not: pidfd, memfd"
+    elif bus.interface == "virtual":
+        why = "a bus of python-can's virtual interface exists in one process only"
+    else:
+        return
+    yield case.error(
+        bus.at.of("process"),
+        "the core cannot run in a process of its own here",
+        why,
+        'write process = "thread", or leave it out',
+    )
 
 
 def axes_have_nodes(case: Case) -> Found:
@@ -141,6 +161,7 @@ def _free(case: Case) -> int:
 CHECKS: tuple[Check, ...] = (
     master_id,
     interface,
+    process,
     axes_have_nodes,
     nodes_have_axes,
     one_axis_each,

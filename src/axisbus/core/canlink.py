@@ -12,6 +12,7 @@ from functools import partial
 from axisbus.boot.comms import CanComms
 from axisbus.boot.node import Booted, NodeBoot
 from axisbus.bus.cycle import CanCycle
+from axisbus.bus.link import ownership
 from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.controller import ControllerEvent
@@ -46,12 +47,16 @@ class CanLink:
     in_threads = True
 
     def __init__(
-        self, cell: CellConfig, dictionaries: Mapping[int, Eds], on_program: OnProgram | None = None
+        self,
+        cell: CellConfig,
+        dictionaries: Mapping[int, Eds],
+        on_program: OnProgram | None = None,
+        channel: Channel | None = None,
     ) -> None:
         """Open the bus; nothing is sent where another master is heard on it.
 
-        ``on_program`` is called with a node's ID and the bytes of its program that have arrived and that there are, in the thread
-        that boots it.
+        ``channel``: the way to stand-ins that run in another process. ``on_program`` is called with a node's ID and the bytes of
+        its program that have arrived and that there are, in the thread that boots it.
 
         Raises:
             AdapterError: the channel cannot be opened.
@@ -66,10 +71,15 @@ class CanLink:
         self._cycle: CanCycle | None = None
         self._consumer: SyncConsumer | None = None
         with ExitStack() as stack:
-            self._channel, self.stand_ins = open_channel(cell, dictionaries, stack)
-            if (
-                not self.stand_ins and not cell.bus.beside
-            ):  # on a private bus there is nobody but our stand-ins
+            self.stand_ins: dict[int, StandIn] = {}
+            if channel is None:
+                _own(cell.bus, stack)
+                channel, self.stand_ins = open_channel(cell, dictionaries, stack)
+            else:
+                stack.enter_context(channel)
+            self._channel = channel
+            private = cell.bus.interface == SIMULATED  # there is nobody but our stand-ins
+            if not private and not cell.bus.beside:
                 require_alone(self._channel, cast_of(cell, dictionaries), listening_time(cell.bus))
             self._nodes = {
                 node_id: stack.enter_context(Node(self._channel, node_id, eds))
@@ -181,6 +191,15 @@ class CanLink:
         node, ports = self._nodes[node_id], self._comms[node_id].ports.values()
         plans = tuple(port.plan for port in ports)
         return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, plans, events)
+
+
+def _own(bus: BusConfig, stack: ExitStack) -> None:
+    """Take the channel for this program, where that is not done by what started it."""
+    if bus.interface == SIMULATED:
+        return
+    lock = ownership.take(bus.interface, bus.channel, beside=bus.beside)
+    if lock is not None:
+        stack.enter_context(lock)
 
 
 def _sync_consumer(bus: BusConfig, channel: Channel) -> SyncConsumer | None:

@@ -5,12 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from axisbus.boot.objects import Objects
-from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import Plan
 from axisbus.eds.model import Eds
+
+
+class Told(Protocol):
+    """What error control tells of a node: ``bus.node.events.NodeEvents``, here or in another process."""
+
+    @property
+    def events(self) -> list[NodeEvent]:
+        """What it has told since the scan began, oldest first."""
+
+    def hear(self, call: Callable[[NodeEvent], None]) -> None:
+        """Have ``call`` called with every event from now on; it must not block."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,5 +36,5 @@ class NodeParts:
     objects: Objects
     node: Any
     plans: tuple[Plan, ...] = ()
-    events: NodeEvents | None = None
+    events: Told | None = None
     clock: Callable[[], float] = time.monotonic

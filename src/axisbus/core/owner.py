@@ -3,29 +3,83 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
 
 from axisbus.boot.node import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
+from axisbus.core.node_parts import NodeParts
 from axisbus.core.parting import lost_without_axes, scan_failure
 from axisbus.core.pickup import Pickup
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scanthread import ScanThread
+from axisbus.core.stand_in import StandIn
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.leaving import ladder_time
 from axisbus.motion.stop.policy import LostNode
+from axisbus.session import Session
 
 _CLOSE_MARGIN = 2.0  # seconds
 _FIRST_VALUES = (
     1.0  # seconds that beginning waits for the first answers to SYNC; later ones are the axes' own matter
 )
 _JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+
+
+Joined = Callable[[Booted], None]
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+class Owner(Protocol):
+    """The owner of one bus: made with its nodes booted, then ``begin``, and ``leave`` at the end."""
+
+    @property
+    def session(self) -> Session:
+        """A program's way to the axes."""
+
+    @property
+    def booted(self) -> Mapping[int, Booted]:
+        """What booting each node has come to."""
+
+    @property
+    def nodes(self) -> Mapping[int, NodeParts]:
+        """What direct access to each node is made of."""
+
+    @property
+    def stand_ins(self) -> Mapping[int, StandIn]:
+        """The drives, where they are simulated and within reach."""
+
+    @property
+    def realtime(self) -> bool:
+        """Whether it runs by itself."""
+
+    @property
+    def in_cycle(self) -> Callable[[], bool] | None:
+        """In virtual time: what tells whether the caller is within a cycle."""
+
+    def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
+        """Let the scan run.
+
+        ``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time.
+        """
+
+    def await_values(self) -> None:
+        """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
+
+    def leave(self, reason: str) -> list[AxisbusError]:
+        """Stop every axis that was commanded, leave the nodes as is right for each, and return what went wrong; blocks."""
+
+    def disown(self) -> None:
+        """Be of no use in a forked child, which must neither command nor close what its parent has."""
 
 
 def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
@@ -38,19 +92,12 @@ def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
 class Core:
     """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
 
-    def __init__(
-        self,
-        cell: CellConfig,
-        runtime: Runtime,
-        realtime: bool,
-        joined: Callable[[Booted], None],
-        after_cycle: Callable[[], None],
-    ) -> None:
-        """``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time."""
+    def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
+        """``realtime``: it is to run by itself, in threads of its own."""
         self.cell = cell
         self.runtime = runtime
-        self._joined = joined
-        self._after_cycle = after_cycle
+        self._joined: Joined = lambda _: None
+        self._after_cycle: Callable[[], None] = _nothing
         cores = {
             name: AxisCore(parameters, runtime.ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
@@ -82,8 +129,27 @@ class Core:
         """In virtual time: what tells whether the caller is within a cycle."""
         return None if self._pump is None else self._pump.is_pumping
 
-    def begin(self) -> None:
-        """Let the scan run."""
+    @property
+    def booted(self) -> Mapping[int, Booted]:
+        """What booting each node has come to."""
+        return self.runtime.booted
+
+    @property
+    def nodes(self) -> Mapping[int, NodeParts]:
+        """What direct access to each node is made of."""
+        return self.runtime.nodes
+
+    @property
+    def stand_ins(self) -> Mapping[int, StandIn]:
+        """The drives, where they are simulated here."""
+        return self.runtime.stand_ins
+
+    def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
+        """Let the scan run.
+
+        ``joined`` is told of optional nodes that have come later, ``after_cycle`` is called between cycles in virtual time.
+        """
+        self._joined, self._after_cycle = joined, after_cycle
         if self._pump is not None:
             self._pump.pump()
             return
@@ -170,7 +236,7 @@ class Core:
         """A node without axes has nobody else who acts when it is lost."""
         events = self.runtime.nodes[node_id].events
         if events is not None and not any(self.cell.axes_of(node_id)):
-            events.on_event = self._node_event
+            events.hear(self._node_event)
 
     def _node_event(self, event: NodeEvent) -> None:
         if event.kind in BAD:

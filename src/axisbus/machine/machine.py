@@ -18,11 +18,11 @@ from axisbus.boot.report import NodeReport
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.bus.node.events import NodeEvent
-from axisbus.cell.model import CellConfig
+from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.check.checked import checked
 from axisbus.cia301.drops import Drop
 from axisbus.core.direct import DirectLink
-from axisbus.core.owner import Core
+from axisbus.core.owner import Core, Owner
 from axisbus.core.runtime import Runtime, load_dictionaries, require_all
 from axisbus.core.stand_in import StandIn
 from axisbus.errors import AxisbusError, StateError
@@ -46,14 +46,13 @@ class Machine:
     ``machine.node(1)`` direct access to a device.
     """
 
-    def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
+    def __init__(self, cell: CellConfig, core: Owner) -> None:
         """Use ``Machine.open`` or ``Machine.simulated``."""
         self.cell = cell
-        self._runtime = runtime
-        self._core = Core(cell, runtime, realtime, self._joined, self._after_cycle)
+        self._core = core
         self._commanding = Commanding(self.session)
         self._nodes: dict[int, NodeAccess] = {}
-        self._roster = Roster(cell, runtime.booted, self._commanding, self.node)
+        self._roster = Roster(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._inherited = False  # by a forked child
 
@@ -76,9 +75,14 @@ class Machine:
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
+        cell = checked(path, beside)
+        if cell.bus.process == "own":
+            from axisbus.core.process.client import RemoteCore
+            from axisbus.core.process.launch import Processes
+
+            return cls(cell, RemoteCore(cell, Processes(cell)))._begun()
         from axisbus.core.canlink import CanLink
 
-        cell = checked(path, beside)
         dictionaries = load_dictionaries(cell)
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         link = CanLink(cell, dictionaries)
@@ -99,17 +103,21 @@ class Machine:
         try:
             require_all(runtime.booted)
             runtime.link.ready()
-            machine = cls(cell, runtime, realtime)
+            machine = cls(cell, Core(cell, runtime, realtime))
         except BaseException:
             runtime.leave()
             raise
+        return machine._begun()
+
+    def _begun(self) -> Machine:
+        """Let the scan run, and return itself."""
         try:
-            machine._begin()
+            self._begin()
         except BaseException:  # a signal, as a rule: nobody has the machine yet who could close it
-            machine._close("opening it was interrupted")
+            self._close("opening it was interrupted")
             EXIT.take()
             raise
-        return machine
+        return self
 
     # -- what is in it -----------------------------------------------------------------------------------------------
 
@@ -156,11 +164,11 @@ class Machine:
 
     def node(self, node_id: int) -> NodeAccess:
         """Return direct access to a node; raises StateError where the cell has no such node."""
-        parts = self._runtime.nodes.get(node_id)
+        parts = self._core.nodes.get(node_id)
         if parts is None:
             raise StateError(
                 f"the cell has no node {node_id}",
-                observed=f"it has {', '.join(map(str, self._runtime.nodes))}",
+                observed=f"it has {', '.join(map(str, self._core.nodes))}",
             )
         if (
             node_id not in self._nodes or self._nodes[node_id].parts is not parts
@@ -174,21 +182,21 @@ class Machine:
         Raises:
             StateError: the cell runs on hardware, or has no such node.
         """
-        if node_id not in self._runtime.stand_ins:
+        if node_id not in self._core.stand_ins:
             raise StateError(
                 f"node {node_id} is not simulated here", remedy='stand-ins exist with interface = "sim"'
             )
-        return self._runtime.stand_ins[node_id]
+        return self._core.stand_ins[node_id]
 
     @property
     def is_simulated(self) -> bool:
         """Whether the drives are stand-ins."""
-        return bool(self._runtime.stand_ins)
+        return self.cell.bus.interface == SIMULATED or not self._core.realtime
 
     @property
     def reports(self) -> list[NodeReport]:
         """What boot-up had to say of each node."""
-        return [booted.report for booted in self._runtime.booted.values()]
+        return [booted.report for booted in self._core.booted.values()]
 
     @property
     def events(self) -> list[NodeEvent | Leaving]:
@@ -236,9 +244,6 @@ class Machine:
     def _joined(self, booted: Booted) -> None:
         self._roster.join(booted)
 
-    def _after_cycle(self) -> None:
-        self._closing.finish()
-
     # -- running and closing -----------------------------------------------------------------------------------------
 
     def __enter__(self) -> Machine:
@@ -285,12 +290,12 @@ class Machine:
     def _begin(self) -> None:
         core = self._core
         if not core.realtime:
-            core.begin()
+            core.begin(self._joined, self._closing.finish)
             core.await_values()
             EXIT.join(self.session, listen=False)
             return
         disown_in_children(self)
-        core.begin()
+        core.begin(self._joined)
         atexit.register(self._at_exit)
         EXIT.join(self.session, listen=True)
         core.await_values()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
+from axisbus.core.process.feeding import Sampler
 from axisbus.errors import AxisbusError
-from axisbus.machine.feeding import Sampler
 from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
 from axisbus.motion.moves.streamed import Streamed

@@ -53,16 +53,17 @@ class StandIns:
         *,
         interface: str = "virtual",
         bitrate: int | None = None,
+        bus: can.BusABC | None = None,
         period: float = 0.002,
     ) -> None:
         """Prepare; nothing is opened before ``start`` (or ``with``). ``bitrate`` is for adapters that want one.
 
-        ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
+        ``bus``: one that is open already. ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
         """
         self.lock = threading.RLock()
         self.devices = list(devices)
         self.nodes = [StandInNode(device, self.lock) for device in self.devices]
-        self.network = canopen.Network()
+        self.network = canopen.Network(bus)
         self._options: dict[str, str | int] = {"interface": interface, "channel": channel}
         if bitrate is not None:
             self._options["bitrate"] = bitrate

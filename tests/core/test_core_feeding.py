@@ -10,9 +10,9 @@ from itertools import pairwise
 
 import pytest
 
+from axisbus.core.process.feeding import Feeder, Sampler
 from axisbus.errors import ArgumentError
 from axisbus.interruption import in_thread_of_ours
-from axisbus.machine.feeding import Feeder, Sampler
 from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.trajectory import Sampled, Trapezoid
 

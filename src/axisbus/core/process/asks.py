@@ -1,0 +1,40 @@
+"""What a program may ask a core for beside commands: one row for each question, answered by plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from axisbus.core.node_parts import NodeParts
+from axisbus.session import Session
+
+# Of the core itself; in the order of ``Session``.
+OF_CORE: Mapping[str, Callable[[Session], Any]] = {
+    "lateness": lambda session: session.lateness,
+    "node_events": lambda session: session.node_events,
+    "bus_events": lambda session: session.bus_events,
+    "drops": lambda session: session.drops,
+    "bus_time": lambda session: session.bus_time,
+}
+
+# Of one node; what follows are the arguments of the question.
+OF_NODE: Mapping[str, Callable[..., Any]] = {
+    "read": lambda parts, *key: parts.objects.read(*key),
+    "write": lambda parts, *what: parts.objects.write(*what),
+    "write_unchecked": lambda parts, *what: parts.objects.write_unchecked(*what),
+    "upload": lambda parts, *key: parts.objects.upload(*key),
+    "download": lambda parts, index, subindex, data, way: parts.objects.download(
+        index, subindex, data, way=way
+    ),
+    "nmt": lambda parts: parts.node.nmt.state,
+    "reports": lambda parts: parts.node.nmt.reports,
+    "command": lambda parts, command, timeout: _command(parts, command, timeout),
+    "emcy": lambda parts: list(parts.node.emcy.history),
+    "incidents": lambda parts: list(parts.node.emcy.incidents),
+    "pdo_events": lambda parts: list(parts.node.pdo_events),
+    "events": lambda parts: [] if parts.events is None else parts.events.events,
+}
+
+
+def _command(parts: NodeParts, command: object, timeout: float) -> None:
+    parts.node.command(command, timeout)

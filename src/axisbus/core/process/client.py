@@ -1,0 +1,200 @@
+"""What a machine holds of a core in a process of its own (``core.owner.Owner``)."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from axisbus import __version__
+from axisbus.boot.node import Booted
+from axisbus.cell.model import CellConfig
+from axisbus.core.node_parts import NodeParts
+from axisbus.core.owner import Joined
+from axisbus.core.process.calls import Calls, gone
+from axisbus.core.process.far import Control
+from axisbus.core.process.feeding import Feeder
+from axisbus.core.process.launch import Processes
+from axisbus.core.process.nodes import RemoteEvents, RemoteNode, RemoteObjects
+from axisbus.core.process.session import Errors, RemoteSession
+from axisbus.core.runtime import load_dictionaries
+from axisbus.eds.model import Eds
+from axisbus.errors import AxisbusError
+from axisbus.motion.stop.leaving import ladder_time
+from axisbus.wire import messages as m
+from axisbus.wire.image import ImageReader
+from axisbus.wire.stream import Stream
+
+_SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
+_CLOSE_MARGIN = 5.0  # seconds beyond the stop ladders that leaving may take
+_RESCUE = 10.0  # seconds until a warden has stopped every drive
+_FAREWELL = 1.0
+
+
+class RemoteCore:
+    """Holds the process, the connection to it, and what is known of its nodes."""
+
+    realtime = True
+    in_cycle: Callable[[], bool] | None = None
+
+    def __init__(self, cell: CellConfig, process: Processes) -> None:
+        """Let ``process`` open ``cell``; blocks until it has. Raises what ``Machine.open`` does."""
+        self._cell = cell
+        self._process = process
+        self._dictionaries: Mapping[int, Eds] = {}
+        self._opened: m.Opened | m.NotOpened | None = None
+        self._news = threading.Event()  # of opening, and of leaving
+        self._left: m.Left | None = None
+        self._joined: Joined = lambda _: None
+        self._events: dict[int, RemoteEvents] = {}
+        self.booted: dict[int, Booted] = {}
+        self.nodes: dict[int, NodeParts] = {}
+        self._errors = Errors()
+        stream = Stream(process.line, m.CODEC.pack, "axisbus asks")
+        self._calls = Calls(stream, self._soon(), self._later(), self._gone)
+        image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
+        self.session = RemoteSession(self._calls, image, self._errors, {}, cell.bus.scan_period)
+        self._calls.start()
+        warden = Stream(process.warden, m.CODEC.pack, "axisbus asks warden")
+        self._warden = Calls(warden, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
+        self._warden_over = threading.Event()
+        self._warden.start()
+        control = process.control
+        self._control = None if control is None else Control(control, process.drives)
+        self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
+        try:
+            self._open()
+        except BaseException:
+            self._end()
+            raise
+
+    def begin(self, joined: Joined, after_cycle: Callable[[], None] = lambda: None) -> None:  # noqa: ARG002  # of virtual time
+        """As ``Owner.begin``; the scan runs already."""
+        self._joined = joined
+
+    def await_values(self) -> None:
+        """As ``Owner.await_values``; the core has done that."""
+
+    def leave(self, reason: str) -> list[AxisbusError]:
+        """As ``Owner.leave``; then the process has ended."""
+        self._calls.send(m.Leave(reason))
+        interruption: BaseException | None = None
+        times = [ladder_time(facts.parameters.stop_times) for facts in self.session.axes.values()]
+        slices = int((max(times, default=0.0) + _CLOSE_MARGIN) / _SLICE)
+        while self._left is None and not self._calls.over and slices > 0:
+            slices -= 1
+            try:
+                self._news.wait(_SLICE)
+            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
+                interruption = error
+        self._end()
+        if interruption is not None:
+            raise interruption
+        return (
+            [gone("the machine was closed", self.session.rescued)]
+            if self._left is None
+            else list(self._left.failures)
+        )
+
+    def disown(self) -> None:
+        """As ``Owner.disown``."""
+        for calls in (self._calls, self._warden):
+            calls.disown()
+        if self._control is not None:
+            self._control.disown()
+        self._process.disown()
+        self.session.disown()
+
+    @property
+    def _feeder(self) -> Feeder:
+        return self.session.trajectories.feeder
+
+    def _end(self) -> None:
+        self._feeder.close()
+        for calls in (self._calls, self._warden):
+            calls.close(_FAREWELL)
+        self._process.end()
+
+    # -- opening -------------------------------------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        self._calls.send(m.Open(__version__, str(Path(self._cell.file).absolute()), self._cell.bus.beside))
+        self._dictionaries = load_dictionaries(self._cell)  # meanwhile
+        while self._opened is None and not self._calls.over:
+            self._news.wait(_SLICE)
+        if self._opened is None:
+            raise gone("the machine was opened")
+        if isinstance(self._opened, m.NotOpened):
+            raise _reason(self._opened)
+        for node_id, facts in self._opened.nodes.items():
+            self._take_node(node_id, facts)
+        self.session.join(self._opened.axes)
+        self._news.clear()
+
+    def _take_node(self, node_id: int, facts: m.NodeFacts) -> None:
+        self.booted[node_id] = Booted(facts.report, facts.parameters)
+        events = RemoteEvents(self._calls, node_id) if facts.watched else None
+        if events is not None:
+            self._events[node_id] = events
+        objects = RemoteObjects(self._calls, node_id)
+        node = RemoteNode(self._calls, node_id)
+        self.nodes[node_id] = NodeParts(
+            node_id, self._dictionaries[node_id], objects, node, facts.plans, events
+        )
+
+    # -- what the core tells -------------------------------------------------------------------------------------------
+
+    def _soon(self) -> dict[type, Callable[..., None]]:
+        return {
+            m.Opened: self._take_opened,
+            m.NotOpened: self._take_opened,
+            m.ErrorTold: self._errors.take,
+            m.Condition: lambda condition: self.session.take(condition),
+            m.Left: self._take_left,
+            m.WantSamples: lambda want: self._feeder.request(want.stream, want.first, want.count),
+            m.StreamOver: lambda over: self._feeder.drop(over.stream),
+        }
+
+    def _later(self) -> dict[type, Callable[..., None]]:
+        return {
+            m.Told: lambda told: self.session.tell(told),
+            m.Cycles: lambda cycles: self.session.show(cycles),
+            m.NodeTold: self._tell_event,
+            m.Joined: self._join,
+        }
+
+    def _take_opened(self, opened: m.Opened | m.NotOpened) -> None:
+        self._opened = opened
+        self._news.set()
+
+    def _take_left(self, left: m.Left) -> None:
+        self._left = left
+        self._news.set()
+
+    def _tell_event(self, told: m.NodeTold) -> None:
+        self._events[told.event.node].tell(told.event)
+
+    def _join(self, joined: m.Joined) -> None:
+        self._take_node(joined.node, joined.facts)
+        self.session.join(joined.axes)
+        self._joined(self.booted[joined.node])
+
+    def _take_rescued(self, rescued: m.Rescued) -> None:
+        self.session.rescued = rescued
+
+    def _warden_gone(self) -> None:
+        self._warden_over.set()
+
+    def _gone(self) -> None:
+        """The core has ended: what its warden has made of that is waited for, where it had not been left."""
+        if self._left is None:
+            self._warden_over.wait(_RESCUE)
+        self.session.end_all()
+        self._news.set()
+
+
+def _reason(told: m.NotOpened) -> BaseException:
+    """Return why it was not opened."""
+    if not told.message:
+        return told.errors[0]
+    return ExceptionGroup(told.message, told.errors)

@@ -1,0 +1,73 @@
+"""Simulated drives in a process of their own: they live on while the core or the program is gone, and end with both.
+
+Theory of operation
+-------------------
+They hang on one end of a line (``bus.link.pair``), whose other end the core holds, and answer what their program asks of the
+stand-ins (``far``). When both connections have ended, so do they: what becomes of a drive whose master is gone can be seen.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from axisbus.bus.link.pair import PairBus
+from axisbus.cell import reader
+from axisbus.cell.model import CellConfig
+from axisbus.core.process.far import look, told
+from axisbus.core.process.history import History
+from axisbus.core.runtime import load_dictionaries
+from axisbus.core.stand_in import StandIn, devices
+from axisbus.sim.node.network import StandIns
+from axisbus.wire.messages import CODEC, Answer, Ask
+from axisbus.wire.stream import Stream
+
+_ROUND = 0.05  # seconds
+_NOTED = 0.01  # seconds between two lines of a history
+
+
+def serve(line: socket.socket, control: socket.socket, cell: Path) -> None:
+    """Let the drives of ``cell`` live on ``line`` until it and ``control`` have ended; blocks."""
+    config = reader.load(cell)
+    made = devices(config, load_dictionaries(config))
+    bus = PairBus(line, of_drives=True)
+    with StandIns("line", list(made.values()), bus=bus) as network:
+        stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
+        stream = Stream(control, CODEC.pack, "axisbus drives")
+        asked = threading.Thread(
+            target=_answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True
+        )
+        asked.start()
+        with _history(config, stand_ins) as history:
+            while asked.is_alive() or not bus.alone:
+                time.sleep(_ROUND if history is None else _NOTED)
+                if history is not None:
+                    history.note()
+
+
+def _history(cell: CellConfig, stand_ins: Mapping[int, StandIn]) -> AbstractContextManager[History | None]:
+    """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none."""
+    name = cell.bus.options.get("history")
+    return History(cell.folder / name, stand_ins) if isinstance(name, str) else nullcontext()
+
+
+def _answer_all(stream: Stream, stand_ins: Mapping[int, StandIn]) -> None:
+    for message in map(CODEC.unpack, stream.messages()):
+        stream.send(_answer(message, stand_ins))
+
+
+def _answer(message: Ask, stand_ins: Mapping[int, StandIn]) -> Answer:
+    try:
+        return Answer(message.number, _found(stand_ins[message.node], message))
+    except Exception as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+        return Answer(message.number, None, told(error))
+
+
+def _found(stand_in: StandIn, message: Ask) -> Any:
+    with stand_in.lock:
+        return look(stand_in, message.what, *message.arguments)

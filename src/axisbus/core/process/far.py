@@ -1,0 +1,144 @@
+"""A stand-in in another process, looked at and turned as if it were here: each attribute is asked for when it is used.
+
+Theory of operation
+-------------------
+What is plain crosses as a value. What is not, such as a drive or its dials, is named by the way that leads to it from the stand-in,
+and the way is gone anew each time. Names with an underscore are not asked for: what is private there is not there at all.
+"""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import weakref
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import partial
+from typing import Any, cast
+
+from axisbus.core.process.calls import Calls
+from axisbus.core.stand_in import StandIn
+from axisbus.errors import AxisbusError, StateError, in_a_line
+from axisbus.wire.messages import CODEC
+from axisbus.wire.stream import Stream
+from axisbus.wire.values import NotForCrossing
+
+Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the call of one
+Way = tuple[Step, ...]
+_VALUE, _CALL, _THING = "value", "call", "thing"
+_ITEM = "[]"
+_END = 2.0  # seconds that drives may take to end when nobody looks at them any more
+
+
+def look(root: object, what: str, way: Way, *arguments: Any) -> tuple[str, Any]:
+    """Do what is asked of the thing at the end of ``way``; return whether that is a value, a method or a thing, and the value."""
+    thing = root
+    for name, given in way:
+        thing = _step(thing, name, given)
+    if what == "set":
+        setattr(thing, _public(arguments[0]), arguments[1])
+        return _VALUE, None
+    if what == "len":
+        return _VALUE, len(thing)  # type: ignore[arg-type]  # raises, where it has none
+    return _shown(thing)
+
+
+def _step(thing: Any, name: str, given: tuple[Any, ...] | None) -> Any:
+    if name == _ITEM:
+        assert given is not None
+        return thing[given[0]]
+    found = getattr(thing, _public(name))
+    return found if given is None else found(*given)
+
+
+def _public(name: str) -> str:
+    if name.startswith("_"):
+        raise StateError(f"{name} of a simulated drive is private")
+    return name
+
+
+def _shown(thing: object) -> tuple[str, Any]:
+    if callable(thing):
+        return _CALL, None
+    try:
+        CODEC.pack(thing)
+    except NotForCrossing:
+        return _THING, None
+    return _VALUE, thing
+
+
+def told(error: Exception) -> AxisbusError:
+    """Return an error that can cross."""
+    if isinstance(error, AxisbusError):
+        return error
+    made = StateError("the simulated drive could not do that", observed=in_a_line(error))
+    made.__cause__ = error
+    return made
+
+
+class Far:
+    """A thing in another process, at the end of a way."""
+
+    __slots__ = ("_ask", "_way")
+
+    def __init__(self, ask: Callable[..., Any], way: Way = ()) -> None:
+        """``ask(what, way, ...)`` does ``look`` there."""
+        object.__setattr__(self, "_ask", ask)
+        object.__setattr__(self, "_way", way)
+
+    def __getattr__(self, name: str) -> Any:
+        """Ask for an attribute; AttributeError where it is private."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return self._go(name, None)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        self._ask("set", self._way, name, value)
+
+    def __getitem__(self, key: object) -> Any:
+        return self._go(_ITEM, (key,))
+
+    def __len__(self) -> int:
+        found: tuple[str, int] = self._ask("len", self._way)
+        return found[1]
+
+    def _go(self, name: str, given: tuple[Any, ...] | None) -> Any:
+        way = (*self._way, (name, given))
+        kind, value = self._ask("get", way)
+        if kind == _CALL:
+            return lambda *arguments: self._go(name, arguments)
+        return value if kind == _VALUE else Far(self._ask, way)
+
+
+class Control:
+    """A program's hold on its simulated drives: they live as long as somebody has it, or one of them."""
+
+    def __init__(self, line: socket.socket, drives: subprocess.Popen[bytes]) -> None:
+        """``line`` leads to the process ``drives``."""
+        self._drives = drives
+        self._calls = Calls(Stream(line, CODEC.pack, "axisbus asks drives"), {}, {}, _nothing)
+        self._calls.start()
+        self._end = weakref.finalize(self, _let_go, self._calls, drives)
+
+    def stand_ins(self, nodes: Iterable[int]) -> dict[int, StandIn]:
+        """Return the stand-ins of these nodes."""
+        return {node_id: cast(StandIn, Far(partial(self._ask, node_id))) for node_id in nodes}
+
+    def disown(self) -> None:
+        """Let go of a forked child's copy."""
+        self._end.detach()
+        self._calls.disown()
+        self._drives.returncode = 0
+
+    def _ask(self, node_id: int, what: str, *arguments: Any) -> Any:
+        return self._calls.ask(what, node_id, *arguments)
+
+
+def _nothing() -> None:
+    """Do nothing: the program asked for the end."""
+
+
+def _let_go(calls: Calls, drives: subprocess.Popen[bytes]) -> None:
+    calls.close()
+    with suppress(subprocess.TimeoutExpired):
+        drives.wait(_END)

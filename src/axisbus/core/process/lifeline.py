@@ -1,0 +1,48 @@
+"""Keeping the lifeline of a core: what its warden needs to stop its drives, noted after each cycle."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Mapping, Sequence
+
+from axisbus.bus.port import CanPort
+from axisbus.core.owner import Core
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.snapshot import Snapshot
+from axisbus.wire.lifeline import Held, LifelineWriter, Stage
+
+
+class Lifeline:
+    """Notes what was sent last, and which axes were commanded; holds the axes that it knows. Belongs to the scan's thread."""
+
+    def __init__(self, memory: mmap.mmap, at: int, core: Core, names: Sequence[str]) -> None:
+        """``names``: of all axes of the cell, as they are numbered."""
+        self._writer = LifelineWriter(memory, at)
+        self._core = core
+        self._numbers = {name: number for number, name in enumerate(names)}
+        self._known: dict[str, tuple[int, AxisCore, CanPort]] = {}
+        for name in core.scan.axes:
+            self._enter(name)
+
+    def stage(self, stage: Stage) -> None:
+        """Say how far the core is; before the scan begins, and after it has ended."""
+        self._writer.stage(stage)
+
+    def after_cycle(self, _now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        """Note what this cycle has sent; does not block."""
+        if len(snapshots) > len(self._known):
+            for name in snapshots.keys() - self._known.keys():
+                self._enter(name)
+            self._writer.stage(Stage.RUNNING)
+        for number, axis, port in self._known.values():
+            if axis.touched:
+                self._writer.touched(number)
+                self._writer.sent(port.committed)
+
+    def _enter(self, name: str) -> None:
+        port = self._core.runtime.ports[name]
+        assert isinstance(port, CanPort)
+        number = self._numbers[name]
+        held = [Held(number, *where) for where in port.controlwords]
+        self._writer.enter(held or [Held(number)])
+        self._known[name] = number, self._core.scan.axes[name], port

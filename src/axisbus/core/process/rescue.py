@@ -1,0 +1,125 @@
+"""Stopping the drives of a core that is gone: its last frames as quick stop, SYNC, then by SDO until each axis is seen to stand."""
+
+from __future__ import annotations
+
+import mmap
+import socket
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.pair import PairBus
+from axisbus.bus.node.node import Node
+from axisbus.bus.parallel import in_parallel
+from axisbus.cell import reader
+from axisbus.cell.model import CellConfig
+from axisbus.core.node_stop import NodeStop
+from axisbus.core.process.duty import Duty
+from axisbus.core.runtime import load_dictionaries
+from axisbus.eds.model import Eds
+from axisbus.errors import AxisbusError
+from axisbus.link import Stopped
+from axisbus.wire import image, lifeline
+from axisbus.wire.messages import CODEC, Rescued
+from axisbus.wire.stream import Stream
+
+TRIES_FOR = 1.0  # seconds: a driver may take a moment to see that its last user is dead
+_PAUSE = 0.05
+_HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run hangs
+_FAREWELL = 2.0  # seconds that telling the program may take
+
+
+class Rescuer:
+    """What a warden needs for a rescue, read while the core boots; holds the memory in which the core says how far it is."""
+
+    def __init__(self, duty: Duty) -> None:
+        self._duty = duty
+        self._memory = mmap.mmap(duty.memory, 0)
+        self._at = image.size_of(duty.axes)
+        self._cell = cell = reader.load(duty.cell)
+        self._dictionaries = load_dictionaries(cell)
+        self.patience = max(_HUNG, 25 * cell.bus.scan_period, _HUNG + (cell.bus.sync_timeout or 0.0))
+
+    @property
+    def number(self) -> int:
+        """The number of the newest image."""
+        return image.number_of(self._memory)
+
+    @property
+    def runs(self) -> bool:
+        """Whether the core's scan ought to run."""
+        return lifeline.stage_of(self._memory, self._at) is lifeline.Stage.RUNNING
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether the core, which is dead, has not left its drives as it ought to."""
+        return self.runs or lifeline.stage_of(self._memory, self._at) is lifeline.Stage.LEAVING
+
+    def rescue(self, why: str) -> None:
+        """Stop the drives, and tell the program; blocks. ``why``: how the core ended."""
+        found = lifeline.found(self._memory, self._at)
+        names = [list(self._cell.axes)[axis] for axis in found.axes]
+        stream = Stream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
+        stream.send(Rescued(why, self._stop(names, found.frames)))
+        stream.close(_FAREWELL)
+
+    def _stop(self, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> tuple[Stopped, ...]:
+        return tuple(stop(self._cell, self._dictionaries, self._open, names, frames)) if names else ()
+
+    def _open(self) -> Channel:
+        bus = self._cell.bus
+        if self._duty.drives >= 0:
+            return Channel(PairBus(socket.socket(fileno=self._duty.drives)), "sim")
+        return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)
+
+
+def stop(
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    open_channel: Callable[[], Channel],
+    names: Sequence[str],
+    frames: Sequence[tuple[int, bytes]],
+) -> list[Stopped]:
+    """Stop the axes of these names, and return how each was left; blocks until they stand, at most about 6 s.
+
+    ``frames``: what stops them by PDO. Their nodes are left as they are: their own watch over our heartbeat is the last net.
+    """
+    try:
+        channel = _opened(open_channel)
+    except AxisbusError as error:
+        text = f"NOT STOPPED by this computer: {error.message}; only its drive's own watchdog can stop it now"
+        return [Stopped(name, False, text) for name in names]
+    with channel:
+        _send(channel, cell, frames)
+        return _stop_by_sdo(channel, cell, dictionaries, names)
+
+
+def _opened(open_channel: Callable[[], Channel]) -> Channel:
+    until = time.monotonic() + TRIES_FOR
+    while True:
+        try:
+            return open_channel()
+        except AxisbusError:
+            if time.monotonic() > until:
+                raise
+        time.sleep(_PAUSE)
+
+
+def _send(channel: Channel, cell: CellConfig, frames: Sequence[tuple[int, bytes]]) -> None:
+    """Send the quick stop by PDO, and the SYNC with which the drives take it."""
+    with suppress(AxisbusError):  # what comes by SDO may pass all the same
+        for can_id, data in frames:
+            channel.send(can_id, data)
+        if cell.bus.sync and not cell.bus.hears_sync:
+            channel.send(cell.bus.sync_cob_id, b"\1" if cell.bus.sync_counter else b"")
+
+
+def _stop_by_sdo(
+    channel: Channel, cell: CellConfig, dictionaries: Mapping[int, Eds], names: Sequence[str]
+) -> list[Stopped]:
+    with ExitStack() as stack:
+        nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
+        axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
+        results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes, axes)
+    return [result for node in results for result in node]

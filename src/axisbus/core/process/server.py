@@ -1,0 +1,362 @@
+"""The core in a process of its own: it opens a cell for one program, does what that asks for, and stops when it is gone.
+
+Theory of operation
+-------------------
+The main thread reads the program's messages. Commands go to the scan at once; what takes its time (SDO, NMT) is done in threads of
+a pool. Three things end the process, each by the stop ladder: ``Leave``, the end of the connection (the program has ended, by
+whatever way, or closed it), and SIGTERM or SIGHUP. A program that is stopped, or busy for long, ends nothing: the axes go on with
+what they were commanded.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import mmap
+import select
+import signal
+import socket
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from axisbus import __version__
+from axisbus.boot.node import Booted
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.pair import PairBus
+from axisbus.cell.model import CellConfig
+from axisbus.check.checked import checked
+from axisbus.core.canlink import CanLink
+from axisbus.core.owner import Core
+from axisbus.core.process.asks import OF_CORE, OF_NODE
+from axisbus.core.process.lifeline import Lifeline
+from axisbus.core.process.outlet import Outlet
+from axisbus.core.process.streams import Streams
+from axisbus.core.runtime import Runtime, load_dictionaries, require_all
+from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
+from axisbus.motion.ticket import ENDED, Status
+from axisbus.session import CommandEvent
+from axisbus.wire import messages as m
+from axisbus.wire.image import size_of
+from axisbus.wire.lifeline import Stage
+from axisbus.wire.stream import Stream
+from axisbus.wire.values import NotForCrossing
+
+log = logging.getLogger("axisbus")
+_ROUND = 0.02  # seconds
+_ASKED = 64  # questions that are answered at a time
+_REMEMBERED = 256  # commands that have ended
+_FAREWELL = 2.0  # seconds that the last message may take
+_WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
+
+
+class Server:
+    """One program's core; holds the machine once it is open."""
+
+    def __init__(
+        self,
+        stream: Stream,
+        memory: mmap.mmap,
+        axes: int,
+        warden: socket.socket,
+        drives: socket.socket | None = None,
+    ) -> None:
+        """``stream`` and ``warden`` lead to the program and to the warden, ``drives`` to simulated drives, where there are such.
+
+        ``memory`` is for the images and the lifeline, of so many ``axes``.
+        """
+        self._stream = stream
+        self._memory = memory
+        self._axes = axes
+        self._warden = warden
+        self._drives = drives
+        self._lifeline: Lifeline | None = None
+        self._core: Core | None = None
+        self._outlet: Outlet | None = None
+        self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
+        self._leaving = threading.Lock()
+        self._left = threading.Event()
+        self._streams = Streams(stream.send)
+        self._merging = threading.Lock()
+        self._merged: dict[
+            int, list[int]
+        ] = {}  # commands that are one with another that waits, by its number
+        self._over: dict[int, CommandEvent] = {}  # the last ones that have ended
+        self._condition = m.Condition()
+
+    def run(self) -> None:
+        """Serve the program until one of both is gone; blocks."""
+        messages = self._messages()
+        wanted = next(messages, None)
+        try:
+            if isinstance(wanted, m.Open) and self._open(wanted):
+                self._serve(messages)
+        finally:
+            self._leave("the program is gone")
+            if self._core is not None:
+                self._left.wait()
+            self._stream.close(_FAREWELL)
+
+    def _messages(self) -> Iterator[object]:
+        """Yield what the program sends, until it is gone or sends what is no message of ours."""
+        try:
+            for data in self._stream.messages():
+                yield m.CODEC.unpack(data)
+        except NotForCrossing as error:
+            log.error("the program's connection is given up: %s", error)
+
+    def watch(self, pidfd: int) -> None:
+        """Leave when the process of ``pidfd`` is gone, though others may hold its end of the connection."""
+        poll = select.poll()
+        poll.register(pidfd, select.POLLIN)
+        threading.Thread(target=self._await_end, args=(poll,), name="axisbus program", daemon=True).start()
+
+    def _await_end(self, program: select.poll) -> None:
+        program.poll()
+        self._leave("the program is gone")
+
+    # -- opening -------------------------------------------------------------------------------------------------------
+
+    def _open(self, wanted: m.Open) -> bool:
+        try:
+            self._require_same(wanted.version)
+            self._begin(checked(wanted.cell, wanted.beside))
+        except BaseExceptionGroup as group:
+            self._stream.send(m.NotOpened(tuple(map(_told, group.exceptions)), group.message))
+            return False
+        except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
+            self._stream.send(m.NotOpened((_told(error),)))
+            return False
+        return True
+
+    def _begin(self, cell: CellConfig) -> None:
+        dictionaries = load_dictionaries(cell)
+        gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
+        bus = cell.bus
+        if self._drives is not None:
+            channel = Channel(PairBus(self._drives), "sim")
+        else:
+            channel = Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)
+        link = CanLink(cell, dictionaries, channel=channel)
+        runtime = Runtime(link, dictionaries, link.stand_ins)
+        try:
+            require_all(runtime.booted)
+            runtime.link.ready()
+            core = Core(cell, runtime, realtime=True)
+        except BaseException:
+            runtime.leave()
+            raise
+        names = tuple(cell.axes)
+        self._core, self._outlet = core, Outlet(self._stream, self._memory, names)
+        self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
+        self._await_warden()
+        self._take_signals()
+        core.session.listen(self._hear)
+        core.session.observe(self._outlet.after_cycle)
+        core.session.observe(self._lifeline.after_cycle)
+        core.begin(self._joined)
+        core.await_values()
+        self._lifeline.stage(Stage.RUNNING)
+        nodes = {node_id: self._facts(node_id, booted) for node_id, booted in core.booted.items()}
+        self._stream.send(m.Opened(nodes, dict(core.session.axes)))
+        threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
+
+    def _await_warden(self) -> None:
+        """Nothing may be enabled before the warden is able to stop it; when it is gone, the axes are stopped."""
+        if not self._warden.recv(1):
+            raise ScanError(
+                "the warden of the core has ended",
+                remedy="open the machine again; look at the computer's memory",
+            )
+        threading.Thread(target=self._watch_warden, name="axisbus warden", daemon=True).start()
+
+    def _watch_warden(self) -> None:
+        with suppress(OSError):
+            self._warden.recv(1)
+        self._leave("the warden of the core is gone: nobody would stop the axes in its place")
+
+    def _require_same(self, version: str) -> None:
+        if version != __version__:
+            raise StateError(
+                f"the program has axisbus {version}, its core {__version__}",
+                remedy="let both run the same installation: look at PYTHONPATH and the virtual environment",
+            )
+
+    def _facts(self, node_id: int, booted: Booted) -> m.NodeFacts:
+        assert self._core is not None
+        parts = self._core.nodes[node_id]
+        return m.NodeFacts(booted.report, booted.parameters, parts.plans, parts.events is not None)
+
+    def _take_signals(self) -> None:
+        for number, name in _WAYS_OUT.items():
+            signal.signal(number, lambda *_, name=name: self._leave(f"{name} to the core"))
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program's own affair
+
+    # -- serving -------------------------------------------------------------------------------------------------------
+
+    def _serve(self, messages: Iterator[object]) -> None:
+        for message in messages:
+            try:
+                _TAKES[type(message)](self, message)
+            except (
+                Exception
+            ):  # a mistake in one message: the others, a stop among them, are taken all the same
+                log.exception("a message of the program could not be taken: %s", type(message).__name__)
+
+    def _submit(self, message: m.Submit) -> None:
+        assert self._core is not None
+        session, number = self._core.session, message.number
+        try:
+            command = self._streams.take(message)
+        except AxisbusError as error:
+            self._hear(CommandEvent(number, Status.ERROR, error, ""))
+            return
+        kept = session.submit(number, message.target, command, message.name)
+        if kept == number:
+            return
+        with self._merging:
+            self._merged.setdefault(kept, []).append(number)
+            over = self._over.get(kept)
+        if over is not None:
+            self._hear(over)
+
+    def _add_group(self, message: m.AddGroup) -> None:
+        assert self._core is not None
+        self._core.session.add_group(message.key, message.members)
+
+    def _request_stop(self, message: m.RequestStop) -> None:
+        assert self._core is not None
+        self._core.session.request_stop(message.reason, message.quick)
+
+    def _observe(self, message: m.Observe) -> None:
+        assert self._outlet is not None
+        self._outlet.observed = message.wanted
+
+    def _ask(self, message: m.Ask) -> None:
+        self._asked.submit(self._answer, message)
+
+    def _answer(self, message: m.Ask) -> None:
+        try:
+            answer = m.CODEC.pack(m.Answer(message.number, self._find(message)))
+        except BaseException as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+            self._stream.send(m.Answer(message.number, None, _told(error)))
+        else:
+            self._stream.send(answer)
+
+    def _find(self, message: m.Ask) -> object:
+        core = self._core
+        assert core is not None
+        if not message.node:
+            return OF_CORE[message.what](core.session)
+        parts = core.nodes[message.node]
+        if message.what == "watch":
+            assert parts.events is not None
+            parts.events.hear(lambda event: self._stream.send(m.NodeTold(event)))
+            return None
+        return OF_NODE[message.what](parts, *message.arguments)
+
+    # -- telling -------------------------------------------------------------------------------------------------------
+
+    def _hear(self, event: CommandEvent) -> None:
+        assert self._outlet is not None
+        with self._merging:
+            same = self._merged.get(event.number, [])
+            if event.status in ENDED:
+                self._merged.pop(event.number, None)
+                self._over[event.number] = event
+            if len(self._over) > _REMEMBERED:
+                del self._over[next(iter(self._over))]
+        self._outlet.hear(event)
+        for number in same:
+            self._outlet.hear(event._replace(number=number))
+
+    def _joined(self, booted: Booted) -> None:
+        assert self._core is not None
+        axes = {name: facts for name, facts in self._core.session.axes.items() if name in booted.parameters}
+        node_id = booted.report.node_id
+        self._stream.send(m.Joined(node_id, self._facts(node_id, booted), axes))
+
+    def _watch_condition(self) -> None:
+        """Tell when the scan has ended, failed, or been asked to stop; and what it told when it did."""
+        while not self._left.wait(_ROUND):
+            self._tell_condition()
+            self._streams.look()
+        self._tell_condition()
+
+    def _tell_condition(self) -> None:
+        assert self._core is not None
+        assert self._outlet is not None
+        session = self._core.session
+        now = m.Condition(session.dead, session.ended, session.failed, session.left)
+        if session.ended:
+            self._outlet.flush()
+        if now != self._condition:
+            self._condition = now
+            self._stream.send(now)
+
+    # -- leaving -------------------------------------------------------------------------------------------------------
+
+    def _leave(self, reason: str) -> None:
+        """Begin to leave, in a thread of its own: the program may still ask for a quicker stop."""
+        if self._core is not None and self._leaving.acquire(blocking=False):
+            self._core.session.request_stop(reason)
+            self._stage(Stage.LEAVING)
+            threading.Thread(target=partial(self._do_leave, reason), name="leaving").start()
+
+    def _stage(self, stage: Stage) -> None:
+        if self._lifeline is not None:
+            self._lifeline.stage(stage)
+
+    def _do_leave(self, reason: str) -> None:
+        assert self._core is not None
+        failures: tuple[AxisbusError, ...] = ()
+        try:
+            failures = tuple(self._core.leave(reason))
+        except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
+            failures = (_told(error),)
+        finally:
+            self._stage(Stage.LEFT)
+            self._tell_condition()
+            self._stream.send(m.Left(failures))
+            self._left.set()
+            self._stream.close(_FAREWELL)
+
+
+_TAKES: dict[type, Any] = {
+    m.Submit: Server._submit,
+    m.AddGroup: Server._add_group,
+    m.RequestStop: Server._request_stop,
+    m.Observe: Server._observe,
+    m.Ask: Server._ask,
+    m.Samples: lambda server, message: server._streams.feed(message),
+    m.NoSamples: lambda server, message: server._streams.fail(message),
+    m.Leave: lambda server, message: server._leave(message.reason),
+}
+
+
+def _told(error: BaseException) -> AxisbusError:
+    """Return an error that can cross: what is none of the tree becomes one, with what it was as its cause."""
+    if isinstance(error, AxisbusError):
+        return error
+    made = ScanError(
+        "the core broke off",
+        observed=in_a_line(error),
+        remedy="this is a mistake in axisbus: please report it",
+    )
+    made.__cause__ = error
+    return made
+
+
+class StreamHandler(logging.Handler):
+    """Sends the core's log to the program."""
+
+    def __init__(self, stream: Stream) -> None:
+        super().__init__()
+        self._stream = stream
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one line."""
+        self._stream.send(m.Logged(record.name, record.levelno, record.getMessage()))

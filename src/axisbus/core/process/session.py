@@ -1,0 +1,247 @@
+"""The way to a core in a process of its own (``session.Session``): commands as messages, values from shared memory."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+from axisbus.bus.link.controller import ControllerEvent
+from axisbus.bus.node.events import NodeEvent
+from axisbus.cia301.drops import Drop
+from axisbus.cia402.port import Waiter
+from axisbus.core.inherited import inherited
+from axisbus.core.lateness import hanging
+from axisbus.core.process.calls import Calls, gone
+from axisbus.core.process.streams import Trajectories
+from axisbus.core.waiting import ThreadWaiter
+from axisbus.errors import AxisbusError
+from axisbus.motion.commands import Command
+from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.ticket import ENDED, Status
+from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, Target
+from axisbus.wire import messages as m
+from axisbus.wire.image import ImageReader
+
+_PATIENCE = 0.5  # seconds in which the text of an error must have followed its number
+_GONE = "the core of this machine is gone: its process has ended"
+
+
+class Errors:
+    """The errors that images call by their numbers; holds those that were told."""
+
+    def __init__(self) -> None:
+        self._found: dict[int, AxisbusError] = {}
+        self._arrived = threading.Condition()
+
+    def take(self, told: m.ErrorTold) -> None:
+        """Take one; only the newest are kept."""
+        with self._arrived:
+            self._found[told.number] = told.error
+            self._arrived.notify_all()
+
+    def of(self, number: int) -> AxisbusError | None:
+        """Return an error by its number; blocks while it is on its way, which is shorter than a cycle."""
+        found = self._found.get(number)
+        if found is None:
+            with self._arrived:
+                self._arrived.wait_for(lambda: number in self._found, _PATIENCE)
+            found = self._found.get(number)
+        return found if found is not None else gone("why this axis is in ErrorStop was asked")
+
+    def disown(self) -> None:
+        """Be usable in a forked child, where whoever had the lock does not run."""
+        self._arrived = threading.Condition()
+
+
+class RemoteSession:
+    """Holds what the core has told last, who listens, and which commands are under way."""
+
+    def __init__(
+        self, calls: Calls, image: ImageReader, errors: Errors, axes: Mapping[str, AxisFacts], period: float
+    ) -> None:
+        """``axes``: those that are there; ``period``: of the scan, in seconds."""
+        self._calls = calls
+        self._image = image
+        self._errors = errors
+        self._axes = dict(axes)
+        self._period = period
+        self._waiter = ThreadWaiter()
+        self.trajectories = Trajectories(calls.send, period)
+        self._condition = m.Condition()
+        self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
+        self._observers: tuple[Observer, ...] = ()
+        self._busy: dict[int, str] = {}
+        self.rescued: m.Rescued | None = None  # by its warden: the core has died
+        self._asked: tuple[float, str] | None = None  # for the stop, by this program
+        self._inherited = False
+
+    # -- as of the core ------------------------------------------------------------------------------------------------
+
+    @property
+    def axes(self) -> Mapping[str, AxisFacts]:
+        """As ``Session.axes``."""
+        return self._axes
+
+    @property
+    def snapshots(self) -> Mapping[str, Snapshot]:
+        """As ``Session.snapshots``."""
+        return self._image.read()
+
+    @property
+    def dead(self) -> str | None:
+        """As ``Session.dead``."""
+        if self._inherited:
+            return "this process was forked from the one that has the machine: nothing is received here"
+        if self._condition.dead is None and self._calls.over and not self._condition.ended:
+            return _GONE if self.rescued is None else f"{_GONE}: {self.rescued.why}"
+        return self._condition.dead
+
+    @property
+    def silent(self) -> str | None:
+        """As ``Session.silent``."""
+        if self.dead is not None:
+            return self.dead
+        if self._condition.ended:
+            return "the machine is closed: nothing is received any more"
+        return hanging(time.monotonic() - self._image.read().time, self._period)
+
+    @property
+    def ended(self) -> bool:
+        """As ``Session.ended``."""
+        return self._condition.ended or self._calls.over
+
+    @property
+    def failed(self) -> bool:
+        """As ``Session.failed``."""
+        return self._condition.failed or (self._calls.over and not self._condition.ended)
+
+    @property
+    def leaving_because(self) -> str | None:
+        """As ``Session.leaving_because``."""
+        left = self.left
+        return None if left is None else left[1]
+
+    @property
+    def left(self) -> tuple[float, str] | None:
+        """As ``Session.left``."""
+        return self._condition.left or self._asked
+
+    @property
+    def waiter(self) -> Waiter:
+        """As ``Session.waiter``."""
+        return self._waiter
+
+    # -- questions -----------------------------------------------------------------------------------------------------
+
+    @property
+    def node_events(self) -> list[NodeEvent]:
+        """As ``Session.node_events``; blocks for an answer of the core."""
+        return list(self._last("node_events"))
+
+    @property
+    def bus_events(self) -> list[ControllerEvent]:
+        """As ``Session.bus_events``; blocks for an answer of the core."""
+        return list(self._last("bus_events"))
+
+    @property
+    def drops(self) -> tuple[Drop, ...]:
+        """As ``Session.drops``; blocks for an answer of the core."""
+        return tuple(self._last("drops"))
+
+    @property
+    def bus_time(self) -> datetime | None:
+        """As ``Session.bus_time``; blocks for an answer of the core."""
+        found: datetime | None = self._last("bus_time")
+        return found
+
+    @property
+    def lateness(self) -> LatenessReport:
+        """As ``Session.lateness``; blocks for an answer of the core."""
+        found: LatenessReport = self._last("lateness")
+        return found
+
+    # -- commands ------------------------------------------------------------------------------------------------------
+
+    def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
+        """As ``Session.submit``; a command that is the same as one that waits ends as that one does."""
+        if self._inherited:
+            raise inherited(name)
+        message = m.CODEC.pack(self.trajectories.submit(number, target, command, name))
+        self._busy[number] = name
+        self._calls.send(message)
+        if self._calls.over:
+            self.end_all()
+        return number
+
+    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
+        """As ``Session.listen``; in the thread that tells events."""
+        self._listeners = (*self._listeners, hear)
+
+    def add_group(self, key: Target, members: Sequence[str]) -> None:
+        """As ``Session.add_group``."""
+        self._calls.send(m.AddGroup(key, tuple(members)))
+
+    def request_stop(self, reason: str, quick: bool = False) -> None:
+        """As ``Session.request_stop``."""
+        self._asked = self._asked or (time.monotonic(), reason)
+        self._calls.send(m.RequestStop(reason, quick))
+
+    def observe(self, observer: Observer) -> None:
+        """As ``Session.observe``; in the thread that tells events, a few cycles at a time."""
+        self._observers = (*self._observers, observer)
+        self._calls.send(m.Observe(True))
+
+    def forget(self, observer: Observer) -> None:
+        """As ``Session.forget``."""
+        self._observers = tuple(one for one in self._observers if one != observer)
+        if not self._observers:
+            self._calls.send(m.Observe(False))
+
+    # -- what the core tells -------------------------------------------------------------------------------------------
+
+    def tell(self, told: m.Told) -> None:
+        """Let who listens have the events of a cycle."""
+        for event in told.events:
+            if event.status in ENDED:
+                self._busy.pop(event.number, None)
+            for hear in self._listeners:
+                hear(event)
+        self._waiter.notify()
+
+    def show(self, cycles: m.Cycles) -> None:
+        """Let who observes have the images of some cycles."""
+        for now, data in cycles.images:
+            image = self._image.image(data)
+            for observer in self._observers:
+                observer(now, image)
+
+    def take(self, condition: m.Condition) -> None:
+        """Note how the core is now."""
+        self._condition = condition
+        self._waiter.notify()
+
+    def join(self, axes: Mapping[str, AxisFacts]) -> None:
+        """Take in the axes of an optional node that has come later."""
+        self._axes = {**self._axes, **axes}
+
+    def end_all(self) -> None:
+        """End every command that the core has not ended: it is gone."""
+        while self._busy:
+            number, name = self._busy.popitem()
+            error = gone(f"{name} was ended", self.rescued)
+            self.tell(m.Told((CommandEvent(number, Status.ERROR, error, ""),)))
+        self._waiter.notify()
+
+    def disown(self) -> None:
+        """Be of no use in a forked child."""
+        self._inherited = True
+        self._waiter.disown()
+        self.trajectories.feeder.disown()
+        self._errors.disown()
+
+    def _last(self, what: str) -> Any:
+        return self._calls.ask(what)

@@ -1,0 +1,33 @@
+"""Cuts safety nets in every process that a program starts: Python imports this by itself, where its folder is on the path.
+
+``AXISBUS_CUT`` names them (joined by ``;``), each of ``NETS``.
+"""
+
+from __future__ import annotations
+
+import os
+
+
+def _nothing(*_: object) -> None:
+    pass
+
+
+def _cut(name: str) -> None:
+    from axisbus.core.process import rescue, server
+
+    if name == "the core's eye on its program":
+        server.Server._leave = _nothing  # type: ignore[method-assign]
+    elif name == "the core's eye on the process of its program":
+        server.Server.watch = _nothing  # type: ignore[method-assign]
+    elif name == "the core's eye on its warden":
+        server.Server._watch_warden = _nothing  # type: ignore[method-assign]
+    elif name == "the rescue":
+        rescue.Rescuer.rescue = _nothing  # type: ignore[method-assign]
+    elif name == "the warden's patience":
+        rescue.Rescuer.runs = False  # type: ignore[method-assign,assignment]
+    else:
+        raise SystemExit(f"no such net: {name}")
+
+
+for _name in filter(None, os.environ.get("AXISBUS_CUT", "").split(";")):
+    _cut(_name)

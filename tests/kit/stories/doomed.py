@@ -1,0 +1,106 @@
+"""A program with a core of its own whose axis turns, until something happens to one of its processes.
+
+``python -m kit.stories.doomed FOLDER SCENE``: the cell file is FOLDER/cell.toml. It prints ``ready PROGRAM WARDEN CORE`` (process
+IDs) when the axis turns, and appends to FOLDER/told.txt what it was told afterwards.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from axisbus.errors import AxisbusError
+from axisbus.machine.handle import Handle
+from axisbus.machine.machine import Machine
+
+LONG = 30.0
+
+
+def turning(folder: Path) -> tuple[Machine, Handle]:
+    """Open the machine and let its axis turn for long."""
+    machine = Machine.open(folder / "cell.toml")
+    machine["x"].enable().wait(20)
+    handle = machine["x"].move_relative(1e6, velocity=90.0)
+    time.sleep(0.5)
+    return machine, handle
+
+
+def ready(machine: Machine) -> None:
+    """Tell who is who."""
+    warden = machine._core._process._warden.pid  # type: ignore[attr-defined]
+    core = subprocess.run(
+        ["pgrep", "-P", str(warden)], capture_output=True, text=True, check=True
+    ).stdout.split()[0]
+    print("ready", os.getpid(), warden, core, flush=True)
+
+
+def sleeping(folder: Path) -> None:
+    """It does nothing."""
+    machine, _ = turning(folder)
+    ready(machine)
+    time.sleep(LONG)
+
+
+def waiting(folder: Path) -> None:
+    """It waits for its command, and writes down how that ends."""
+    machine, handle = turning(folder)
+    ready(machine)
+    try:
+        handle.wait(LONG)
+    except (AxisbusError, TimeoutError) as error:
+        (folder / "told.txt").write_text(f"{type(error).__name__}: {error}", encoding="utf-8")
+    time.sleep(1.0)
+
+
+def computing(folder: Path) -> None:
+    """It is in a long call, in which no other thread of its own runs."""
+    machine, _ = turning(folder)
+    ready(machine)
+    sum(range(400_000_000))
+    time.sleep(LONG)
+
+
+def returning(folder: Path) -> None:
+    """It ends, and has closed nothing."""
+    machine, _ = turning(folder)
+    ready(machine)
+
+
+def raising(folder: Path) -> None:
+    """Its block ends by an exception."""
+    machine, _ = turning(folder)
+    with machine:
+        ready(machine)
+        raise ValueError("a mistake of its own")
+
+
+def forking(folder: Path) -> None:
+    """It has forked a worker before, which has all of its descriptors and lives on."""
+    machine, _ = turning(folder)
+    if os.fork() == 0:
+        time.sleep(LONG)
+        os._exit(0)
+    ready(machine)
+    time.sleep(LONG)
+
+
+def hoarding(folder: Path) -> None:
+    """The same, with a worker that goes round what a forked child does: its copies of the connection stay open."""
+    machine, _ = turning(folder)
+    copies = [os.dup(machine._core._process.line.fileno())]  # type: ignore[attr-defined]
+    worker = subprocess.Popen(["sleep", str(LONG)], pass_fds=copies)
+    print("worker", worker.pid, file=sys.stderr)
+    ready(machine)
+    time.sleep(LONG)
+
+
+SCENES: dict[str, Callable[[Path], None]] = {
+    scene.__name__: scene for scene in (sleeping, waiting, computing, returning, raising, forking, hoarding)
+}
+
+if __name__ == "__main__":
+    SCENES[sys.argv[2]](Path(sys.argv[1]))

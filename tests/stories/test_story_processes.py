@@ -1,0 +1,212 @@
+"""Nobody's death moves an axis: program, core and warden are killed, stopped or told to end while a motor turns.
+
+The plant is read from a history that the simulated drives write by themselves, in a process that nobody harms. Each story runs once
+more with the net cut that it relies on, and must then find the motor turning.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from kit.cell import SCALE, cell_text
+from kit.probe import OFF, QUICK_STOP
+from kit.stories.program import TESTS
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    pytest.mark.timeout(120),
+]
+CUTTING = Path(__file__).parents[1] / "kit" / "stories" / "cutting"
+# Long heartbeats: the drives' own watch over them is another net, which would hide that one of these is missing.
+HEARTBEAT = "10s"
+STOPS_WITHIN = (
+    4.0  # seconds on a busy computer; the ramps take a tenth, a killed core is found after half a second
+)
+SPEED = 90.0  # deg/s
+
+
+class Row(NamedTuple):
+    """A motor at a time: deg/s, and the number of its power stage."""
+
+    time: float
+    velocity: float
+    stage: int
+
+
+class Doomed:
+    """A program with its core and warden, whose axis turns; kills what is left of them at the end."""
+
+    def __init__(self, folder: Path, scene: str, cut: str) -> None:
+        self.folder = folder
+        text = cell_text("x", heartbeat=HEARTBEAT, bus='process = "own"\noptions = { history = "plant.csv" }')
+        (folder / "cell.toml").write_text(text, encoding="utf-8")
+        path = os.pathsep.join([str(CUTTING), str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
+        errors = (folder / "errors.txt").open("w")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "kit.stories.doomed", str(folder), scene],
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            env={**os.environ, "PYTHONPATH": path, "AXISBUS_CUT": cut},
+        )
+        errors.close()
+        assert self.process.stdout is not None
+        words = self.process.stdout.readline().split()
+        assert words[:1] == ["ready"], (folder / "errors.txt").read_text()
+        self.program, self.warden, self.core = map(int, words[1:])
+
+    def strike(self, who: str, number: int) -> float:
+        """Send a signal to one of them; return when, by the clock of the plant."""
+        at = time.monotonic()
+        os.kill(getattr(self, who), number)
+        return at
+
+    def plant(self) -> list[Row]:
+        """What the motor has done so far."""
+        with (self.folder / "plant.csv").open(encoding="utf-8") as file:
+            whole = [row for row in csv.DictReader(file) if row["stage"]]
+        return [Row(float(row["time"]), float(row["velocity"]) / SCALE, int(row["stage"])) for row in whole]
+
+    def turns(self, at: float) -> bool:
+        """Whether the motor turned just before a time, as it was told to."""
+        before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
+        return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
+
+    def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
+        """Return how many seconds after a time the motor stood for good in one of these stages; None if it does not in time."""
+        until = time.monotonic() + within
+        while time.monotonic() < until:
+            time.sleep(0.1)
+            rows = self.plant()
+            still = [row.time for row in rows if abs(row.velocity) > 0.05 or row.stage not in stages]
+            if still and rows[-1].time - still[-1] > 0.3:
+                return still[-1] - at
+        return None
+
+    def ends(self, who: str, within: float) -> bool:
+        """Whether one of them ends in time."""
+        until = time.monotonic() + within
+        while time.monotonic() < until:
+            if not _lives(getattr(self, who)):
+                return True
+            time.sleep(0.02)
+        return False
+
+
+def _lives(process: int) -> bool:
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+@contextmanager
+def doomed(folder: Path, scene: str, cut: str = "") -> Iterator[Doomed]:
+    """Let a program play its scene."""
+    one = Doomed(folder, scene, cut)
+    try:
+        yield one
+    finally:
+        for process in (one.program, one.warden, one.core):
+            with suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+        one.process.wait()
+        assert one.process.stdout is not None
+        one.process.stdout.close()
+
+
+REST = (*OFF, QUICK_STOP)
+NO_PROGRAM, NO_WARDEN = "the core's eye on its program", "the core's eye on its warden"
+
+# The scene, who is struck, by what, and the net that is cut in the second run.
+DEATHS = {
+    "the program is killed": ("sleeping", "program", signal.SIGKILL, NO_PROGRAM),
+    "the program is killed, and a child that it has forked lives on": (
+        "forking",
+        "program",
+        signal.SIGKILL,
+        NO_PROGRAM,
+    ),
+    "the program is killed, and another has its descriptors": (
+        "hoarding",
+        "program",
+        signal.SIGKILL,
+        "the core's eye on the process of its program",
+    ),
+    "the core is killed": ("sleeping", "core", signal.SIGKILL, "the rescue"),
+    "the core crashes": ("sleeping", "core", signal.SIGSEGV, "the rescue"),
+    "the core is killed while the program computes": ("computing", "core", signal.SIGKILL, "the rescue"),
+    "the core hangs": ("sleeping", "core", signal.SIGSTOP, "the warden's patience"),
+    "the core is told to end": ("sleeping", "core", signal.SIGTERM, NO_PROGRAM),
+    "the core's terminal is gone": ("sleeping", "core", signal.SIGHUP, NO_PROGRAM),
+    "the warden is killed": ("sleeping", "warden", signal.SIGKILL, NO_WARDEN),
+}
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+@pytest.mark.parametrize("death", DEATHS)
+def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
+    scene, who, number, net = DEATHS[death]
+    with doomed(tmp_path, scene, "" if whole else net) as one:
+        time.sleep(0.3)
+        at = one.strike(who, number)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
+        assert one.turns(at)
+        assert (took is not None) is whole, took
+
+
+@pytest.mark.parametrize(("scene", "code"), [("returning", 0), ("raising", 1)])
+def test_a_program_that_ends_by_itself_leaves_a_motor_at_rest_and_off(tmp_path, scene, code):
+    with doomed(tmp_path, scene) as one:
+        assert one.process.wait(30) == code
+        rows = one.plant()
+        assert max(row.velocity for row in rows) > SPEED - 1.0
+        assert abs(rows[-1].velocity) < 0.05
+        assert rows[-1].stage in OFF
+        assert one.ends("core", 2.0)
+
+
+def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        at = one.strike("program", signal.SIGSTOP)
+        time.sleep(2.0)
+        assert one.turns(at + 1.9)
+        one.strike("program", signal.SIGCONT)
+        time.sleep(0.5)
+        assert one.process.poll() is None
+        at = one.strike("program", signal.SIGINT)
+        assert one.stands_after(at, REST) is not None
+
+
+def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_path):
+    with doomed(tmp_path, "waiting") as one:
+        one.strike("core", signal.SIGKILL)
+        told = tmp_path / "told.txt"
+        until = time.monotonic() + 10.0
+        while not told.exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        text = told.read_text(encoding="utf-8")
+    assert text.startswith("ScanError: x.move_relative(1e+06 deg) was ended")
+    assert "it was ended by SIGKILL" in text
+    assert "x: stands, held in quick stop" in text
+
+
+def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
+    with doomed(tmp_path, "sleeping") as one:
+        one.strike("program", signal.SIGKILL)
+        assert one.ends("core", 6.0)
+        assert one.ends("warden", 2.0)
+    rows = one.plant()
+    assert rows[-1].stage in OFF
