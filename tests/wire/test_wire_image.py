@@ -59,9 +59,10 @@ def axis(value: int) -> Snapshot:
 @given(st.dictionaries(st.sampled_from(NAMES), AXIS))
 def test_every_image_is_read_as_it_was_written(axes):
     writer, reader = ends()
-    writer.write(axes, {})
+    writer.write(1.5, axes, {})
     assert dict(reader.read()) == axes
     assert reader.read().keys() == axes.keys()
+    assert reader.read().time == 1.5
 
 
 def test_before_the_first_image_there_is_no_axis():
@@ -75,28 +76,28 @@ def test_before_the_first_image_there_is_no_axis():
 
 def test_an_image_stays_as_it_was_when_the_next_ones_are_written():
     writer, reader = ends()
-    writer.write({"x": axis(1)}, {})
+    writer.write(7.5, {"x": axis(1)}, {})
     first = reader.read()
     for value in range(2, 40):
-        writer.write({"x": axis(value)}, {})
+        writer.write(value / 2, {"x": axis(value)}, {})
     assert first["x"] == axis(1)
     assert reader.read()["x"] == axis(39)
     assert reader.number == 39
-    assert reader.read().time == 39.0
+    assert reader.read().time == 19.5
 
 
 def test_an_error_is_found_by_its_number():
     writer, reader = ends()
-    writer.write({"x": axis(1), "y": axis(1)}, {"x": 3})
+    writer.write(7.5, {"x": axis(1), "y": axis(1)}, {"x": 3})
     assert reader.read()["x"].error is ERROR
     assert reader.read()["y"].error is None
 
 
 def test_what_is_kept_as_bytes_is_the_same_image():
     writer, reader = ends()
-    writer.write({"z": axis(5)}, {})
+    writer.write(7.5, {"z": axis(5)}, {})
     kept = writer.newest
-    writer.write({"z": axis(6)}, {})
+    writer.write(7.5, {"z": axis(6)}, {})
     assert dict(reader.image(kept)) == {"z": axis(5)}
 
 
@@ -104,9 +105,9 @@ def test_a_torn_image_is_not_taken():
     """The writer has gone round all slots while the reader was between its two looks: what is read last is kept."""
     memory = mmap.mmap(-1, image.size_of(1))
     writer, reader = ImageWriter(memory, ("x",)), ImageReader(memory, ("x",), {}.get)
-    writer.write({"x": axis(1)}, {})
+    writer.write(7.5, {"x": axis(1)}, {})
     assert reader.read()["x"] == axis(1)
-    writer.write({"x": axis(2)}, {})
+    writer.write(7.5, {"x": axis(2)}, {})
     at = 64 + 2 * len(writer.newest)
     memory[at : at + 8] = bytes(8)  # it has begun to write there again
     assert reader.read()["x"] == axis(1)
@@ -123,7 +124,7 @@ def test_no_reader_ever_sees_values_of_two_cycles():
         value = 0
         while not over.is_set():
             value += 1
-            writer.write(dict.fromkeys(names, axis(value)), {})
+            writer.write(0.0, dict.fromkeys(names, axis(value)), {})
 
     thread = threading.Thread(target=write)
     thread.start()

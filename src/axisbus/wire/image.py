@@ -24,6 +24,7 @@ from axisbus.motion.states import AxisState
 _SLOTS = 8
 _TRIES = 100
 _NUMBER = struct.Struct("<Q")
+_BEGIN = struct.Struct("<Qd")  # of a slot: its number, and when the cycle began
 _AXIS = struct.Struct("<ddqqqqqqqqIHBB")
 _HEAD = 64  # bytes: the newest number, and room
 _STATES, _POWERS = tuple(AxisState), tuple(State)
@@ -42,7 +43,7 @@ def size_of(axes: int) -> int:
 
 
 def _slot(axes: int) -> int:
-    return 2 * _NUMBER.size + axes * _AXIS.size
+    return _BEGIN.size + axes * _AXIS.size + _NUMBER.size
 
 
 def number_of(memory: mmap.mmap) -> int:
@@ -61,12 +62,12 @@ class ImageWriter:
         self._slot = _slot(len(names))
         self._number = 0
 
-    def write(self, snapshots: Mapping[str, Snapshot], errors: Mapping[str, int]) -> None:
-        """Write the next image; ``errors``: the number of each axis's error (none: 0). Does not block."""
+    def write(self, now: float, snapshots: Mapping[str, Snapshot], errors: Mapping[str, int]) -> None:
+        """Write the image of the cycle at ``now`` (s, monotonic); ``errors``: the number of each axis's error (none: 0)."""
         self._number = number = self._number + 1
         memory, at = self._memory, _HEAD + number % _SLOTS * self._slot
-        _NUMBER.pack_into(memory, at, 0)
-        place = at + _NUMBER.size
+        _BEGIN.pack_into(memory, at, 0, now)
+        place = at + _BEGIN.size
         for name in self._names:
             _put(memory, place, snapshots.get(name), errors.get(name, 0))
             place += _AXIS.size
@@ -87,7 +88,7 @@ class ImageReader:
     def __init__(self, memory: mmap.mmap, names: Sequence[str], error_of: ErrorOf) -> None:
         """``names`` as the writer has them; ``error_of`` returns an error by its number."""
         self._memory = memory
-        self._places = {name: _NUMBER.size + place * _AXIS.size for place, name in enumerate(names)}
+        self._places = {name: _BEGIN.size + place * _AXIS.size for place, name in enumerate(names)}
         self._slot = _slot(len(names))
         self._error_of = error_of
         self._last = Image(b"", {}, error_of)
@@ -139,7 +140,8 @@ class Image(Mapping[str, Snapshot]):
     @property
     def time(self) -> float:
         """When the cycle began, in seconds of the monotonic clock; 0 where there was none."""
-        return max((self[name].now for name in self), default=0.0)
+        time: float = _BEGIN.unpack_from(self._data)[1] if self._data else 0.0
+        return time
 
     def __iter__(self) -> Iterator[str]:
         return (name for name in self._places if name in self)

@@ -60,7 +60,7 @@ class Outlet:
                 self._tell(name, snapshot.error)
             elif name in self._numbers:
                 del self._numbers[name], self._told[name]
-        self._image.write(snapshots, self._numbers)
+        self._image.write(now, snapshots, self._numbers)
         if self._events:
             self.flush()
         if self.observed:
