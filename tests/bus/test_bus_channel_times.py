@@ -215,7 +215,9 @@ class Held:
     def __init__(self, clock: Clock, slice_: float) -> None:
         self.clock, self.slice, self.asked = clock, slice_, []
 
-    def acquire(self, timeout: float) -> bool:
+    def acquire(self, blocking: bool = True, timeout: float = -1.0) -> bool:
+        if not blocking:
+            return False
         self.asked.append(timeout)
         self.clock.now += self.slice
         return False

@@ -395,6 +395,8 @@ def test_a_bus_off_ends_no_cycle():
 class Port:
     """A port with frames; ``stops`` are those of its quick stop."""
 
+    asks = True
+
     def __init__(self, node_id: int, frames=(), stops=((), ()), error: Exception | None = None) -> None:
         self.node = SimpleNamespace(node_id=node_id)
         self.frames, self.stops, self.error = list(frames), stops, error

@@ -86,7 +86,7 @@ class CanCycle:
         self._time_producer = time_producer
         self._heartbeat_id = cob.HEARTBEAT + master_id if master_id and heartbeat > 0 else None
         self._heartbeat_period = heartbeat
-        self._heartbeat_due = float("-inf")
+        self._heartbeat_due = float("-inf") if self._heartbeat_id else float("inf")
         self._guarding = {cob.HEARTBEAT + node_id: period for node_id, period in (guarded or {}).items()}
         self._guarding_due = dict.fromkeys(self._guarding, float("-inf"))
         self._events = tuple(events)
@@ -128,8 +128,10 @@ class CanCycle:
             left = t - self._clock()
         while left > 0:
             left = t - self._clock()
-        with suppress(BusOff):  # the ports tell the axes
+        try:  # noqa: SIM105  # in every cycle: ``suppress`` would cost more than what it is for
             self._channel.check()
+        except BusOff:
+            pass  # the ports tell the axes
         return None
 
     def receive(self) -> None:
@@ -145,7 +147,12 @@ class CanCycle:
         try:
             self._channel.check()
             for port in self._ports:
-                self._send_frames(port)
+                for can_id, data in port.take_frames():
+                    if self._stopped:  # while the frame before was stuck: this one may enable the drive again
+                        return
+                    self._channel.send(can_id, data)
+                if port.asks:
+                    self._ask(port)
                 if self._stopped:
                     return
         except BusOff:
@@ -156,11 +163,8 @@ class CanCycle:
             for events in self._events:
                 events.look(now)
 
-    def _send_frames(self, port: CanPort) -> None:
-        for can_id, data in port.take_frames():
-            if self._stopped:  # while the frame before was stuck: this one may enable the drive again
-                return
-            self._channel.send(can_id, data)
+    def _ask(self, port: CanPort) -> None:
+        """Ask for the TPDOs that come on request."""
         for can_id, length in port.take_requests(self._clock()):
             self._channel.send_remote(can_id, length)
 
@@ -171,10 +175,14 @@ class CanCycle:
             BusError: as ``commit``.
         """
         if self._sync_cob_id is not None:
+            data = b""
             if self._sync_counter:
                 self._count = self._count % self._sync_counter + 1
-            with suppress(BusOff):
-                self._channel.send(self._sync_cob_id, self._sync_data(self._count))
+                data = self._sync_data(self._count)
+            try:  # noqa: SIM105  # as in ``wait_until``
+                self._channel.send(self._sync_cob_id, data)
+            except BusOff:
+                pass
 
     def heartbeat(self) -> None:
         """Send our heartbeat, guarding requests and TIME when they are due (CiA 301 7.2.8.3.2, 7.2.6).
@@ -182,18 +190,18 @@ class CanCycle:
         Raises:
             BusError: as ``commit``.
         """
-        with suppress(BusOff):
-            self._send_due()
+        now = self._clock()
+        if self._guarding or self._time_producer is not None or now >= self._heartbeat_due:
+            with suppress(BusOff):
+                self._send_due(now)
 
-    def _send_due(self) -> None:
+    def _send_due(self, now: float) -> None:
         if self._guarding:
-            self._guard(self._clock())
+            self._guard(now)
         if self._time_producer is not None:
             self._time_producer.step(self._clock())
-        if self._heartbeat_id is None:
-            return
         now = self._clock()
-        if now >= self._heartbeat_due:
+        if self._heartbeat_id is not None and now >= self._heartbeat_due:
             due = self._heartbeat_due + self._heartbeat_period
             self._heartbeat_due = due if due > now else now + self._heartbeat_period
             self._channel.send(self._heartbeat_id, _OUR_STATE)

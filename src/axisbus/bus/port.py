@@ -25,6 +25,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.axes import own_index
 from axisbus.cia402.controlword import Command
 from axisbus.cia402.port import (
+    INPUT_OBJECTS,
     OUTPUT_OBJECTS,
     Capabilities,
     Inputs,
@@ -35,6 +36,12 @@ from axisbus.cia402.port import (
 )
 from axisbus.errors import BusError
 
+_OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
+_INPUTS = tuple(INPUT_OBJECTS)
+assert Inputs._fields[2 : 2 + len(_INPUTS)] == _INPUTS  # ``read`` takes them in this order
+_SELDOM = Outputs._fields.index("sdo")
+_NOTHING_SELDOM = Outputs()[_SELDOM:]  # no SDO request, none taken back, no NMT command
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
 
 
@@ -72,6 +79,7 @@ class CanPort:
             max_age=freshness.max_ages(plan, scan_period),
             edge_delay=edge.delay(plan.edge_after_target, foreign_sync),
         )
+        self._nmt = node.nmt
         self._bootups = node.nmt.bootups
         self._samples: dict[str, Sample] = {}
         received = [pdo for pdo in plan.active if not pdo.receive]
@@ -84,19 +92,26 @@ class CanPort:
             scan_period,
         )
         self._requests = Requests(self._slots)
+        self.asks = bool(self._requests)  # whether there are TPDOs to be asked for at all
         sent = [pdo for pdo in plan.active if pdo.receive]
         self._images = [RpdoImage(pdo) for pdo in sent]
         self._pace = RpdoPace(sent, self._images, scan_period, rpdo_repeat)
         self._now = -math.inf  # of the newest ``read``
         self._operational = False  # as it has told
-        self._poller = Poller(node.worker, freshness.polls(plan), self.index)
+        polls = freshness.polls(plan)
+        self._poller = Poller(node.worker, polls, self.index) if polls else None
         self._sdo_outputs = SdoOutputs(node.worker, plan.outputs, self.index)
+        # Where one RPDO takes all outputs to the drive, in every cycle: that.
+        alone = len(sent) == 1 and self._pace.plain and self._sdo_outputs.none
+        self._only_image = self._images[0] if alone and self._images[0].holds_controlword else None
         self._emcy = node.emcy.feed()
+        self._emergencies = self._emcy.waiting
         self._replies: deque[SdoReply] = deque()
         self._controlword: int | None = None
         self._frames: list[Frame] = []
         self._committed: dict[int, bytes] = {}  # the last frame of each RPDO, by its COB-ID
         self._nmt_stopped = False
+        self._channel = node.channel
         self._offs = node.channel.offs
         self._returning = False  # from a bus-off; nothing was heard of it since
         self._doubtful = False
@@ -117,38 +132,29 @@ class CanPort:
 
     def read(self, now: float) -> Inputs:
         """Return the newest values and start what polling is due; does not block."""
-        nmt = self.node.nmt
-        emcy, replies = self._emcy.take(), self._take_replies()
-        if self.rebooted:
-            silent, unknown = nmt.overdue(now), (None,) * 6
-            return Inputs(now, False, *unknown, emcy, replies, int(nmt.state), self._bus_off(), silent)
-        samples, bus = self._samples, self._bus_off()
-        operational = bus is None and not self._doubtful and nmt.operational(now)
+        nmt = self._nmt
+        emcy = self._emcy.take() if self._emergencies else ()
+        replies = self._take_replies() if self._replies else ()
+        rebooted, channel = nmt.bootups != self._bootups, self._channel
+        news = channel.offs != self._offs or self._returning or channel.off is not None
+        bus = self._bus_off() if news else None
+        state, silent = nmt.state, nmt.overdue(now)  # now, and not before what they may be the answer to
+        if rebooted:
+            unknown = (None,) * 6
+            return Inputs(now, False, *unknown, emcy, replies, int(state), bus, silent)
+        operational = bus is None and not self._doubtful and state is _OPERATIONAL and not silent
         if operational and not self._operational:
             self._pace.forget()  # what was sent before, it has not taken
         self._now, self._operational = now, operational
-        for slot in self._slots:
-            slot.read_into(samples)
-        if events := self._deadlines.step(now, [slot.stamp for slot in self._slots], operational):
+        samples = self._samples
+        stamps = [slot.read_into(samples) for slot in self._slots]
+        if events := self._deadlines.step(now, stamps, operational):
             self.node.pdo_events.extend(events)
-        self._poller.read_into(samples)
-        self._poller.poll(now)
-        get = samples.get
-        return Inputs(
-            now,
-            operational,
-            get("statusword"),
-            get("mode"),
-            get("position"),
-            get("velocity"),
-            get("torque"),
-            get("demand"),
-            emcy,
-            replies,
-            int(nmt.state),
-            bus,
-            nmt.overdue(now),
-        )
+        if self._poller is not None:
+            self._poller.read_into(samples)
+            self._poller.poll(now)
+        known = map(samples.get, _INPUTS)
+        return _tuple(Inputs, (now, operational, *known, emcy, replies, int(state), bus, silent))
 
     def write(self, outputs: Outputs) -> None:
         """Take the outputs of this cycle; what travels by PDO is sent by ``Cycle.commit``. Does not block.
@@ -156,6 +162,17 @@ class CanPort:
         Raises:
             StateError: an RPDO would have to be sent although the port was not primed.
         """
+        image, controlword = self._only_image, outputs.controlword
+        seldom = (
+            outputs[_SELDOM:] != _NOTHING_SELDOM or controlword is None or self._nmt_stopped or self._doubtful
+        )
+        if image is None or seldom or self._nmt.bootups != self._bootups:
+            self._write_any(outputs)
+            return
+        self._frames = [image.frame_of(outputs)]
+        self._controlword = controlword
+
+    def _write_any(self, outputs: Outputs) -> None:
         if self.rebooted:
             self._refuse(outputs.sdo)
             return
@@ -181,8 +198,10 @@ class CanPort:
 
     def take_frames(self) -> list[Frame]:
         """Return the frames given since the last call, in the order in which they must go out."""
-        frames, self._frames = self._frames, []
-        self._committed.update(frames)
+        frames = self._frames
+        if frames:
+            self._frames = []
+            self._committed.update(frames)
         return frames
 
     @property
@@ -203,7 +222,7 @@ class CanPort:
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length; none while the node cannot answer."""
-        return self._requests.due(now) if self._requests and self.node.nmt.operational(now) else []
+        return self._requests.due(now) if self.asks and self.node.nmt.operational(now) else []
 
     def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
         """Return the frames of a quick stop, by PDO and by SDO; none for an axis that never got a controlword.
@@ -246,7 +265,7 @@ class CanPort:
 
     def _bus_off(self) -> BusError | None:
         """Why the bus is off, told at least once for each bus-off, however short it was."""
-        channel = self.node.channel
+        channel = self._channel
         offs, self._offs = self._offs, channel.offs
         off = channel.off or (channel.last_off if offs != self._offs else None)
         if off is not None:
@@ -272,7 +291,7 @@ class CanPort:
 
     def _take_replies(self) -> tuple[SdoReply, ...]:
         replies = self._replies
-        return tuple(replies.popleft() for _ in range(len(replies))) if replies else ()
+        return tuple(replies.popleft() for _ in range(len(replies)))
 
     def _refuse(self, requests: tuple[SdoRequest, ...]) -> None:
         self._replies.extend(SdoReply(request.id, None, abort.TIMED_OUT) for request in requests)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -95,7 +95,7 @@ class PdoCodec:
     Frozen after construction; safe to share between threads.
     """
 
-    __slots__ = ("_fields", "_struct", "size")
+    __slots__ = ("_fields", "_struct", "pack_each", "size", "unpack_from")
 
     def __init__(self, mapping: Sequence[MappedObject], signed: Sequence[bool]) -> None:
         """Compile the codec; ``signed[i]`` tells whether entry ``i`` is read as two's complement.
@@ -112,7 +112,12 @@ class PdoCodec:
             )
         self.size = (bits + 7) // 8
         self._fields = _fields(mapping, signed)
-        self._struct = _struct(mapping, signed)
+        self._struct = known = _struct(mapping, signed)
+        # The shortest ways: as ``unpack``, and as ``pack``, but that a value which does not fit may raise ``struct.error``.
+        self.unpack_from: Callable[[bytes], tuple[int, ...]] = (
+            self.unpack if known is None else known.unpack_from
+        )
+        self.pack_each: Callable[..., bytes] = self._pack_bits if known is None else known.pack
 
     def pack(self, values: Sequence[int]) -> bytes:
         """Return the frame's data; a value that does not fit is cut to its bits (a negative one in an unsigned entry)."""
@@ -121,6 +126,9 @@ class PdoCodec:
                 return self._struct.pack(*values)
             except struct.error:
                 pass  # cut below, as a drive does that types a signed object as unsigned
+        return self._pack_bits(*values)
+
+    def _pack_bits(self, *values: int) -> bytes:
         raw = 0
         for value, (shift, mask, _) in zip(values, self._fields, strict=True):
             raw |= (value & mask) << shift

@@ -225,10 +225,12 @@ class Scan:
         self._take_commands(now)
         for group in self.groups.values():
             group.step()
+        snapshots = self.snapshots
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
-            self.snapshots[name] = core.snapshot()
-        self._leaving.step(now)
+            snapshots[name] = core.snapshot()
+        if self._stops_begun:
+            self._leaving.step(now)
         began = cycle.now()
         cycle.commit()
         if self.ended:
@@ -240,7 +242,7 @@ class Scan:
         self._apply_policy()
         self._wake()
         for observer in self.observers:
-            observer(now, self.snapshots)
+            observer(now, snapshots)
         self._done_at = cycle.now()
 
     def fail(self, error: BaseException) -> None:
@@ -293,8 +295,8 @@ class Scan:
         late = now - self._next
         self.lateness.note(late)
         missed = int(late / self.period + 0.5)
-        self._skip(missed, now)
         if missed:
+            self._skip(missed, now)
             self.starvation.note(now, late)
         self._collected = COLLECTOR.seconds
         self._next += (1 + missed) * self.period
@@ -346,7 +348,10 @@ class Scan:
     def _apply_policy(self) -> None:
         while self._trips:
             self._policy_stop(dict.fromkeys(self.axes, self._trips.popleft().message))
-        tripped = {name: core.tripped for name, core in self.axes.items() if core.tripped is not None}
+        tripped: dict[str, AxisbusError] = {}
+        for name, _, core in self._work:
+            if core.tripped is not None:
+                tripped[name] = core.tripped
         if not tripped:
             return
         causes = self._policy.all_stops(tripped)
@@ -359,8 +364,9 @@ class Scan:
 
     def _wake(self) -> None:
         ended = self._stops_begun > 0  # who leaves waits for more than a command's end
-        for core in self.axes.values():
-            ended = core.running.take_ended() or ended
+        for _, _, core in self._work:
+            if core.running.ended:
+                core.running.ended, ended = False, True
         for group in self.groups.values():
             ended = group.take_ended() or ended
         if ended and self.waiter is not None:

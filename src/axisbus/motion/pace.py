@@ -12,6 +12,7 @@ from axisbus.motion.trajectory import Trajectory
 
 _COMPUTED = 1e-6  # what numbers that were computed from times may be off, as a share
 _ULPS = 8.0  # and positions, in units of their last place
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
 @runtime_checkable
@@ -54,7 +55,7 @@ class Pace:
 
     def next(self, before: Step, position: float) -> Step:
         """Return the step to ``position``."""
-        return Step(position, (position - before.position) / self.period)
+        return _tuple(Step, (position, (position - before.position) / self.period))
 
     def excess(self, before: Step, after: Step, hardest: float = 0.0) -> TooMuch | None:
         """Return what is too much about a step; ``hardest`` (unit/s²) is allowed in any case."""

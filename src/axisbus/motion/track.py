@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 
 _KEPT = 7  # samples: six velocities, of which the medians of the older and of the newer three give the acceleration
 
@@ -14,11 +15,10 @@ class Track:
     neither, so that a busy computer's jitter does not look like danger.
     """
 
-    __slots__ = ("_motion", "_samples", "_speeds")
+    __slots__ = ("_motion", "_samples")
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, int]] = deque(maxlen=_KEPT)
-        self._speeds: deque[float] = deque(maxlen=_KEPT - 1)
         self._motion: tuple[float, float] | None = None
 
     def take(self, value: int | None, stamp: float) -> None:
@@ -26,15 +26,9 @@ class Track:
         samples = self._samples
         if value is None:
             samples.clear()
-            self._speeds.clear()
-            return
-        if samples:
-            before, old = samples[-1]
-            if stamp <= before:
-                return
-            self._speeds.append((value - old) / (stamp - before))
-        samples.append((stamp, value))
-        self._motion = None
+        elif not samples or stamp > samples[-1][0]:
+            samples.append((stamp, value))
+            self._motion = None
 
     @property
     def is_known(self) -> bool:
@@ -66,7 +60,9 @@ class Track:
         return self._motion
 
     def _measured(self) -> tuple[float, float]:
-        speeds = list(self._speeds)
+        speeds = [
+            (value - old) / (stamp - before) for (before, old), (stamp, value) in pairwise(self._samples)
+        ]
         if len(speeds) < 3:
             return min(speeds, key=abs), 0.0
         velocity = sorted(speeds[-3:])[1]

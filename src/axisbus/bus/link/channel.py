@@ -31,7 +31,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
+from typing import TypeVar
 
 import can
 
@@ -50,6 +50,7 @@ from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
 Receiver = Callable[[bytes, float], None]
 Ear = Callable[[Frame], None]
+_T = TypeVar("_T", bytes, int)  # a frame's data, or what a remote frame asks for
 
 RECEIVE_SLICE = 0.05  # seconds; the longest that close() waits for the receive thread
 SEND_PATIENCE = 0.005  # seconds that a full queue may take to have room again
@@ -113,7 +114,7 @@ class Channel:
         self.controller = Controller(name)
         self.last_off: BusOff | None = None
         self.offs = 0
-        self._off: BusOff | None = None
+        self.off: BusOff | None = None  # why nothing is sent now, while the controller is bus-off
         self._state_due = 0.0
         self._send_lock = threading.Lock()
         self._state_lock = threading.Lock()
@@ -149,11 +150,6 @@ class Channel:
         return self._failure
 
     @property
-    def off(self) -> BusOff | None:
-        """Why nothing is sent now, while the controller is bus-off; None while it takes part in the bus."""
-        return self._off
-
-    @property
     def in_receive_thread(self) -> bool:
         """Whether the caller runs in the receive thread, where nothing may wait for a frame."""
         return threading.current_thread() is self._thread
@@ -171,7 +167,7 @@ class Channel:
             raise copy.copy(failure) from failure
         if self._closing:
             raise AdapterError(f"the CAN channel {self.name} is closed")
-        off = self._off
+        off = self.off
         if off is not None:
             raise copy.copy(off) from off
 
@@ -212,11 +208,12 @@ class Channel:
         if not self._cyclic_ids or self._cyclic is None:
             return
         try:
+            counters, distribute = self.counters, self._distribute
             for can_id, data, stamp in self._cyclic.drain():
-                self.counters.received += 1
-                for ear in self._ears:
-                    self._tell_ear(ear, Frame(stamp, can_id, data, extended=False))
-                self._distribute(can_id, data, stamp)
+                counters.received += 1
+                if self._ears:
+                    self._tell_ears(Frame(stamp, can_id, data, extended=False))
+                distribute(can_id, data, stamp)
         except OSError as error:
             if not self._closing:
                 self.fail(failures.deaf(self.name, error))
@@ -246,7 +243,7 @@ class Channel:
             BusOff: the controller is bus-off; the frame was not queued.
             AdapterError: the queue stayed full, or the adapter failed (also when another frame has been stuck in it for a second).
         """
-        self._send_paced(can_id, partial(self._line.send, can_id, data), patience)
+        self._send_paced(self._line.send, can_id, data, patience)
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
         """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.
@@ -254,7 +251,7 @@ class Channel:
         Raises:
             AdapterError: as ``send``.
         """
-        self._send_paced(can_id, partial(self._line.send_remote, can_id, length), SEND_PATIENCE)
+        self._send_paced(self._line.send_remote, can_id, length, SEND_PATIENCE)
 
     def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
         """Send stop frames in any state of the channel, and return how many the adapter took; never raises.
@@ -312,14 +309,20 @@ class Channel:
 
     # -- sending ------------------------------------------------------------------------------------------------------------------
 
-    def _send_paced(self, can_id: int, give: Callable[[], None], patience: float) -> None:
-        deadline = math.inf
-        while True:
+    def _send_paced(self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float) -> None:
+        if self._failure is not None or self._closing or self.off is not None:
             self.check()
-            error = self._attempt(give)
-            if error is None:
-                self.counters.sent += 1
-                return
+        error = self._attempt(give, can_id, what)
+        if error is not None:  # seldom
+            self._insist(give, can_id, what, patience, error)
+        self.counters.sent += 1
+
+    def _insist(
+        self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float, error: Exception | None
+    ) -> None:
+        """Try again what has failed with ``error``, until the adapter takes it."""
+        deadline = math.inf
+        while error is not None:
             if self._is_final(error):
                 self.fail(failures.link_gone(self.name, error))
                 self.check()
@@ -329,11 +332,14 @@ class Channel:
             if now >= deadline:
                 raise failures.refused(self.name, can_id, patience, error) from error
             time.sleep(SEND_PAUSE)
+            self.check()
+            error = self._attempt(give, can_id, what)
 
-    def _attempt(self, give: Callable[[], None]) -> Exception | None:
-        self._acquire_send_lock()
+    def _attempt(self, give: Callable[[int, _T], None], can_id: int, what: _T) -> Exception | None:
+        if not self._send_lock.acquire(blocking=False):
+            self._acquire_send_lock()
         try:
-            give()
+            give(can_id, what)
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
             return error
         finally:
@@ -432,19 +438,21 @@ class Channel:
         if receivers is None:
             return False
         for receiver in receivers:
-            self._hand_over(receiver, can_id, data, stamp)
+            try:
+                receiver(data, stamp)
+            except Exception as error:  # noqa: BLE001 - as ``_hand_over``, without a call more for each frame
+                self.fail(failures.receiver_failed(can_id, data, error))
         return True
 
     def _overhear(self, message: can.Message, stamp: float) -> None:
-        frame = of_message(message)._replace(time=stamp)
-        for ear in self._ears:
-            self._tell_ear(ear, frame)
+        self._tell_ears(of_message(message)._replace(time=stamp))
 
-    def _tell_ear(self, ear: Ear, frame: Frame) -> None:
-        try:
-            ear(frame)
-        except Exception as error:  # noqa: BLE001 - as ``_hand_over``
-            self.fail(failures.receiver_failed(frame.can_id, frame.data, error))
+    def _tell_ears(self, frame: Frame) -> None:
+        for ear in self._ears:
+            try:
+                ear(frame)
+            except Exception as error:  # noqa: BLE001 - as ``_hand_over``
+                self.fail(failures.receiver_failed(frame.can_id, frame.data, error))
 
     def _hand_over(self, receiver: Receiver, can_id: int, data: bytes, stamp: float) -> None:
         try:
@@ -465,12 +473,12 @@ class Channel:
         """Stop sending at a bus-off, and let it begin again after a restart."""
         if event is None:
             return
-        if (event.condition is Condition.OFF or event.restarted) and self._off is None:
-            self._off = self.last_off = failures.bus_off(self.name, event.counters)
+        if (event.condition is Condition.OFF or event.restarted) and self.off is None:
+            self.off = self.last_off = failures.bus_off(self.name, event.counters)
             self.offs += 1
-            self._tell(self._off)
+            self._tell(self.off)
         if event.condition is not Condition.OFF:
-            self._off = None
+            self.off = None
 
     def fail(self, error: BusError) -> None:
         """Make the channel unusable because of ``error``; also for other threads of this package that must not fail unseen."""

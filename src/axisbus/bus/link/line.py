@@ -58,21 +58,27 @@ class SocketCanLine:
 
     def __init__(self, raw: socket.socket) -> None:
         """``raw`` is an open CAN_RAW socket."""
-        self._socket = raw
+        self._send = raw.send
 
     def send(self, can_id: int, data: bytes) -> None:
         """As ``Line.send``."""
-        self._give(FRAME.pack(_wire_id(can_id), len(data), data))
+        wire_id = can_id if can_id <= cob.ID_MASK_11 else can_id | EXTENDED
+        try:
+            self._send(FRAME.pack(wire_id, len(data), data), _DONT_WAIT)
+        except OSError as error:
+            raise _failed(error) from error
 
     def send_remote(self, can_id: int, length: int) -> None:
         """As ``Line.send_remote``."""
-        self._give(FRAME.pack(_wire_id(can_id) | REMOTE, length, b""))
-
-    def _give(self, frame: bytes) -> None:
+        wire_id = can_id if can_id <= cob.ID_MASK_11 else can_id | EXTENDED
         try:
-            self._socket.send(frame, _DONT_WAIT)
+            self._send(FRAME.pack(wire_id | REMOTE, length, b""), _DONT_WAIT)
         except OSError as error:
-            raise can.CanOperationError(f"Failed to transmit: {error.strerror}", error.errno) from error
+            raise _failed(error) from error
+
+
+def _failed(error: OSError) -> can.CanOperationError:
+    return can.CanOperationError(f"Failed to transmit: {error.strerror}", error.errno)
 
 
 def line_of(bus: can.BusABC, timeout: float | None) -> Line:
@@ -85,10 +91,6 @@ def raw_socket(bus: can.BusABC) -> socket.socket | None:
     """Return the socket of python-can's own SocketCAN bus; None where the bus is another."""
     raw = getattr(bus, "socket", None)
     return raw if isinstance(raw, socket.socket) and type(bus).__name__ == "SocketcanBus" else None
-
-
-def _wire_id(can_id: int) -> int:
-    return can_id | EXTENDED if _is_extended(can_id) else can_id
 
 
 def _is_extended(can_id: int) -> bool:

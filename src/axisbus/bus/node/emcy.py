@@ -20,19 +20,17 @@ class EmcyFeed:
 
     def __init__(self) -> None:
         self.lost = 0
-        self._waiting: deque[Emcy] = deque(maxlen=FEED)
+        self.waiting: deque[Emcy] = deque(maxlen=FEED)
 
     def put(self, emcy: Emcy) -> None:
         """Add one; called in the receive thread."""
-        self.lost += len(self._waiting) == FEED
-        self._waiting.append(emcy)  # drops the oldest of a full queue
+        self.lost += len(self.waiting) == FEED
+        self.waiting.append(emcy)  # drops the oldest of a full queue
 
     def take(self) -> tuple[Emcy, ...]:
         """Return and forget what waits; called by the one reader."""
-        if not self._waiting:
-            return ()
-        count = len(self._waiting)
-        return tuple(self._waiting.popleft() for _ in range(count))
+        count = len(self.waiting)
+        return tuple(self.waiting.popleft() for _ in range(count))
 
 
 class EmcyMonitor(EmcyLog):

@@ -88,7 +88,10 @@ class NodeMonitor:
 
     def overdue(self, now: float) -> bool:
         """Whether the expected heartbeat is missing at the time ``now``."""
-        return self._watch is not None and now > self.deadline
+        watch, stamp = self._watch, self.stamp
+        if watch is None or (stamp is not None and now <= stamp + watch):
+            return False
+        return now > self.deadline
 
     @property
     def deadline(self) -> float:

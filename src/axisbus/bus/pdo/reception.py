@@ -71,6 +71,11 @@ class Deadline:
         ``stamp`` is when the newest frame came (minus infinity: never). ``expected``: the node is operational. ``held_up``: how
         long we ourselves were late just now, when no SYNC of ours went out; that is not the drive's silence.
         """
+        since = self._since
+        if expected and since is not None and stamp > since and not self._missing:  # it comes as it should
+            self._since = self._stamp = stamp
+            self._excused = 0.0
+            return None
         if not expected:
             self._since, self._stamp, self._missing = None, -math.inf, False
             return None
@@ -110,7 +115,10 @@ class Deadlines:
         """Return what has happened since the last call; ``stamps`` are in the order of the deadlines."""
         gap = 0.0 if self._before is None else now - self._before
         self._before = now
-        held_up = max(0.0, gap - 2 * self._period)
-        pairs = zip(self._deadlines, stamps, strict=True)
-        found = [deadline.step(now, stamp, expected, held_up) for deadline, stamp in pairs]
-        return [event for event in found if event is not None]
+        held_up = gap - 2 * self._period if gap > 2 * self._period else 0.0
+        found: list[PdoEvent] = []
+        for deadline, stamp in zip(self._deadlines, stamps, strict=True):
+            event = deadline.step(now, stamp, expected, held_up)
+            if event is not None:
+                found.append(event)
+        return found

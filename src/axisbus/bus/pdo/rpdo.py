@@ -17,20 +17,35 @@ keep what the drive had, or what was last written to them by SDO: an RPDO must n
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import MappedObject, PdoCodec
+from axisbus.cia402.port import OUTPUT_OBJECTS, Outputs
 from axisbus.errors import StateError
 
 Frame = tuple[int, bytes]
+_OUTPUTS = Outputs._fields
+_VALUES = frozenset(OUTPUT_OBJECTS) - {CONTROLWORD}
 
 
 class RpdoImage:
     """The values of one RPDO, by the position of their mapping entries; holds state (the controlword's place holds nothing)."""
 
-    __slots__ = ("_codec", "_controlword_at", "_signed", "_values", "cob_id", "mapping", "name", "names")
+    __slots__ = (
+        "_codec",
+        "_controlword_at",
+        "_given",
+        "_pack",
+        "_signed",
+        "_values",
+        "cob_id",
+        "mapping",
+        "name",
+        "names",
+    )
 
     def __init__(self, pdo: PlannedPdo) -> None:
         self.name = pdo.name
@@ -38,7 +53,10 @@ class RpdoImage:
         self.mapping: tuple[MappedObject, ...] = pdo.target.mapping
         self.names = pdo.values
         self._codec = PdoCodec(self.mapping, pdo.signed)
+        self._pack = self._codec.pack_each
         self._controlword_at = self.names.index(CONTROLWORD) if CONTROLWORD in self.names else None
+        # Which of its places which output goes to, by position in both; the controlword's apart.
+        self._given = [(at, _OUTPUTS.index(name)) for at, name in enumerate(self.names) if name in _VALUES]
         self._signed = pdo.signed
         self._values: list[int | None] = [
             0 if mapped.is_dummy or name == CONTROLWORD else None
@@ -96,7 +114,7 @@ class RpdoImage:
         Raises:
             StateError: an entry has no value yet, which sending would zero in the drive.
         """
-        values = list(self._values)
+        values = self._values.copy()
         if self._controlword_at is not None:
             values[self._controlword_at] = controlword
         if None in values:
@@ -107,6 +125,25 @@ class RpdoImage:
                 remedy="prime the port from the drive before the scan starts",
             )
         return self.cob_id, self._codec.pack(values)  # type: ignore[arg-type]  # None is excluded above
+
+    def frame_of(self, outputs: Outputs) -> Frame:
+        """Put the values of all outputs in and return COB-ID and data; what ``arrange`` does where this RPDO is all that there is.
+
+        Raises:
+            StateError: as ``frame``.
+        """
+        values = self._values
+        for at, field in self._given:
+            value = outputs[field]
+            if value is not None:
+                values[at] = value  # type: ignore[assignment]  # what these fields hold are numbers
+        whole = values.copy()
+        if self._controlword_at is not None:
+            whole[self._controlword_at] = outputs.controlword
+        try:
+            return self.cob_id, self._pack(*whole)
+        except (TypeError, struct.error):  # one is not known, or does not fit
+            return self.frame(outputs.controlword)
 
     def with_controlword(self, data: bytes, controlword: int) -> Frame:
         """Return COB-ID and ``data``, which was sent before, with another controlword."""

@@ -72,7 +72,7 @@ class RpdoPace:
         }
         self._period = scan_period
         self._has: dict[_Key, int] = {}
-        self._plain = all(
+        self.plain = all(
             rpdo.repeat is None and rpdo.watched == math.inf for rpdo in self._rpdos.values()
         )  # nothing to be kept in mind: every frame goes out
 
@@ -81,7 +81,7 @@ class RpdoPace:
     ) -> list[Frame]:
         """Return the frames of this cycle in the order in which they must go out; see ``arrange``."""
         frames = arrange(self._images, given, controlword, previous)
-        if self._plain:
+        if self.plain:
             return frames
         sent = [frame for frame in frames if self._goes(frame, now)]
         for rpdo in self._rpdos.values():

@@ -72,6 +72,11 @@ class SdoOutputs:
         self.commanded = False  # whether a controlword was ever written by SDO
 
     @property
+    def none(self) -> bool:
+        """Whether every output travels by PDO."""
+        return self._controlword is None and not self._outputs
+
+    @property
     def pending(self) -> bool:
         """Whether a value other than the controlword is still on its way."""
         return any(output.pending for output in self._outputs.values())

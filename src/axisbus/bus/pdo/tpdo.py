@@ -10,6 +10,8 @@ from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import PdoCodec
 from axisbus.cia402.port import Sample
 
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
+
 
 class TpdoSlot:
     """The newest frame of a TPDO; holds state: one (data, stamp) pair, replaced as a whole, so that no reader sees half of one.
@@ -18,7 +20,18 @@ class TpdoSlot:
     surplus of a longer one is ignored (CiA 301 7.2.2.5).
     """
 
-    __slots__ = ("_codec", "_drop", "_latest", "_names", "_seen", "cob_id", "name", "request", "short")
+    __slots__ = (
+        "_drop",
+        "_latest",
+        "_names",
+        "_seen",
+        "_unpack",
+        "cob_id",
+        "name",
+        "request",
+        "short",
+        "size",
+    )
 
     def __init__(self, pdo: PlannedPdo, drop: Receiver | None = None) -> None:
         """``drop(data, stamp)`` is called with a frame that is too short."""
@@ -26,15 +39,12 @@ class TpdoSlot:
         self.cob_id = pdo.target.cob_id
         self.request = pdo.request
         self.short = 0
-        self._codec = PdoCodec(pdo.target.mapping, pdo.signed)
+        codec = PdoCodec(pdo.target.mapping, pdo.signed)
+        self.size = codec.size  # data bytes of a whole frame
+        self._unpack = codec.unpack_from
         self._names = tuple((position, name) for position, name in enumerate(pdo.values) if name is not None)
         self._drop = drop
         self._latest = self._seen = (b"", -math.inf)
-
-    @property
-    def size(self) -> int:
-        """Data bytes of a whole frame."""
-        return self._codec.size
 
     @property
     def stamp(self) -> float:
@@ -43,25 +53,29 @@ class TpdoSlot:
 
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; called in the receive thread."""
-        if len(data) < self._codec.size:
+        if len(data) < self.size:
             self.short += 1
             if self._drop is not None:
                 self._drop(data, stamp)
             return
         self._latest = (data, stamp)
 
-    def read_into(self, samples: dict[str, Sample]) -> None:
-        """Put the values of a frame that has come since the last call into ``samples``, where they are newer; for one reader."""
+    def read_into(self, samples: dict[str, Sample]) -> float:
+        """Put the values of a frame that has come since the last call into ``samples``, where they are newer; for one reader.
+
+        Return its ``stamp``.
+        """
         latest = self._latest
-        if latest is self._seen:
-            return
-        self._seen = latest
         data, stamp = latest
-        values = self._codec.unpack(data)
+        if latest is self._seen:
+            return stamp
+        self._seen = latest
+        values = self._unpack(data)
         for position, name in self._names:
             known = samples.get(name)
             if known is None or known.stamp <= stamp:
-                samples[name] = Sample(values[position], stamp)
+                samples[name] = _tuple(Sample, (values[position], stamp))
+        return stamp
 
 
 class Requests:

@@ -11,6 +11,9 @@ In each cycle ``step`` does four things, in this order:
    the last targets hold.
 4. ``Order`` turns the wishes into ``Outputs``.
 
+In a *calm* cycle after a calm one (``_is_calm``) only the watches over motion and rest are done of 2.: they alone look at what
+changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new.
+
 Nothing is sent to a drive before a command asks for something (``Order.goal`` is None until then): a drive found enabled is left as
 it is. Once enabled by us, a drive that leaves *operation enabled* is never enabled again by the planner, whatever state the axis is
 in (``_let_go``): that takes a new command.
@@ -44,7 +47,7 @@ from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.stop.stopping import REMEDIES, StopKind, Stopping, stop_error
-from axisbus.motion.stop.supervision import Supervision
+from axisbus.motion.stop.supervision import POWERED, Supervision
 from axisbus.motion.ticket import Ticket
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
@@ -53,6 +56,7 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
 _NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
 class AxisCore:
@@ -77,6 +81,7 @@ class AxisCore:
         self.state = AxisState.DISABLED
         self.error: AxisbusError | None = None
         self.homed = False
+        self._needs_homing = parameters.homing.required
         self.powered = False
         self.touched = False
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
@@ -90,6 +95,7 @@ class AxisCore:
         self._rest_waits = RestWaits(parameters)
         self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
+        self._was_calm = False  # in the cycle before
 
     @property
     def activity(self) -> Activity | None:
@@ -121,7 +127,7 @@ class AxisCore:
     @property
     def bounded(self) -> bool:
         """Whether the position limits hold: where homing is required they promise nothing before it."""
-        return self.homed or not self.parameters.homing.required
+        return self.homed or not self._needs_homing
 
     # -- one cycle ---------------------------------------------------------------------------------------------------
 
@@ -129,16 +135,12 @@ class AxisCore:
         """Do one cycle's work and return what the drive is to get."""
         image, order = self.image, self.order
         image.update(inputs)
-        self.tripped, self._broken = self._broken, None
-        self.history.note(image)
-        self.run_down.look(image, self.touched)
-        self._supervise(image)
-        if image.state is not _ENABLED or order.goal is not _ENABLED:  # else it is where it was asked to be
-            self._let_go(image)
-        if self._story is not None:
-            self._step_story(self._story, image, order)
-        if self._rest_waits.waiting:
-            self._rest_waits.step(image, self.finish)
+        calm = self._is_calm(image)
+        if calm and self._was_calm:
+            self._watch_motion(image)
+        else:
+            self._look_at_all(image, order)
+        self._was_calm = calm
         order.halt = self.halted
         stopping, activity = self.stopping, self.running.activity
         if stopping.ladder is None and activity is not None:
@@ -157,9 +159,52 @@ class AxisCore:
             image.now, image.mode, image.demand, order.target_position, bool(order.bits & cw.NEW_SET_POINT)
         )
         outputs = order.outputs(image.state)
-        image.flight.note(outputs, image.now)
+        if outputs.controlword != image.flight.word or outputs.mode is not None:
+            image.flight.note(outputs, image.now)
         order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
         return outputs
+
+    def _is_calm(self, image: Image) -> bool:
+        """Whether the drive is enabled, heard and asked to stay so, and nothing but a command's motion or a rest is going on."""
+        return (
+            image.state is _ENABLED
+            and image.operational
+            and self.powered
+            and self.touched
+            and self.order.goal is _ENABLED
+            and self.state in POWERED
+            and self.stopping.ladder is None
+            and image.gap <= self.supervision.longest_gap
+            and not (image.lost_count or image.emcy or self._rest_waits.waiting)
+            and self.tripped is None
+            and self._broken is None
+            and self._story is None
+        )
+
+    def _watch_motion(self, image: Image) -> None:
+        """What is left of ``_look_at_all`` in a cycle that is calm as the one before was.
+
+        The others would find what they found then: ``history`` and ``run_down`` the same state, ``_supervise`` a node and a drive
+        in which nothing has changed, ``_let_go`` a drive that is where it was asked to be; no story is told, and nobody waits.
+        """
+        bounded = self.homed or not self._needs_homing
+        supervision = self.supervision
+        supervision.guard.look(image)
+        finding = supervision.motion(image, self.state, self.running.activity, bounded)
+        if finding is not None:
+            self.fail(finding.error, finding.rung, along=finding.along)
+
+    def _look_at_all(self, image: Image, order: Order) -> None:
+        self.tripped, self._broken = self._broken, None
+        self.history.note(image)
+        self.run_down.look(image, self.touched)
+        self._supervise(image)
+        if image.state is not _ENABLED or order.goal is not _ENABLED:  # else it is where it was asked to be
+            self._let_go(image)
+        if self._story is not None:
+            self._step_story(self._story, image, order)
+        if self._rest_waits.waiting:
+            self._rest_waits.step(image, self.finish)
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
         """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
@@ -169,7 +214,7 @@ class AxisCore:
     def snapshot(self) -> Snapshot:
         """Return what other threads may see of this axis."""
         image = self.image
-        return Snapshot(
+        values = (
             image.now,
             self.state,
             image.state,
@@ -186,6 +231,7 @@ class AxisCore:
             image.operational,
             self.error,
         )
+        return _tuple(Snapshot, values)
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
@@ -401,7 +447,13 @@ class AxisCore:
         if self.running.set_point is not None and not isinstance(activity, PositionMove):
             self.running.set_point = None  # another mode gives bit 4 another meaning
         try:
-            done = self._arrival.complete(activity, activity.step(image, order), image)
+            done = activity.step(image, order)
+            seen_later = (
+                image.position is not None and image.position_stamp <= image.now == activity.rests_from
+            )
+            if done or not seen_later:
+                done = self._arrival.complete(activity, done, image)
+            # Else it is on its way: the look for its rest begins anew after this cycle, with what is then received.
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops this axis
             self._activity_failed(broken(error, self._doing))
             return

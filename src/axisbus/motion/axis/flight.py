@@ -13,22 +13,22 @@ _MODE_TAKEN = 3.5  # a drive looks at 6060h in a slower task
 
 
 class Flight:
-    """Holds the last controlword and mode that were sent, and since when; times in seconds of the scan's clock."""
+    """Holds the last controlword (``word``) and mode that were sent, and since when; times in seconds of the scan's clock."""
 
-    __slots__ = ("_mode", "_mode_since", "_period", "_word", "_word_since")
+    __slots__ = ("_mode", "_mode_since", "_period", "_word_since", "word")
 
     def __init__(self, period: float) -> None:
         """``period``: of the scan, in seconds."""
         self._period = period
-        self._word: int | None = None
+        self.word: int | None = None
         self._mode: int | None = None
         self._word_since = self._mode_since = -math.inf
 
     def note(self, outputs: Outputs, now: float) -> None:
         """Take what goes out in this cycle; None goes on as it was."""
         word, mode = outputs.controlword, outputs.mode
-        if word is not None and word != self._word:
-            self._word, self._word_since = word, now
+        if word is not None and word != self.word:
+            self.word, self._word_since = word, now
         if mode is not None and mode != self._mode:
             self._mode, self._mode_since = mode, now
 

@@ -26,6 +26,7 @@ class Image:
     """
 
     __slots__ = (
+        "_had_demand",
         "_max_age",
         "_period",
         "_raw_position",
@@ -101,6 +102,7 @@ class Image:
         self.led = Led()
         self.flight = Flight(period)
         self.demand_stamp = -math.inf
+        self._had_demand = False  # in the cycle before one had come
         self.demand_repeats = math.isfinite(self._max_age[5])  # else its silence says that it has not changed
         self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
@@ -129,16 +131,28 @@ class Image:
         self.gap = gap = now - self.now
         self.now = now
         since, ages = now if gap <= self._period else now - self._late(gap), self._max_age
-        self._take_statusword(word, since - ages[0])
+        if word is None or word.stamp < since - ages[0]:
+            self.statusword, self.state = None, State.UNKNOWN
+        else:
+            if word.value != self.statusword:
+                self.statusword = word.value
+                self.state = decode(word.value)
+            self.statusword_stamp = word.stamp
         self.mode = None if mode is None or mode.stamp < since - ages[1] else mode.value
         if mode is not None:
             self.mode_stamp = mode.stamp
         self._take_position(position, since - ages[2])
-        self.velocity = None if velocity is None or velocity.stamp < since - ages[3] else velocity.value
-        if velocity is not None:
+        if velocity is None:
+            self.velocity = None
+        else:
+            self.velocity = None if velocity.stamp < since - ages[3] else velocity.value
             self.velocity_stamp = velocity.stamp
         self.torque = None if torque is None or torque.stamp < since - ages[4] else torque.value
-        self._take_demand(demand, since - ages[5])
+        if (
+            demand is not None or self._had_demand
+        ):  # where there is none, there is nothing to be judged but that once
+            self._had_demand = demand is not None
+            self._take_demand(demand, since - ages[5])
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
@@ -180,33 +194,23 @@ class Image:
             self.starvation.note(self.now, late)
         return late if late < math.inf else 0.0
 
-    def _take_statusword(self, sample: Sample | None, oldest: float) -> None:
-        if sample is None or sample.stamp < oldest:
-            self.statusword, self.state = None, State.UNKNOWN
-            return
-        word = sample.value
-        if word != self.statusword:
-            self.statusword = word
-            self.state = decode(word)
-        self.statusword_stamp = sample.stamp
-
     def _take_position(self, sample: Sample | None, oldest: float) -> None:
         self.lost_count = False
         if sample is None or sample.stamp < oldest:
             self.position = None
             self.still.forget()
             return
-        raw = sample.value
-        if self._raw_position is None:
-            position = raw
-        else:
-            self.lost_count = (sample.stamp - self.position_stamp) * self.fastest >= _HALF
-            position = unwrap(self._seen_position, raw)
+        raw, stamp = sample
+        position = raw
+        if self._raw_position is not None:
+            self.lost_count = (stamp - self.position_stamp) * self.fastest >= _HALF
+            if raw != self._seen_position:
+                position = unwrap(self._seen_position, raw)
         self._raw_position = raw
         self.position = self._seen_position = position
-        if sample.stamp != self.position_stamp:
-            self.position_stamp = sample.stamp
-            self.still.feed(position, sample.stamp)
+        if stamp != self.position_stamp:
+            self.position_stamp = stamp
+            self.still.feed(position, stamp)
 
     def _take_demand(self, sample: Sample | None, oldest: float) -> None:
         demand, position, led = None, self.position, self.led

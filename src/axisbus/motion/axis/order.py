@@ -5,8 +5,9 @@ from __future__ import annotations
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.port import Outputs, SdoRequest
 from axisbus.cia402.state import State, plan
-from axisbus.units import wrap
+from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 # The word that keeps a drive in the state it is in. In fault nothing is asked, and bit 7 is low so that a reset is an edge.
 _HOLD = {
@@ -19,6 +20,7 @@ _HOLD = {
     State.FAULT_REACTION_ACTIVE: 0,
     State.NOT_READY_TO_SWITCH_ON: 0,
 }
+_GO_ON = _HOLD[_ENABLED]
 
 
 class Order:
@@ -97,16 +99,15 @@ class Order:
 
     def outputs(self, state: State) -> Outputs:
         """Return the values for the port."""
-        target = self.target_position
-        if self.mode is not None:
-            self.asked_mode = self.mode
-        return Outputs(
-            self.controlword(state),
-            self.mode,
-            None if target is None else wrap(target),
-            self.target_velocity,
-            self.target_torque,
-            tuple(self.sdo) if self.sdo else (),
-            tuple(self.cancel) if self.cancel else (),
-            self.nmt_stop,
-        )
+        target, mode = self.target_position, self.mode
+        if mode is not None:
+            self.asked_mode = mode
+        if target is not None and not INT32_LEAST <= target < INT32_HALF:
+            target = wrap(target)
+        if state is _ENABLED and self.goal is _ENABLED and self.word is None and not self.halt:
+            word: int | None = _GO_ON | self.bits  # as ``controlword``, in most cycles
+        else:
+            word = self.controlword(state)
+        sdo, cancel = tuple(self.sdo), tuple(self.cancel)
+        given = word, mode, target, self.target_velocity, self.target_torque, sdo, cancel, self.nmt_stop
+        return _tuple(Outputs, given)

@@ -17,13 +17,13 @@ class Running:
     An activity without a ticket has ended well and goes on moving the axis.
     """
 
-    __slots__ = ("_ended", "activity", "set_point", "ticket")
+    __slots__ = ("activity", "ended", "set_point", "ticket")
 
     def __init__(self) -> None:
         self.activity: Activity | None = None
         self.ticket: Ticket | None = None
         self.set_point: SetPoint | None = None
-        self._ended = False
+        self.ended = False  # whether a ticket of the axis has ended since somebody looked and set it back
 
     def begin(self, activity: Activity, ticket: Ticket) -> None:
         """Let ``activity`` run; what ran before must have been dropped."""
@@ -52,12 +52,7 @@ class Running:
         """End a ticket, well (no error) or with the reason."""
         if ticket.busy:
             ticket.finish(Status.DONE if error is None else end_as(error), error)
-            self._ended = True
-
-    def take_ended(self) -> bool:
-        """Return whether a ticket of the axis has ended since the last call."""
-        ended, self._ended = self._ended, False
-        return ended
+            self.ended = True
 
     def finish_handshake(self, image: Image, order: Order) -> None:
         """Let a set-point handshake that was under way, if any, come to its end."""

@@ -17,13 +17,14 @@ class PathClock:
     meanwhile: where it slows down by itself as fast, time runs on; where it would speed up, time runs the slower.
     """
 
-    __slots__ = ("_deceleration", "_last", "_period", "_speed", "_way", "rate", "t")
+    __slots__ = ("_deceleration", "_last", "_period", "_speed", "_way", "braking", "rate", "t")
 
     def __init__(self) -> None:
         self.t = 0.0
         self.rate = 1.0
         self._last = 0.0  # the time one cycle before
         self._period = 0.0
+        self.braking = False  # slowing down or stopped
         self._way: Way | None = None
         self._deceleration = 0.0
         self._speed = 0.0
@@ -40,16 +41,11 @@ class PathClock:
         """Slow down to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call changes nothing."""
         if self._way is not None:
             return
-        self._way, self._deceleration = way, deceleration
+        self._way, self._deceleration, self.braking = way, deceleration, True
         if self._period:
             self._speed = abs(way(self.t) - way(self._last)) / self._period
         if not self._speed:
             self.rate = 0.0
-
-    @property
-    def braking(self) -> bool:
-        """Whether it is slowing down or stopped."""
-        return self._way is not None
 
     @property
     def stopped(self) -> bool:

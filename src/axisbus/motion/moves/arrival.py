@@ -25,12 +25,9 @@ class Arrival:
         """A command begins; what was received before does not count."""
         self._standing = self._deadline = None
         if activity.ends_at_rest:
-            self._look(activity, now)
-
-    def _look(self, activity: Activity, since: float) -> None:
-        self._since = since
-        homing = activity.mode is ModeOfOperation.HOMING
-        self._standing = Standing(self._parameters, since, homing=homing)
+            self._since = now
+            homing = activity.mode is ModeOfOperation.HOMING
+            self._standing = Standing(self._parameters, now, homing=homing)
 
     def complete(self, activity: Activity, done: bool, image: Image) -> bool:
         """Return whether a command has ended that is ``done`` by its own rule.
@@ -38,17 +35,19 @@ class Arrival:
         Raises:
             MotionTimeout: the axis does not come to rest.
         """
-        if self._standing is None:
+        standing = self._standing
+        if standing is None:
             return done
-        if activity.rests_from > self._since:
-            self._look(activity, activity.rests_from)
-        stands = self._standing.seen(image)
+        if activity.rests_from > self._since:  # in every cycle of a motion that is not at its end yet
+            self._since = activity.rests_from
+            standing.begin(self._since)
+        stands = standing.seen(image)
         if not done or stands:
             return done
         if self._deadline is None:
             self._deadline = image.now + self._parameters.timing.progress
         if image.now > self._deadline:
-            raise self._late(self._standing.why_not(image))
+            raise self._late(standing.why_not(image))
         return False
 
     def _late(self, why: str) -> MotionTimeout:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import NoReturn
 
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
@@ -52,6 +53,8 @@ class Follow(Activity):
         self._told: Trajectory | None = None  # itself: what it tells in advance is looked for there
         self._stream: Streamed | None = None  # the trajectory, where it comes bit by bit
         self._parameters = parameters
+        self._units = parameters.units.position
+        self._period = parameters.scan_period
         self._gate = gate
         self._brake = brake
         self._own_clock = clock is None
@@ -75,16 +78,23 @@ class Follow(Activity):
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with the trajectory's end."""
         self._stepped = True
-        if not self._prepare(image, order) or self._trajectory is None:
+        goes_on = (
+            self._running and image.position is not None
+        )  # one that runs is prepared, and its gate stays open
+        trajectory = self._trajectory
+        if not goes_on and (not self._prepare(image, order) or trajectory is None):
             return False
+        assert trajectory is not None
+        clock = self.clock
         if not self._running:
             self._start(image)
         elif self._own_clock:
-            self._look_ahead(self._trajectory)
-            self.clock.advance(self._parameters.scan_period)
+            if not clock.braking:
+                self._look_ahead(trajectory)
+            clock.advance(self._period)
         order.halt = False
-        order.target_position = self._target(image)
-        if self.clock.t < self._trajectory.duration or self.clock.braking:
+        order.target_position = self._target(image, trajectory)
+        if clock.t < trajectory.duration or clock.braking:
             self.rests_from = image.now
             return False
         return self._arrived(image)
@@ -193,61 +203,61 @@ class Follow(Activity):
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
-        if self.clock.braking:
-            return
-        way = partial(self._way, trajectory)
-        self._look_at_stream()
-        self._look_at_limits(way)
-        self._look_at_pace(way)
+        if self._stream is not None:
+            self._look_at_stream(self._stream)
+        if self._limits is not None and not self._is_known:
+            self._look_at_limits(partial(self._way, trajectory), self._limits)
+        assert self._pace is not None
+        assert self._step is not None
+        t, before, end = self.clock.t + self._period, self._step, trajectory.duration
+        after = self._pace.next(before, trajectory.position(t if t < end else end))
+        found = self._pace.excess(before, after)
+        if found is not None:
+            self._refuse(found, trajectory, t)
+        self._ahead = t, after
 
-    def _look_at_stream(self) -> None:
+    def _look_at_stream(self, stream: Streamed) -> None:
         """Look whether the axis could still be braked within what is known."""
-        error = None if self._stream is None else self._stream.shortage(self.clock.t, self._parameters.name)
+        error = stream.shortage(self.clock.t, self._parameters.name)
         if error is not None:
             self.brakes_along = bool(self._parameters.path_deceleration)
             raise error
 
-    def _look_at_limits(self, way: Path) -> None:
+    def _look_at_limits(self, way: Path, limits: tuple[float, float]) -> None:
         """Look as far ahead as braking takes; what is known in advance has been checked before."""
         deceleration = self._parameters.path_deceleration
-        if self._limits is None or self._is_known or not deceleration:
+        if not deceleration:
             return
-        found = excess(way, self.clock.t, self._parameters.scan_period, self._limits, deceleration)
+        found = excess(way, self.clock.t, self._period, limits, deceleration)
         if found is not None:
             self.brakes_along = True
             raise self._leaves(found)
 
-    def _look_at_pace(self, way: Path) -> None:
-        assert self._pace is not None
-        assert self._step is not None
-        t, period, before = self.clock.t, self._parameters.scan_period, self._step
-        after = self._pace.next(before, way(t + period))
-        found = self._pace.excess(before, after)
-        if found is None:
-            self._ahead = t + period, after
-            return
-        ramp = self._parameters.path_deceleration
-        self.brakes_along = bool(ramp) and brakes_smoothly(way, t, period, before.velocity, ramp or 0.0)
-        raise self._too_much(found, t + period)
+    def _refuse(self, found: TooMuch, trajectory: Trajectory, t: float) -> NoReturn:
+        """What the target at ``t`` would be too much of ends the motion in the cycle before."""
+        ramp, way, speed = (
+            self._parameters.path_deceleration,
+            partial(self._way, trajectory),
+            self.last_step.velocity,
+        )
+        self.brakes_along = bool(ramp) and brakes_smoothly(
+            way, self.clock.t, self._period, speed, ramp or 0.0
+        )
+        raise self._too_much(found, t)
 
-    def _target(self, image: Image) -> int:
-        assert self._trajectory is not None
-        units, limits = self._parameters.units, self._limits
-        known = self._known_step()
-        value = self._way(self._trajectory, self.clock.t) if known is None else known.position
+    def _target(self, image: Image, trajectory: Trajectory) -> int:
+        limits, ahead, t = self._limits, self._ahead, self.clock.t
+        self._ahead = None  # it counts once
+        known = ahead[1] if ahead is not None and ahead[0] == t else None
+        value = self._way(trajectory, t) if known is None else known.position
         if limits is not None and not limits[0] <= value <= limits[1]:
             raise self._leaves(None, value)
         if known is None:
             self._go_to(value)
         else:
             self._step = known
-        self._last = units.position.to_increments(value) + image.origin
-        return self._last
-
-    def _known_step(self) -> Step | None:
-        """Return the step to the target of now, where it has been looked at in advance; it counts once."""
-        ahead, self._ahead = self._ahead, None
-        return ahead[1] if ahead is not None and ahead[0] == self.clock.t else None
+        self._last = last = self._units.to_increments(value) + image.origin
+        return last
 
     def _go_to(self, value: float) -> None:
         """Note the step to the next target; nothing that is too much goes out, whatever was seen of it in advance."""

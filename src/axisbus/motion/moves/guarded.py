@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from math import isfinite
 
 from axisbus.errors import ArgumentError, in_a_line
 from axisbus.interruption import is_own
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
+
+_DURATION = "mend its duration, which must give the same number always"
+_POSITION = (
+    "mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped"
+)
 
 
 class Guarded:
@@ -23,11 +28,13 @@ class Guarded:
         """
         self._trajectory = trajectory
         self._name = name
-        self.duration = self._ask(
-            lambda: trajectory.duration,
-            lambda: "duration",
-            "mend its duration, which must give the same number always",
-        )
+        try:
+            told: object = trajectory.duration
+        except BaseException as error:
+            if not is_own(error):
+                raise
+            raise self._broken(error, "duration", _DURATION) from error
+        self.duration = self._number(told, "duration", _DURATION)
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds.
@@ -35,27 +42,26 @@ class Guarded:
         Raises:
             ArgumentError: it gives none.
         """
-        return self._ask(
-            lambda: self._trajectory.position(t),
-            lambda: f"position at {t:.3f} s",
-            "mend its position(t), which must give a number for every t from 0 to its duration; the axis was stopped",
-        )
-
-    def _ask(self, ask: Callable[[], object], what: Callable[[], str], remedy: str) -> float:
-        """Return the number that the trajectory's own code gives; whatever else it does ends the command with its name.
-
-        ``what`` says what was asked for, where that is to be told.
-        """
         try:
-            value = ask()
+            value = self._trajectory.position(t)
         except BaseException as error:
             if not is_own(error):
                 raise
-            raise ArgumentError(self._message(what), observed=in_a_line(error), remedy=remedy) from error
+            raise self._broken(error, f"position at {t:.3f} s", _POSITION) from error
+        if type(value) is float and isfinite(value):  # in nearly every cycle
+            return value
+        return self._number(value, f"position at {t:.3f} s", _POSITION)
+
+    def _broken(self, error: BaseException, what: str, remedy: str) -> ArgumentError:
+        """Return what ends the command when the trajectory's own code has raised; ``what`` was asked of it."""
+        return ArgumentError(self._message(what), observed=in_a_line(error), remedy=remedy)
+
+    def _number(self, value: object, what: str, remedy: str) -> float:
+        """Return what the trajectory's own code gave as a number; anything else ends the command with its name."""
         found = number(value)
         if found is None:
             raise ArgumentError(self._message(what), observed=f"it gave {told(value)}", remedy=remedy)
         return found
 
-    def _message(self, what: Callable[[], str]) -> str:
-        return f"{self._name}: the trajectory gives no {what()}"
+    def _message(self, what: str) -> str:
+        return f"{self._name}: the trajectory gives no {what}"

@@ -84,7 +84,13 @@ class Following:
             self._forget(activity)
         if activity is None or image.position is None:
             return None
-        way, speed = self._off(image, activity)
+        way, speed = activity.behind, activity.led_speed
+        if way is None:
+            if self._mode is None or image.mode != self._mode:
+                self._misses = 0
+                return None
+            way = image.led.pull(image.demand, image.position, image.state, image.mode)
+            speed = self._speed(image)
         if way is None:
             self._misses = 0
             return None
@@ -104,14 +110,6 @@ class Following:
         if self._misses < _TWICE or image.now < self._since + self._parameters.drive_following_time:
             return None
         return self._failed(image, way, allowed)
-
-    def _off(self, image: Image, activity: Activity) -> tuple[float | None, float]:
-        """Return how far the axis is behind what leads it (None: nobody knows), and the speed at which it is led."""
-        if activity.behind is not None:
-            return activity.behind, activity.led_speed
-        if self._mode is None or image.mode != self._mode:
-            return None, 0.0
-        return image.led.pull(image.demand, image.position, image.state, image.mode), self._speed(image)
 
     @staticmethod
     def _skew(image: Image) -> float:

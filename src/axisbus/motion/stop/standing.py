@@ -43,9 +43,13 @@ class Standing:
         self._parameters = parameters
         self._pull_window = parameters.pull_window
         self._homing = homing
+        self.begin(since)
+
+    def begin(self, since: float) -> None:
+        """Look anew, from another moment on."""
         self._since = since
         self._first = math.inf  # when the first position after that came
-        self._still_speed = Still(0.0, parameters.timing.standstill_time, since)
+        self._still_speed: Still | None = None  # only where there is no position
         self._by = ""
 
     @property
@@ -59,7 +63,13 @@ class Standing:
             self._by = ""
             if self._first == math.inf and image.position_stamp > self._since:
                 self._first = image.position_stamp
-            return image.still.since(self._first) and self._knows_demand(image) and not self.pulls(image)
+            still = image.still
+            return (
+                still.still
+                and still.since(self._first)
+                and self._knows_demand(image)
+                and not self.pulls(image)
+            )
         if image.velocity is not None:
             self._by = "its velocity (606Ch) is 0; where it stands is not known"
             return self._rests(image)
@@ -128,6 +138,8 @@ class Standing:
         if units.ratio_known:
             velocity = abs(units.velocity.to_units(velocity) * units.position.factor)
         moving = math.copysign(1.0, velocity) if abs(velocity) > speed else 0.0
+        if self._still_speed is None:
+            self._still_speed = Still(0.0, self._parameters.timing.standstill_time, self._since)
         return self._still_speed.feed(moving, image.velocity_stamp) and not moving
 
     def _says_so(self, image: Image) -> bool:

@@ -26,7 +26,7 @@ from axisbus.motion.stop.resting import Resting
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _STOPPING = AxisState.ERRORSTOP, AxisState.STOPPING
-_POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
+POWERED = MOVING | {AxisState.STANDSTILL, AxisState.STOPPING}
 _FLICKER = 0.25  # seconds for which a word of ours that was under way may keep a drive enabled
 _LEAST_GAP = 0.25  # seconds: shorter ones are a busy computer's
 # After one of these a node may have lost its position: it has restarted, or somebody is about to configure it.
@@ -92,20 +92,30 @@ class Supervision:
         """
         if state is _ERRORSTOP:
             return self._unknown(image) if image.state is _UNKNOWN else self.unrest(image, activity)
-        if state not in _POWERED:
+        if state not in POWERED:
             return None
         if image.gap > self.longest_gap:
             return self._gap(image)
         if image.state is not _ENABLED and not self._is_held(image, state):
             return self._unknown(image) if image.state is _UNKNOWN else self._dropped(image)
+        return self.motion(image, state, activity, bounded)
+
+    def motion(
+        self, image: Image, state: AxisState, activity: Activity | None, bounded: bool
+    ) -> Finding | None:
+        """Return what ``power`` finds of an axis that is enabled and heard, after ``guard.look``."""
         moving = activity if state in MOVING else None
         astray = self._mode.error(image, moving) or self._following.error(image, moving)
         if astray is not None:  # not under control: a quick stop is surer than a halt
             return Finding(astray, Rung.QUICK_STOP)
-        unrest = self.unrest(image, activity)
-        if unrest is not None:
-            return unrest
-        course = None if activity is None else activity.course
+        if activity is None:
+            unrest = self.unrest(image, None)
+            if unrest is not None:
+                return unrest
+            course = None
+        else:
+            self._resting.forget()
+            course = activity.course
         danger = self.guard.danger(image, state, bounded=bounded, course=course)
         return None if danger is None else self._endangered(danger, course)
 
