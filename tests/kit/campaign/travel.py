@@ -9,6 +9,8 @@ from kit.campaign.orders import PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
 _LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
+# Another master leads the axis: its motion goes on for as long as that may take.
+_FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 _OVERSPEED = 1.1  # what the master takes for noise
 _CYCLES = 5.0  # scan periods in which a guard can do nothing: the way back, its look, the SYNC after it, the drive's own step
 _ROUNDING = 0.5  # deg: windows, and what a drive's own profile rounds
@@ -30,6 +32,7 @@ class Travel:
         self._astray: dict[
             str, float
         ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
+        self._foreign: set[str] = set()  # on the way to where another master has sent it
         self._pushed = dict.fromkeys(facts.names, facts.now)  # when the drive was in a torque mode last
         self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
 
@@ -55,7 +58,7 @@ class Travel:
         samples = self._facts.cell.record(name).since(self._seen[name])
         exact = self._facts.scene.exact
         calm = exact and not any(True for _ in self._facts.troubled(name, _CALM))
-        if exact and not any(self._leads_astray(trouble) for trouble in self._facts.troubled(name, _CALM)):
+        if exact and not self._is_led_astray(name):
             self._inside_limits(name)
             self._not_too_fast(name)
         else:
@@ -66,6 +69,14 @@ class Travel:
         self._seen[name] = samples[-3].time
         if calm:
             self._smooth(name, samples)
+
+    def _is_led_astray(self, name: str) -> bool:
+        troubles = list(self._facts.troubled(name, _CALM))
+        if any(trouble.what in _FOREIGN for trouble in troubles):
+            self._foreign.add(name)
+        elif not self._facts.moves(name):
+            self._foreign.discard(name)
+        return name in self._foreign or any(map(self._leads_astray, troubles))
 
     def _leads_astray(self, trouble: Trouble) -> bool:
         return trouble.kind.moves or trouble.kind.deaf or trouble.what in _LATE
