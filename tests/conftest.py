@@ -33,6 +33,9 @@ _MEMORY = (
     8 << 30
 )  # bytes of address space; a test that wants more fails by itself, and does not take the machine with it
 
+# In the tests the core runs in the program, where they can look into it; ``make stories`` lets it run in a process of its own.
+os.environ.setdefault("AXISBUS_PROCESS", "thread")
+
 if sys.platform == "linux":
     import resource
 

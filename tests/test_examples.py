@@ -11,7 +11,10 @@ from kit.pages import README, ROOT, blocks
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
-def run(*arguments, cwd=ROOT):
+IN_BOTH = pytest.mark.parametrize("process", ["own", "thread"])
+
+
+def run(*arguments, cwd=ROOT, process="own"):
     path = os.pathsep.join([str(ROOT / "src"), *sys.path[1:]])  # absolute, wherever it is run
     return subprocess.run(
         [sys.executable, *arguments],
@@ -22,28 +25,37 @@ def run(*arguments, cwd=ROOT):
         timeout=60,
         check=False,
         stdin=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONWARNINGS": "error", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": path},
+        env={
+            **os.environ,
+            "PYTHONWARNINGS": "error",
+            "PYTHONIOENCODING": "utf-8",
+            "PYTHONPATH": path,
+            "AXISBUS_PROCESS": process,
+        },
     )
 
 
+@IN_BOTH
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_each_example_runs(example):
-    ran = run(str(example))
+def test_each_example_runs(example, process):
+    ran = run(str(example), process=process)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.strip()
     assert "Traceback" not in ran.stderr
 
 
-def test_the_ten_line_program_runs_as_printed():
+@IN_BOTH
+def test_the_ten_line_program_runs_as_printed(process):
     (program,) = blocks(README, "python")
     assert len([line for line in program.splitlines() if line.strip()]) <= 10
-    ran = run("-c", program + "\nprint(x.snapshot.state.value)")
+    ran = run("-c", program + "\nprint(x.snapshot.state.value)", process=process)
     assert ran.returncode == 0, ran.stderr
     assert ran.stderr == ""
 
 
+@IN_BOTH
 @pytest.mark.timeout(120)
-def test_the_demo_runs_as_printed(tmp_path):
-    ran = run("-m", "axisbus", "demo", cwd=tmp_path)
+def test_the_demo_runs_as_printed(tmp_path, process):
+    ran = run("-m", "axisbus", "demo", cwd=tmp_path, process=process)
     assert ran.returncode == 0, ran.stderr
     assert (tmp_path / "demo-output").is_dir()

@@ -186,6 +186,7 @@ def test_how_late_the_cycles_were_is_asked_of_the_core(machine):
     first = machine.lateness.cycles
     time.sleep(0.2)
     assert machine.lateness.cycles > first
+    assert "in a process of its own" in machine.degree
     assert machine.bus_events == []
     assert machine.bus_time is None
     assert machine.dropped == ()
@@ -242,6 +243,10 @@ def test_a_machine_that_is_closed_stands_and_says_no_more(file):
     with pytest.raises(Stopped):
         motion.wait(1)
     assert stand_in.drive().axis.motor.velocity == 0.0
+    assert machine.lateness.cycles > 10
+    assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was heard last
+    assert not machine.node(1).emcy
+    assert machine.events[-1].reason == "the with block ended"
     with pytest.raises((ScanError, StateError)):
         x.move_relative(1.0).wait(5)
     machine.close()

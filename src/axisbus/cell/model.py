@@ -98,7 +98,7 @@ class BusConfig:
     ``sync_producer`` is "master" or "external": then another device's SYNC starts each scan, and is missing after ``sync_timeout``
     (None: 1.5 scan periods). ``sync_counter`` is 1019h, 0 for SYNC without counter. ``on_lost_node`` says what else stops when a
     node is lost: its ``group``, the ``cell``, or nothing (``report``). ``beside``: open it even where another master is heard.
-    ``process`` is where the core of the machine runs: in a ``thread`` of the program, or in its ``own`` process.
+    ``process`` is where the core of the machine runs: in a ``thread`` of the program, or in its ``own`` process ("": where it can).
     """
 
     interface: str = ""
@@ -116,7 +116,7 @@ class BusConfig:
     heartbeat: float | None = 0.1
     on_lost_node: str = "group"
     beside: bool = False
-    process: str = "thread"
+    process: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     at: Place = Place()
 

@@ -34,7 +34,7 @@ BUS: Mapping[str, str] = {
     "time_cob_id": "COB-ID of TIME (1012h; default 0x100).",
     "heartbeat": 'Our heartbeat and theirs (1017h, 1016h; default "100ms"), or "off".',
     "on_lost_node": 'What a lost node stops: its "group" (default), the "cell", or nothing else ("report").',
-    "process": 'Where the core runs: in a "thread" of the program (default), or in its "own" process.',
+    "process": 'Where the core runs: in its "own" process (default, where that can be), or in a "thread" of the program.',
     "beside": "Open the bus even where another master is heard.",
 }
 

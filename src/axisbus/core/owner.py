@@ -63,6 +63,10 @@ class Owner(Protocol):
         """Whether it runs by itself."""
 
     @property
+    def degree(self) -> str:
+        """How surely its cycles come in time, in words."""
+
+    @property
     def in_cycle(self) -> Callable[[], bool] | None:
         """In virtual time: what tells whether the caller is within a cycle."""
 
@@ -128,6 +132,11 @@ class Core:
     def in_cycle(self) -> Callable[[], bool] | None:
         """In virtual time: what tells whether the caller is within a cycle."""
         return None if self._pump is None else self._pump.is_pumping
+
+    @property
+    def degree(self) -> str:
+        """How surely its cycles come in time, in words."""
+        return "in a thread of the program" if self.realtime else "in virtual time"
 
     @property
     def booted(self) -> Mapping[int, Booted]:

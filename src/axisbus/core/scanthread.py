@@ -6,7 +6,7 @@ import threading
 
 from axisbus.core.scan import Scan
 from axisbus.core.supervisor import Supervisor
-from axisbus.core.tuning import TUNING, wake_in_time
+from axisbus.core.tuning import TUNING, lead, wake_in_time
 from axisbus.core.waiting import ThreadWaiter
 
 _HUNG = 0.4  # seconds without a cycle, at least, after which the scan counts as hung
@@ -34,6 +34,7 @@ class ScanThread:
 
     def _run(self) -> None:
         wake_in_time()
+        lead()
         self._scan.run()
 
     def is_alive(self) -> bool:

@@ -65,8 +65,9 @@ class Machine:
     def open(cls, path: str | Path, *, beside: bool = False) -> Machine:
         """Check, open, boot and configure the cell of a ``cell.toml``, and start its scan; energises nothing.
 
-        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private virtual bus, in real time; on
-        any other it first listens for another master, at most 0.5 s. ``beside`` opens it all the same (as ``beside`` in ``[bus]``).
+        Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private bus, in real time; on any
+        other it first listens for another master, at most 0.5 s. ``beside`` opens it all the same (as ``beside`` in ``[bus]``).
+        The core runs in a process of its own, where the cell and the platform let it (``process`` in ``[bus]``).
 
         Raises:
             ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
@@ -76,9 +77,10 @@ class Machine:
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
         cell = checked(path, beside)
-        if cell.bus.process == "own":
+        from axisbus.core.process.launch import Processes, wanted
+
+        if wanted(cell.bus):
             from axisbus.core.process.client import RemoteCore
-            from axisbus.core.process.launch import Processes
 
             return cls(cell, RemoteCore(cell, Processes(cell)))._begun()
         from axisbus.core.canlink import CanLink
@@ -212,6 +214,11 @@ class Machine:
     def lateness(self) -> LatenessReport:
         """How late the cycles were so far (50 and 99 of 100, the worst), how many were skipped, and why; in seconds."""
         return self.session.lateness
+
+    @property
+    def degree(self) -> str:
+        """How surely its cycles come in time: where the core runs, and what the operating system lets it have."""
+        return self._core.degree
 
     @property
     def bus_events(self) -> list[ControllerEvent]:

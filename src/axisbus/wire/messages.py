@@ -6,7 +6,7 @@ by itself. Everything that a program sends after ``Leave`` but ``RequestStop`` i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from axisbus.boot.report import NodeReport
@@ -51,10 +51,11 @@ class NodeFacts:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """The machine runs: its nodes, and its axes."""
+    """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time."""
 
     nodes: dict[int, NodeFacts]
     axes: dict[str, AxisFacts]
+    degree: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,9 +161,10 @@ class Leave:
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """Everything has been left; what went wrong."""
+    """Everything has been left; what went wrong, and what would have been answered last, by node (0: the core) and question."""
 
     failures: tuple[AxisbusError, ...]
+    last: dict[tuple[int, str], Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,5 +36,17 @@ OF_NODE: Mapping[str, Callable[..., Any]] = {
 }
 
 
+# What is worth to be known of a node when its core has ended.
+_KEPT = ("nmt", "reports", "emcy", "incidents", "pdo_events", "events")
+
+
+def last_words(session: Session, nodes: Mapping[int, NodeParts]) -> dict[tuple[int, str], Any]:
+    """Return what would be answered now to each question that needs no transfer, by node (0: the core) and question."""
+    found: dict[tuple[int, str], Any] = {(0, what): answer(session) for what, answer in OF_CORE.items()}
+    for node_id, parts in nodes.items():
+        found.update({(node_id, what): OF_NODE[what](parts) for what in _KEPT})
+    return found
+
+
 def _command(parts: NodeParts, command: object, timeout: float) -> None:
     parts.node.command(command, timeout)

@@ -40,6 +40,7 @@ class Calls:
         self._told: Inbox[object] = Inbox()
         self._numbers = itertools.count(1)
         self._waiting: dict[int, tuple[threading.Event, list[m.Answer]]] = {}
+        self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has been left
         self._over = False
         self._inherited = False
 
@@ -59,13 +60,15 @@ class Calls:
             self._stream.send(message)
 
     def ask(self, what: str, node: int = 0, *arguments: Any) -> Any:
-        """Ask the core, and return its answer; blocks for as long as that takes.
+        """Ask the core, and return its answer; blocks for as long as that takes. One that has been left has said its last.
 
         Raises:
             AxisbusError: what it came to there; ScanError where the core is gone, StateError in a forked child.
         """
         if self._inherited:
             raise inherited(what)
+        if (node, what) in self.last:
+            return self.last[node, what]
         number, answered, answers = next(self._numbers), threading.Event(), list[m.Answer]()
         self._waiting[number] = (answered, answers)
         try:

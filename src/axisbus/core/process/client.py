@@ -35,6 +35,7 @@ class RemoteCore:
     """Holds the process, the connection to it, and what is known of its nodes."""
 
     realtime = True
+    degree = ""
     in_cycle: Callable[[], bool] | None = None
 
     def __init__(self, cell: CellConfig, process: Processes) -> None:
@@ -129,6 +130,7 @@ class RemoteCore:
         for node_id, facts in self._opened.nodes.items():
             self._take_node(node_id, facts)
         self.session.join(self._opened.axes)
+        self.degree = self._opened.degree
         self._news.clear()
 
     def _take_node(self, node_id: int, facts: m.NodeFacts) -> None:
@@ -169,6 +171,7 @@ class RemoteCore:
 
     def _take_left(self, left: m.Left) -> None:
         self._left = left
+        self._calls.last = left.last
         self._news.set()
 
     def _tell_event(self, told: m.NodeTold) -> None:

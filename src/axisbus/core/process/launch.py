@@ -14,11 +14,17 @@ from pathlib import Path
 
 import axisbus
 from axisbus.bus.link import ownership, pair
-from axisbus.cell.model import SIMULATED, CellConfig
+from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process.duty import Duty
 from axisbus.wire import image, lifeline
 
 _END = 5.0  # seconds that a core may take to end once its program has left it
+
+
+def wanted(bus: BusConfig) -> bool:
+    """Whether the core of a cell is to run in its own process: as the cell says, else ``AXISBUS_PROCESS``, else where it can."""
+    can = sys.platform == "linux" and bus.interface != "virtual"  # that exists in one process only
+    return can and (bus.process or os.environ.get("AXISBUS_PROCESS", "own")) == "own"
 
 
 class Processes:

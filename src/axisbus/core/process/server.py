@@ -20,6 +20,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -27,15 +28,16 @@ from axisbus import __version__
 from axisbus.boot.node import Booted
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.pair import PairBus
+from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.check.checked import checked
 from axisbus.core.canlink import CanLink
 from axisbus.core.owner import Core
-from axisbus.core.process.asks import OF_CORE, OF_NODE
+from axisbus.core.process.asks import OF_CORE, OF_NODE, last_words
 from axisbus.core.process.lifeline import Lifeline
 from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.streams import Streams
 from axisbus.core.runtime import Runtime, load_dictionaries, require_all
+from axisbus.core.tuning import take_priority
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import CommandEvent
@@ -123,7 +125,9 @@ class Server:
     def _open(self, wanted: m.Open) -> bool:
         try:
             self._require_same(wanted.version)
-            self._begin(checked(wanted.cell, wanted.beside))
+            self._begin(
+                _with(reader.load(wanted.cell), beside=wanted.beside)
+            )  # it has been checked by the program
         except BaseExceptionGroup as group:
             self._stream.send(m.NotOpened(tuple(map(_told, group.exceptions)), group.message))
             return False
@@ -154,6 +158,7 @@ class Server:
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
         self._await_warden()
         self._take_signals()
+        degree = ", ".join(["in a process of its own", *take_priority()])
         core.session.listen(self._hear)
         core.session.observe(self._outlet.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
@@ -161,7 +166,7 @@ class Server:
         core.await_values()
         self._lifeline.stage(Stage.RUNNING)
         nodes = {node_id: self._facts(node_id, booted) for node_id, booted in core.booted.items()}
-        self._stream.send(m.Opened(nodes, dict(core.session.axes)))
+        self._stream.send(m.Opened(nodes, dict(core.session.axes), degree))
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
 
     def _await_warden(self) -> None:
@@ -320,7 +325,7 @@ class Server:
         finally:
             self._stage(Stage.LEFT)
             self._tell_condition()
-            self._stream.send(m.Left(failures))
+            self._stream.send(m.Left(failures, last_words(self._core.session, self._core.nodes)))
             self._left.set()
             self._stream.close(_FAREWELL)
 
@@ -335,6 +340,10 @@ _TAKES: dict[type, Any] = {
     m.NoSamples: lambda server, message: server._streams.fail(message),
     m.Leave: lambda server, message: server._leave(message.reason),
 }
+
+
+def _with(cell: CellConfig, *, beside: bool) -> CellConfig:
+    return replace(cell, bus=replace(cell.bus, beside=cell.bus.beside or beside))
 
 
 def _told(error: BaseException) -> AxisbusError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,6 +27,7 @@ from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, T
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader
 
+log = logging.getLogger("axisbus")
 _PATIENCE = 0.5  # seconds in which the text of an error must have followed its number
 _GONE = "the core of this machine is gone: its process has ended"
 
@@ -214,6 +216,11 @@ class RemoteSession:
 
     def show(self, cycles: m.Cycles) -> None:
         """Let who observes have the images of some cycles."""
+        if cycles.lost:
+            log.warning(
+                "%d cycles are missing in what is recorded: this program did not take them in time",
+                cycles.lost,
+            )
         for now, data in cycles.images:
             image = self._image.image(data)
             for observer in self._observers:

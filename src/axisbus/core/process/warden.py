@@ -22,6 +22,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from axisbus.core.process.duty import Duty
@@ -49,9 +50,11 @@ def run(duty: Duty) -> None:
         signal.signal(number, signal.SIG_IGN)  # the core's affair
     from axisbus.core.process.rescue import Rescuer
 
-    rescuer = Rescuer(duty)
-    near.sendall(_READY)
-    _watch(core, rescuer)
+    with near:  # its end tells the core that nobody watches any more
+        rescuer = Rescuer(duty)
+        with suppress(OSError):  # it has ended already
+            near.sendall(_READY)
+        _watch(core, rescuer)
 
 
 def _watch(core: subprocess.Popen[bytes], rescuer: Rescuer) -> None:
