@@ -460,6 +460,23 @@ FOUND: Mapping[str, Script] = {
         scene="usual",
         ending="close",
     ),
+    "another master's mode just when a homing begins, on a drive that sends on change": Script(
+        "lagging",
+        (Event(1.5, "home", "y", -0.74), Event(0.05, "other_takes_velocity", "y", -0.28)),
+        scene="free-running",
+        ending="close",
+    ),
+    "a standing axis that comes free while it is halted, and creeps on under its quick stop": Script(
+        "stiff",
+        (
+            Event(0.05, "jam", "x", -0.8),
+            Event(0.0, "creeps", "x", 0.4),
+            Event(0.4, "group_halt", "", 0.7),
+            Event(0.1, "free", "x", -0.76),
+        ),
+        scene="two-axes",
+        ending="close",
+    ),
 }
 
 

@@ -54,6 +54,9 @@ _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
 _ERRORSTOP, _SYNCHRONIZED = AxisState.ERRORSTOP, AxisState.SYNCHRONIZED_MOTION
 _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _LOCKING = frozenset({StopKind.STOP, StopKind.QUICK_STOP})
+_HELD = frozenset(
+    {Rung.HALT, Rung.QUICK_STOP}
+)  # on which a drive holds an axis that stood when it was stopped
 _NOW = 0.1  # seconds: a position not older than that is of now
 _MAY_BE_ENERGISED = ENERGISED | {_UNKNOWN}
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
@@ -259,7 +262,7 @@ class AxisCore:
                 self._fault(image)
             self._look_after_fault(image)
             return
-        halts_at_rest = ladder is not None and ladder.rung is Rung.HALT and self.state is AxisState.STANDSTILL
+        halts_at_rest = ladder is not None and ladder.rung in _HELD and self.state is AxisState.STANDSTILL
         if not self.powered or (ladder is not None and not halts_at_rest):
             supervision.at_work()
         if finding is None and self.powered and ladder is None:

@@ -36,11 +36,11 @@ class ModeWatch:
         mode, shown = self._mode, image.mode
         if mode is None or shown is None or image.mode_stamp == self._stamp:
             return None
-        self._stamp = image.mode_stamp
         if shown == mode and self._agreed and not self._misses:
             return None  # as it was, so that it does not matter whether it answers the mode that was asked for last
         if not image.flight.mode_answered(image.now):
             return None
+        self._stamp = image.mode_stamp  # only now: one that is shown on change is looked at until it counts
         if shown == mode:
             self._agreed, self._misses = True, 0
             return None
