@@ -142,7 +142,7 @@ def forgetting(scene: Scene) -> None:
     atexit.register(scene.write_down, None)  # registered before the machine's own, so called after it
     machine = scene.open()
     scene.leaves()
-    assert not machine._core.scan.ended
+    assert not machine.session.ended
 
 
 SCENES: dict[str, Callable[[Scene], None]] = {

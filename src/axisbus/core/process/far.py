@@ -13,6 +13,7 @@ import subprocess
 import weakref
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from enum import IntEnum
 from functools import partial
 from typing import Any, cast
 
@@ -58,6 +59,8 @@ def _public(name: str) -> str:
 
 
 def _shown(thing: object) -> tuple[str, Any]:
+    if isinstance(thing, IntEnum):  # one of the stand-in's own
+        return _VALUE, int(thing)
     if callable(thing):
         return _CALL, None
     try:
