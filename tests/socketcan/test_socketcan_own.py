@@ -1,0 +1,65 @@
+"""A core in a process of its own on the kernel's CAN: it has the link to itself, and its warden opens it anew when it is dead."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+
+import pytest
+
+from axisbus.errors import ScanError, SecondMasterError
+from kit.socketcan_stage import until
+
+
+@pytest.fixture(autouse=True)
+def own(monkeypatch):
+    monkeypatch.setenv("AXISBUS_PROCESS", "own")
+
+
+def core_of(machine):
+    """The process ID of a machine's core."""
+    warden = machine._core._process._warden.pid
+    found = subprocess.run(["pgrep", "-P", str(warden)], capture_output=True, text=True, check=True)
+    return int(found.stdout.split()[0])
+
+
+def test_a_cell_boots_moves_and_stops_and_nobody_else_gets_its_link_meanwhile(stage):
+    with stage.open() as machine:
+        assert "in a process of its own" in machine.degree
+        stage.travelling(machine)
+        with pytest.raises(SecondMasterError) as caught:
+            stage.open()
+        assert f"process {os.getpid()} (" in caught.value.observed
+        assert min(stage.speeds()) > 1000
+    assert stage.speeds() == [0.0, 0.0]
+    assert stage.energised() == [False, False]
+    with stage.open() as machine:
+        assert len(machine) == 2
+
+
+def test_the_drives_of_a_core_that_is_killed_are_stopped_by_its_warden(stage):
+    machine = stage.open()
+    handles = stage.travelling(machine)
+    os.kill(core_of(machine), signal.SIGKILL)
+    until(lambda: max(stage.speeds()) == 0.0, 3.0)
+    for handle in handles:
+        with pytest.raises(ScanError, match="it was ended by SIGKILL") as caught:
+            handle.wait(10)
+        assert "x: stands, held in quick stop" in caught.value.observed
+    with pytest.raises(ScanError):
+        machine.close()
+
+
+def test_a_link_that_is_taken_down_ends_the_core_as_it_ends_a_scan(ends, make_stage):
+    stage = make_stage(ends.ours, ends.theirs)
+    machine = stage.open()
+    handles = stage.travelling(machine)
+    ends.down(ends.ours)
+    for handle in handles:
+        with pytest.raises(ScanError, match="was ended"):
+            handle.wait(10)
+    assert machine["x"].error is not None
+    until(lambda: max(stage.speeds()) == 0.0, 5.0)
+    with pytest.raises(ScanError):
+        machine.close()
