@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+import signal
+import subprocess
 import sys
 import threading
 import time
@@ -283,3 +285,17 @@ def test_what_happens_to_a_node_is_told_in_a_thread_of_this_program(file):
         assert machine.node(2).nmt is NmtState.PRE_OPERATIONAL
         assert [event.node for event in machine.node(2).events] == [2]
         assert machine.events
+
+
+def test_a_program_that_closes_the_moment_its_core_dies_is_told_how_its_drives_were_left(file):
+    machine = Machine.open(file)
+    machine["x"].enable().wait(20)
+    machine["x"].move_velocity(50.0).wait(10)
+    warden = machine._core._process._warden.pid
+    found = subprocess.run(["pgrep", "-P", str(warden)], capture_output=True, text=True, check=True)
+    os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
+    with pytest.raises(ScanError, match="it was ended by SIGKILL") as caught:
+        machine.close()
+    assert "x: stands, held in quick stop" in caught.value.observed
+    assert machine.stand_in(1).drive().axis.motor.velocity == 0.0
+    assert "ended by SIGKILL" in machine.session.dead

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -79,23 +80,29 @@ class RemoteCore:
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``Owner.leave``; then the process has ended."""
         self._calls.send(m.Leave(reason))
-        interruption: BaseException | None = None
         times = [ladder_time(facts.parameters.stop_times) for facts in self.session.axes.values()]
-        slices = int((max(times, default=0.0) + _CLOSE_MARGIN) / _SLICE)
-        while self._left is None and not self._calls.over and slices > 0:
-            slices -= 1
-            try:
-                self._news.wait(_SLICE)
-            except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
-                interruption = error
+        interruption = self._wait(
+            lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
+        )
+        if self._left is None:  # it has died: what its warden does is waited for, and not cut off
+            interruption = self._wait(self._warden_over.is_set, _RESCUE) or interruption
         self._end()
         if interruption is not None:
             raise interruption
-        return (
-            [gone("the machine was closed", self.session.rescued)]
-            if self._left is None
-            else list(self._left.failures)
-        )
+        if self._left is None:
+            return [gone("the machine was closed", self.session.rescued)]
+        return list(self._left.failures)
+
+    def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
+        """Wait until something has happened; return what interrupts that, to be raised once everything stands."""
+        interruption: BaseException | None = None
+        until = time.monotonic() + seconds
+        while not done() and time.monotonic() < until:
+            try:
+                self._news.wait(_SLICE)
+            except BaseException as error:  # noqa: BLE001  # a user's own handler
+                interruption = error
+        return interruption
 
     def disown(self) -> None:
         """As ``Owner.disown``."""
@@ -187,6 +194,7 @@ class RemoteCore:
 
     def _warden_gone(self) -> None:
         self._warden_over.set()
+        self._news.set()
 
     def _gone(self) -> None:
         """The core has ended: what its warden has made of that is waited for, where it had not been left."""

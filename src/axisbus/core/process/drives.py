@@ -23,6 +23,7 @@ from axisbus.core.process.far import look, told
 from axisbus.core.process.history import History
 from axisbus.core.runtime import load_dictionaries
 from axisbus.core.stand_in import StandIn, devices
+from axisbus.core.tuning import take_priority
 from axisbus.sim.node.network import StandIns
 from axisbus.wire.messages import CODEC, Answer, Ask
 from axisbus.wire.stream import Stream
@@ -34,6 +35,7 @@ _NOTED = 0.01  # seconds between two lines of a history
 def serve(line: socket.socket, control: socket.socket, cell: Path) -> None:
     """Let the drives of ``cell`` live on ``line`` until it and ``control`` have ended; blocks."""
     config = reader.load(cell)
+    take_priority()  # as the core: a busy computer must not look like drives that are silent
     made = devices(config, load_dictionaries(config))
     bus = PairBus(line, of_drives=True)
     with StandIns("line", list(made.values()), bus=bus) as network:

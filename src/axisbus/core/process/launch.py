@@ -18,7 +18,9 @@ from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process.duty import Duty
 from axisbus.wire import image, lifeline
 
-_END = 5.0  # seconds that a core may take to end once its program has left it
+_END = (
+    15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
+)
 
 
 def wanted(bus: BusConfig) -> bool:

@@ -83,10 +83,9 @@ class Server:
         self._left = threading.Event()
         self._streams = Streams(stream.send)
         self._merging = threading.Lock()
-        self._merged: dict[
-            int, list[int]
-        ] = {}  # commands that are one with another that waits, by its number
-        self._over: dict[int, CommandEvent] = {}  # the last ones that have ended
+        # Commands that are one with another that waits, by its number; and the last ones that have ended.
+        self._merged: dict[int, list[int]] = {}
+        self._over: dict[int, CommandEvent] = {}
         self._condition = m.Condition()
 
     def run(self) -> None:
@@ -125,9 +124,8 @@ class Server:
     def _open(self, wanted: m.Open) -> bool:
         try:
             self._require_same(wanted.version)
-            self._begin(
-                _with(reader.load(wanted.cell), beside=wanted.beside)
-            )  # it has been checked by the program
+            cell = reader.load(wanted.cell)  # it has been checked by the program
+            self._begin(replace(cell, bus=replace(cell.bus, beside=cell.bus.beside or wanted.beside)))
         except BaseExceptionGroup as group:
             self._stream.send(m.NotOpened(tuple(map(_told, group.exceptions)), group.message))
             return False
@@ -206,9 +204,7 @@ class Server:
         for message in messages:
             try:
                 _TAKES[type(message)](self, message)
-            except (
-                Exception
-            ):  # a mistake in one message: the others, a stop among them, are taken all the same
+            except Exception:  # a mistake in one: the others, a stop among them, are taken all the same
                 log.exception("a message of the program could not be taken: %s", type(message).__name__)
 
     def _submit(self, message: m.Submit) -> None:
@@ -322,10 +318,14 @@ class Server:
             failures = tuple(self._core.leave(reason))
         except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
             failures = (_told(error),)
-        finally:
-            self._stage(Stage.LEFT)
+        self._stage(Stage.LEFT)
+        try:
             self._tell_condition()
             self._stream.send(m.Left(failures, last_words(self._core.session, self._core.nodes)))
+        except Exception:  # whatever cannot be told any more: the end comes all the same
+            log.exception("the end of the core could not be told")
+            self._stream.send(m.Left(failures))
+        finally:
             self._left.set()
             self._stream.close(_FAREWELL)
 
@@ -340,10 +340,6 @@ _TAKES: dict[type, Any] = {
     m.NoSamples: lambda server, message: server._streams.fail(message),
     m.Leave: lambda server, message: server._leave(message.reason),
 }
-
-
-def _with(cell: CellConfig, *, beside: bool) -> CellConfig:
-    return replace(cell, bus=replace(cell.bus, beside=cell.bus.beside or beside))
 
 
 def _told(error: BaseException) -> AxisbusError:
