@@ -28,7 +28,8 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
 from axisbus.core.node_parts import NodeParts
-from axisbus.core.node_stop import NodeStop
+from axisbus.core.node_stop import stop_nodes
+from axisbus.core.process.reach import reach
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import SPIN
 from axisbus.eds.model import Eds
@@ -155,11 +156,7 @@ class CanLink:
 
     def rescue(self, names: Collection[str]) -> list[Stopped]:
         """As ``Link.rescue``, by SDO; blocks as ``NodeStop.run``."""
-        axes = [
-            [axis for axis in self._cell.axes_of(node_id) if axis.name in names] for node_id in self._nodes
-        ]
-        results = in_parallel(lambda node, own: NodeStop(node, own).run(), self._nodes.values(), axes)
-        return [result for node in results for result in node]
+        return stop_nodes(self._cell, self._nodes.values(), names)
 
     def leave(self, how: Mapping[int, Parting]) -> None:
         """As ``Link.leave``."""
@@ -223,7 +220,7 @@ def open_channel(
     """
     bus = cell.bus
     if bus.interface != SIMULATED:
-        return stack.enter_context(Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)), {}
+        return stack.enter_context(reach(bus)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
     made = devices(cell, dictionaries)
     network = stack.enter_context(StandIns(name, list(made.values())))

@@ -10,12 +10,13 @@ reach it, and gets the quick stop once more. A drive that is off, or held, has s
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from axisbus.boot.objects import read_int
 from axisbus.bus.node import nmt
 from axisbus.bus.node.node import Node
-from axisbus.cell.model import AxisConfig
+from axisbus.bus.parallel import in_parallel
+from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.parameters import standstill_speed
 from axisbus.cell.scales import units_of
 from axisbus.cia301.nmt import NmtCommand
@@ -33,6 +34,14 @@ _STANDS_FOR = 0.1
 _LONGEST = 5.0
 _COASTS = 3.0  # seconds that a drive found without power may take to come to rest
 _POLL = 0.02
+
+
+def stop_nodes(cell: CellConfig, nodes: Iterable[Node], names: Collection[str]) -> list[Stopped]:
+    """Stop the axes of these names, all nodes at a time, and return how each was left; blocks as ``NodeStop.run``."""
+    nodes = list(nodes)
+    axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
+    results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes, axes)
+    return [result for node in results for result in node]
 
 
 class NodeStop:

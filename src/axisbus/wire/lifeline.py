@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 from axisbus.cia402.controlword import Command
 
-_HEAD = struct.Struct("<BxHxxxx")
+_HEAD = struct.Struct("<BxHxxxx")  # stage, count of entries
+_COUNT, _COUNT_AT = struct.Struct("<H"), 2
 _ENTRY = struct.Struct("<IBBBB8s")  # COB-ID, shift of the controlword in bits, length, flags, axis, data
 _DATA_AT = _ENTRY.size - 8
 _FLAGS_AT = 6
@@ -74,10 +75,11 @@ class LifelineWriter:
             self._places.setdefault(one.axis, []).append(place)
             self._frames[one.cob_id] = place
             self._count += 1
+        _COUNT.pack_into(self._memory, self._at + _COUNT_AT, self._count)
 
     def stage(self, stage: Stage) -> None:
         """Say how far the core is."""
-        _HEAD.pack_into(self._memory, self._at, stage, self._count)
+        self._memory[self._at] = stage
 
     def sent(self, frames: Mapping[int, bytes]) -> None:
         """Note the last frames, by their COB-IDs; those without a controlword are passed over."""

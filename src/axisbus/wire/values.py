@@ -11,7 +11,6 @@ A function in a field does not cross: the other end has the field's default.
 
 from __future__ import annotations
 
-import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass
@@ -62,7 +61,7 @@ class Codec:
     # -- which classes -------------------------------------------------------------------------------------------------
 
     def _learn(self, kind: Any) -> None:
-        if typing.get_origin(kind) is not None or isinstance(kind, types.UnionType):
+        if typing.get_origin(kind) is not None:
             for part in typing.get_args(kind):
                 self._learn(part)
         elif isinstance(kind, type) and _is_record(kind) and _name(kind) not in self._classes:

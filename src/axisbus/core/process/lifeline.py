@@ -33,7 +33,6 @@ class Lifeline:
         if len(snapshots) > len(self._known):
             for name in snapshots.keys() - self._known.keys():
                 self._enter(name)
-            self._writer.stage(Stage.RUNNING)
         for number, axis, port in self._known.values():
             if axis.touched:
                 self._writer.touched(number)

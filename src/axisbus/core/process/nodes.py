@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from typing import Any
 
 from axisbus.boot.objects import Progress
 from axisbus.bus.node.events import NodeEvent
@@ -16,12 +17,19 @@ from axisbus.cia301.sdo import Way
 from axisbus.core.process.calls import Calls
 
 
-class RemoteObjects:
-    """The objects of a node, by SDO transfers that the core makes (``boot.objects.Objects``)."""
+class _OfNode:
+    """Something of a node; what it tells is asked of the core."""
 
     def __init__(self, calls: Calls, node_id: int) -> None:
         self._calls = calls
         self._node_id = node_id
+
+    def _ask(self, what: str, *arguments: Any) -> Any:
+        return self._calls.ask(what, self._node_id, *arguments)
+
+
+class RemoteObjects(_OfNode):
+    """The objects of a node, by SDO transfers that the core makes (``boot.objects.Objects``)."""
 
     @property
     def node_id(self) -> int:
@@ -30,108 +38,99 @@ class RemoteObjects:
 
     def read(self, key: int, subindex: int = 0) -> Value:
         """Return an object's value; blocks, raises as ``SdoClient.read``."""
-        value: Value = self._calls.ask("read", self._node_id, key, subindex)
+        value: Value = self._ask("read", key, subindex)
         return value
 
     def write(self, key: int, subindex: int, value: Value) -> None:
         """Set an object's value; blocks, raises as ``SdoClient.write``."""
-        self._calls.ask("write", self._node_id, key, subindex, value)
+        self._ask("write", key, subindex, value)
 
     def write_unchecked(self, key: int, subindex: int, value: int) -> None:
         """Set an integer without asking the EDS for its limits; blocks."""
-        self._calls.ask("write_unchecked", self._node_id, key, subindex, value)
+        self._ask("write_unchecked", key, subindex, value)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
         """Return an object's bytes; blocks, raises as ``SdoClient.upload``."""
-        data: bytes = self._calls.ask("upload", self._node_id, index, subindex)
+        data: bytes = self._ask("upload", index, subindex)
         return data
 
     def download(
         self, index: int, subindex: int, data: bytes, *, way: Way = Way.AUTO, progress: Progress | None = None
     ) -> None:
         """Set an object's bytes; blocks; ``progress`` is told when all have arrived."""
-        self._calls.ask("download", self._node_id, index, subindex, bytes(data), way)
+        self._ask("download", index, subindex, bytes(data), way)
         if progress is not None:
             progress(len(data), len(data))
 
 
-class RemoteNmt:
+class RemoteNmt(_OfNode):
     """What is known of a node by its heartbeats."""
-
-    def __init__(self, calls: Calls, node_id: int) -> None:
-        self._calls = calls
-        self._node_id = node_id
 
     @property
     def state(self) -> NmtState:
         """The NMT state that it reported last."""
-        state: NmtState = self._calls.ask("nmt", self._node_id)
+        state: NmtState = self._ask("nmt")
         return state
 
     @property
     def reports(self) -> int:
         """How often it has reported its state."""
-        reports: int = self._calls.ask("reports", self._node_id)
+        reports: int = self._ask("reports")
         return reports
 
 
-class RemoteEmcy:
+class RemoteEmcy(_OfNode):
     """A node's emergency messages, and their incidents (``cia301.incident.EmcyLog``)."""
-
-    def __init__(self, calls: Calls, node_id: int) -> None:
-        self._calls = calls
-        self._node_id = node_id
 
     @property
     def history(self) -> deque[Emcy]:
         """The newest 64 messages, oldest first."""
-        return deque(self._calls.ask("emcy", self._node_id))
+        return deque(self._ask("emcy"))
 
     @property
     def incidents(self) -> Iterable[Incident]:
         """The newest incidents, oldest first."""
-        found: Iterable[Incident] = self._calls.ask("incidents", self._node_id)
+        found: Iterable[Incident] = self._ask("incidents")
         return found
 
 
-class RemoteNode:
+class RemoteNode(_OfNode):
     """A node as ``NodeParts.node``."""
 
     def __init__(self, calls: Calls, node_id: int) -> None:
-        self._calls = calls
+        super().__init__(calls, node_id)
         self.node_id = node_id
         self.nmt = RemoteNmt(calls, node_id)
         self.emcy = RemoteEmcy(calls, node_id)
 
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
         """Send an NMT command and wait until it is confirmed; blocks, raises as ``Node.command``."""
-        self._calls.ask("command", self.node_id, command, timeout)
+        self._ask("command", command, timeout)
 
     @property
     def pdo_events(self) -> list[PdoEvent]:
         """TPDOs that stopped coming, and came again."""
-        found: list[PdoEvent] = self._calls.ask("pdo_events", self.node_id)
+        found: list[PdoEvent] = self._ask("pdo_events")
         return found
 
 
-class RemoteEvents:
+class RemoteEvents(_OfNode):
     """What error control tells of a node; holds who hears it."""
 
     def __init__(self, calls: Calls, node_id: int) -> None:
-        self._calls = calls
-        self._node_id = node_id
+        super().__init__(calls, node_id)
         self._hear: tuple[Callable[[NodeEvent], None], ...] = ()
 
     @property
     def events(self) -> list[NodeEvent]:
         """As ``NodeEvents.events``."""
-        found: list[NodeEvent] = self._calls.ask("events", self._node_id)
+        found: list[NodeEvent] = self._ask("events")
         return found
 
     def hear(self, call: Callable[[NodeEvent], None]) -> None:
         """Have ``call`` called with every event from now on, in the thread of this program that tells events."""
         if not self._hear:
-            self._calls.ask("watch", self._node_id)
+            self._ask("watch")
         self._hear = (*self._hear, call)
 
     def tell(self, event: NodeEvent) -> None:

@@ -9,13 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.pair import PairBus
 from axisbus.bus.node.node import Node
-from axisbus.bus.parallel import in_parallel
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.core.node_stop import NodeStop
+from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.duty import Duty
+from axisbus.core.process.reach import reach
 from axisbus.core.runtime import load_dictionaries
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
@@ -68,10 +67,8 @@ class Rescuer:
         return tuple(stop(self._cell, self._dictionaries, self._open, names, frames)) if names else ()
 
     def _open(self) -> Channel:
-        bus = self._cell.bus
-        if self._duty.drives >= 0:
-            return Channel(PairBus(socket.socket(fileno=self._duty.drives)), "sim")
-        return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)
+        drives = self._duty.drives
+        return reach(self._cell.bus, socket.socket(fileno=drives) if drives >= 0 else None)
 
 
 def stop(
@@ -120,6 +117,4 @@ def _stop_by_sdo(
 ) -> list[Stopped]:
     with ExitStack() as stack:
         nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
-        axes = [[axis for axis in cell.axes_of(node.node_id) if axis.name in names] for node in nodes]
-        results = in_parallel(lambda node, own: NodeStop(node, own).run(), nodes, axes)
-    return [result for node in results for result in node]
+        return stop_nodes(cell, nodes, names)

@@ -26,8 +26,6 @@ from typing import Any
 
 from axisbus import __version__
 from axisbus.boot.node import Booted
-from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.pair import PairBus
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink
@@ -35,6 +33,7 @@ from axisbus.core.owner import Core
 from axisbus.core.process.asks import OF_CORE, OF_NODE, last_words
 from axisbus.core.process.lifeline import Lifeline
 from axisbus.core.process.outlet import Outlet
+from axisbus.core.process.reach import reach
 from axisbus.core.process.streams import Streams
 from axisbus.core.runtime import Runtime, load_dictionaries, require_all
 from axisbus.core.tuning import take_priority
@@ -137,12 +136,7 @@ class Server:
     def _begin(self, cell: CellConfig) -> None:
         dictionaries = load_dictionaries(cell)
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
-        bus = cell.bus
-        if self._drives is not None:
-            channel = Channel(PairBus(self._drives), "sim")
-        else:
-            channel = Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)
-        link = CanLink(cell, dictionaries, channel=channel)
+        link = CanLink(cell, dictionaries, channel=reach(cell.bus, self._drives))
         runtime = Runtime(link, dictionaries, link.stand_ins)
         try:
             require_all(runtime.booted)

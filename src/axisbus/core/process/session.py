@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
-from typing import Any
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
@@ -142,28 +141,28 @@ class RemoteSession:
     @property
     def node_events(self) -> list[NodeEvent]:
         """As ``Session.node_events``; blocks for an answer of the core."""
-        return list(self._last("node_events"))
+        return list(self._calls.ask("node_events"))
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
         """As ``Session.bus_events``; blocks for an answer of the core."""
-        return list(self._last("bus_events"))
+        return list(self._calls.ask("bus_events"))
 
     @property
     def drops(self) -> tuple[Drop, ...]:
         """As ``Session.drops``; blocks for an answer of the core."""
-        return tuple(self._last("drops"))
+        return tuple(self._calls.ask("drops"))
 
     @property
     def bus_time(self) -> datetime | None:
         """As ``Session.bus_time``; blocks for an answer of the core."""
-        found: datetime | None = self._last("bus_time")
+        found: datetime | None = self._calls.ask("bus_time")
         return found
 
     @property
     def lateness(self) -> LatenessReport:
         """As ``Session.lateness``; blocks for an answer of the core."""
-        found: LatenessReport = self._last("lateness")
+        found: LatenessReport = self._calls.ask("lateness")
         return found
 
     # -- commands ------------------------------------------------------------------------------------------------------
@@ -249,6 +248,3 @@ class RemoteSession:
         self._waiter.disown()
         self.trajectories.feeder.disown()
         self._errors.disown()
-
-    def _last(self, what: str) -> Any:
-        return self._calls.ask(what)

@@ -190,10 +190,9 @@ class AxisCore:
         The others would find what they found then: ``history`` and ``run_down`` the same state, ``_supervise`` a node and a drive
         in which nothing has changed, ``_let_go`` a drive that is where it was asked to be; no story is told, and nobody waits.
         """
-        bounded = self.homed or not self._needs_homing
         supervision = self.supervision
         supervision.guard.look(image)
-        finding = supervision.motion(image, self.state, self.running.activity, bounded)
+        finding = supervision.motion(image, self.state, self.running.activity, self.bounded)
         if finding is not None:
             self.fail(finding.error, finding.rung, along=finding.along)
 

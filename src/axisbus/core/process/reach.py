@@ -1,0 +1,16 @@
+"""The way to a bus for whoever owns it: its adapter, or the line to simulated drives in another process."""
+
+from __future__ import annotations
+
+import socket
+
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.link.pair import PairBus
+from axisbus.cell.model import BusConfig
+
+
+def reach(bus: BusConfig, drives: socket.socket | None = None) -> Channel:
+    """Open the adapter of a bus, or the line to simulated drives in another process; raises AdapterError."""
+    if drives is not None:
+        return Channel(PairBus(drives), "sim")
+    return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)
