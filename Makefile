@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench bench-cycle campaign flaky explore mutants format clean
+.PHONY: demo quick test test-socketcan check bench bench-cycle bench-core campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -14,9 +14,9 @@ demo: $(READY)            ## the main job on the simulated cell; writes demo-out
 quick: $(READY)           ## the quick tests, in two processes: after each edit
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
-test: $(READY)            ## all tests, in five processes (many wait for drives in real time); in a new tree compiled once, for all of them
+test: $(READY)            ## all tests, in six processes (many wait for drives in real time); in a new tree compiled once, for all of them
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 6 --dist loadfile --no-loadscope-reorder
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
 	.ci/socketcan
@@ -32,6 +32,9 @@ bench: $(READY)           ## ratios against a baseline in the same run
 
 bench-cycle: $(READY)     ## CPU of a whole cycle over a socket, against canopen's PDO maps in the same run
 	PYTHONPATH=tests $(BIN)/python tests/bench_cycle.py
+
+bench-core: $(READY)      ## a core in a process of its own: SYNC beside busy programs, full wires, opening; minutes, needs cc
+	PYTHONPATH=tests $(BIN)/python tests/bench_core.py
 
 campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
 	$(BIN)/python tests/campaign.py

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import mmap
 import socket
 import statistics
 import subprocess
@@ -16,12 +17,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import can
 from can.interfaces.socketcan import socketcan
 
 from axisbus.bus.link.cyclic import CyclicSocket
 from kit.bench import echo
+
+if TYPE_CHECKING:  # not in the process of the other side
+    from kit.bench.ours import Cell
 
 ROOT = Path(__file__).parents[1]
 EDS = str(ROOT / "eds" / "generic-cia402.eds")
@@ -141,27 +147,56 @@ def ours(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float
     from kit.bench.ours import Cell
 
     cell = Cell(bus, cyclic, count, period)
+    with following(cell, period):
+        began, first = time.process_time(), cell.scan.lateness.cycles
+        time.sleep(cycles * period)
+        return (time.process_time() - began) / (cell.scan.lateness.cycles - first)
+
+
+@contextmanager
+def following(cell: Cell, period: float) -> Iterator[None]:
+    """Have every axis on its trajectory while the block runs; raises where one is not at its end."""
     thread = threading.Thread(target=cell.run)
     thread.start()
     try:
         cell.follow(SPEED)
         time.sleep(50 * period)
-        began, first = time.process_time(), cell.scan.lateness.cycles
-        time.sleep(cycles * period)
-        cost = (time.process_time() - began) / (cell.scan.lateness.cycles - first)
+        yield
         cell.must_follow()
     finally:
         cell.scan.quit()
         thread.join()
         cell.close()
-    return cost
 
 
-SIDES = {"ours": ours, "theirs": theirs}
+def core(
+    bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: float, cycles: int
+) -> dict[str, float]:
+    """As ``ours``, but as a process of its own does it: with priority where it may, and an image of each cycle for others."""
+    from axisbus.core.process.outlet import Outlet
+    from axisbus.core.tuning import take_priority
+    from axisbus.wire.image import size_of
+    from kit.bench.ours import Cell
+
+    cell = Cell(bus, cyclic, count, period)
+    stream = SimpleNamespace(send=lambda _: None, waiting=0)
+    outlet = Outlet(stream, mmap.mmap(-1, size_of(count)), tuple(cell.axes))  # type: ignore[arg-type]  # nobody is told
+    cell.scan.observers = (outlet.after_cycle,)
+    take_priority()
+    with following(cell, period):
+        late = cell.scan.lateness
+        began, first, lost = time.process_time(), late.cycles, late.skipped
+        time.sleep(cycles * period)
+        spent, done = time.process_time() - began, late.cycles - first
+    return {"cpu": spent / done, "cycles": done, "lost": late.skipped - lost, "p99": late.report().p99}
 
 
-def measure(side: str, count: int, period: float, seconds: float) -> float:
-    """CPU seconds per cycle of one side, in a process of its own."""
+COMPARED = {"ours": ours, "theirs": theirs}
+SIDES = {**COMPARED, "core": core}
+
+
+def measure(side: str, count: int, period: float, seconds: float) -> Any:
+    """What one side has come to, in a process of its own: CPU seconds per cycle, of ``core`` with its lateness."""
     command = [
         sys.executable,
         __file__,
@@ -176,14 +211,14 @@ def measure(side: str, count: int, period: float, seconds: float) -> float:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{side} with {count} axes failed:\n{done.stderr}")
-    return float(json.loads(done.stdout))
+    return json.loads(done.stdout)
 
 
 def compare(count: int, period: float, pairs: int, seconds: float) -> dict[str, float]:
     """Return the medians of ``pairs`` runs of each side."""
-    costs: dict[str, list[float]] = {side: [] for side in SIDES}
+    costs: dict[str, list[float]] = {side: [] for side in COMPARED}
     for _ in range(pairs):
-        for side in SIDES:
+        for side in COMPARED:
             costs[side].append(measure(side, count, period, seconds))
     mine, other = (statistics.median(costs[side]) for side in ("ours", "theirs"))
     ratio = statistics.median(b / a for a, b in zip(costs["ours"], costs["theirs"], strict=True))
@@ -200,7 +235,7 @@ def main() -> int:
     parser.add_argument("--pairs", type=int, default=5)
     chosen = parser.parse_args()
     if chosen.side:
-        with drives(chosen.axes, apart=chosen.side == "ours") as (bus, cyclic):
+        with drives(chosen.axes, apart=chosen.side != "theirs") as (bus, cyclic):
             print(
                 json.dumps(
                     SIDES[chosen.side](

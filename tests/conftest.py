@@ -3,8 +3,11 @@ a shared-out run can tell."""
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -33,8 +36,10 @@ _MEMORY = (
     8 << 30
 )  # bytes of address space; a test that wants more fails by itself, and does not take the machine with it
 
-# In the tests the core runs in the program, where they can look into it; ``make stories`` lets it run in a process of its own.
+# In the tests the core runs in the program, where they can look into it; ``AXISBUS_PROCESS=own`` gives it a process of its own.
 os.environ.setdefault("AXISBUS_PROCESS", "thread")
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="axisbus-journals-")  # nothing is left in a home
+atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
 
 if sys.platform == "linux":
     import resource

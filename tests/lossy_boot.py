@@ -14,7 +14,7 @@ from pathlib import Path
 from axisbus import eds
 from axisbus.boot.report import NodeReport
 from axisbus.eds.builtin import resolve
-from axisbus.machine.machine import boot
+from axisbus.machine.opening import boot
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit.lossy_line import LossyLine

@@ -9,8 +9,8 @@ import pytest
 from kit.pages import README, ROOT, blocks
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-
-
+# Whose calls between program and core are not those of the others.
+IN_A_THREAD = {"follow", "node_access", "with_asyncio"}
 IN_BOTH = pytest.mark.parametrize("process", ["own", "thread"])
 
 
@@ -35,8 +35,14 @@ def run(*arguments, cwd=ROOT, process="own"):
     )
 
 
-@IN_BOTH
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    ("example", "process"),
+    [
+        *((path, "own") for path in EXAMPLES),
+        *((path, "thread") for path in EXAMPLES if path.stem in IN_A_THREAD),
+    ],
+    ids=lambda value: getattr(value, "stem", value),
+)
 def test_each_example_runs(example, process):
     ran = run(str(example), process=process)
     assert ran.returncode == 0, ran.stderr

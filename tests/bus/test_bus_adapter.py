@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import can
 import pytest
@@ -17,6 +19,26 @@ def test_an_unknown_interface_gets_its_nearest_names() -> None:
     with pytest.raises(AdapterError, match="'socketkan'") as caught:
         adapter.open_adapter("socketkan", "can0", None, {})
     assert "'socketcan'" in caught.value.remedy
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_what_was_opened_to_listen_is_closed_whatever_happens(
+    monkeypatch: pytest.MonkeyPatch, broken: bool
+) -> None:
+    closed: list[bool] = []
+    bus = SimpleNamespace(shutdown=lambda: closed.append(True))
+    monkeypatch.setattr(adapter, "open_adapter", lambda *_: bus)
+    with suppress(KeyError), listen.listen("pcan", "PCAN_USBBUS1", 500_000, {}):
+        assert closed == []
+        if broken:
+            raise KeyError
+    assert closed == [True]
+
+
+def test_no_more_than_the_three_nearest_names_are_told() -> None:
+    with pytest.raises(AdapterError) as caught:
+        adapter.check_interface("socketkan")
+    assert caught.value.remedy == "did you mean 'socketcan' or 'socketcand' or 'slcan'?"
 
 
 def test_a_bitrate_is_needed_where_the_adapter_sets_it() -> None:

@@ -25,18 +25,25 @@ PCAN = Opening("pcan", "PCAN_USBBUS1", 1_000_000)
 
 
 class AtOneRate(HandSlave):
-    """A slave that hears a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``."""
+    """A slave that hears a bus only at its own rate; it changes over with the activation, unless it is ``stubborn``.
+
+    ``restarting``: how many frames at its new rate it does not hear.
+    """
 
     def __init__(self, address: LssAddress, *, stubborn: bool = False) -> None:
         super().__init__(*address.parts, 5)
         self.at_rate = 0
         self.stubborn = stubborn
+        self.restarting = 0
 
     def on(self, rate: int) -> Callable[[int, bytes, bool], list[Frame]]:
         """The slave as a peer of a bus of this rate (0: the old one)."""
 
         def hear(can_id: int, data: bytes, _remote: bool) -> list[Frame]:
             if can_id != 0x7E5 or self.at_rate != rate:
+                return []
+            if self.at_rate and self.restarting:
+                self.restarting -= 1
                 return []
             answer = self.hear(data)
             if data[0] == 0x15 and self.activated is not None and not self.stubborn:
@@ -120,6 +127,17 @@ def test_nothing_is_said_at_the_new_rate_before_the_second_delay_is_over(desk) -
     )
     table.change([ONE])
     assert sent_at[0] - activated[0] >= 2 * DELAY
+
+
+def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(changeover, "ANSWER_TIME", 20.0)
+    slave = AtOneRate(ONE)
+    slave.at_rate, slave.restarting = 250_000, 19  # a whole question, with its tries
+    table = desk(slave)
+    channel = table.stack.enter_context(Channel(table.after, "pcan:PCAN_USBBUS1"))
+    master = LssMaster(channel, Timing(floor=0.05, first=0.05), beside_operation=True)
+    assert changeover._answers(master, ONE)
+    assert slave.restarting == 0
 
 
 def test_one_that_has_not_come_along_is_named(desk) -> None:

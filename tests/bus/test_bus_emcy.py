@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time
+
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.emcy import EmcyMonitor
+from axisbus.cia301.drops import Fault
 from axisbus.cia301.incident import IncidentState
 from kit.bus.peer import FakeBus, eventually
 
@@ -22,11 +25,16 @@ def test_a_message_of_three_bytes_is_read(channel: Channel, fake: FakeBus) -> No
 
 def test_a_message_without_an_error_code_is_only_counted(channel: Channel, fake: FakeBus) -> None:
     monitor = EmcyMonitor(channel, 5)
+    began = time.monotonic()
     fake.inject(0x085, "")
     fake.inject(0x085, "11")
     fake.inject(0x085, "10 32 04 01 02 03 04 05")
     eventually(lambda: monitor.history)
     assert monitor.malformed == 2
+    (dropped,) = channel.drops.found
+    assert (dropped.fault, dropped.node, dropped.count) == (Fault.EMCY, 5, 2)
+    assert (dropped.can_id, dropped.data) == (0x085, b"\x11")
+    assert began <= dropped.last <= monitor.history[0].stamp <= time.monotonic()
     assert monitor.history[0].code == 0x3210
     assert monitor.history[0].data == b"\x01\x02\x03\x04\x05"
 
@@ -63,10 +71,20 @@ def test_messages_are_grouped_and_a_boot_up_ends_what_was_open(channel: Channel,
     (incident,) = monitor.incidents
     assert incident.codes == (0x2310, 0x3220)
     assert incident.outcome is IncidentState.UNRESOLVED
+    booted = time.monotonic()
     fake.inject(0x705, "00")
     eventually(lambda: not monitor.incidents.open)
     (incident,) = monitor.incidents
     assert incident.rebooted
+    assert incident.ended is not None
+    assert booted <= incident.ended <= time.monotonic()
+
+
+def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None:
+    monitor = EmcyMonitor(channel, 5, 0x0F5)
+    monitor.close()
+    assert channel._receivers == {}
+    monitor.close()
 
 
 def test_a_node_whose_1014_says_another_identifier_is_heard_there(channel: Channel, fake: FakeBus) -> None:

@@ -1,4 +1,4 @@
-"""One frame on its way into an adapter: the bytes that Linux's SocketCAN wants, and what is raised where it does not take them."""
+"""One frame on its way: the bytes that Linux's SocketCAN wants, a message for another adapter, and between two processes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import socket
 import can
 import pytest
 
+from axisbus.bus.link.cable import cable
 from axisbus.bus.link.line import PythonCanLine, SocketCanLine, line_of
+from axisbus.bus.link.pair import PairBus
 
 
 @pytest.fixture
@@ -97,3 +99,52 @@ def test_any_other_adapter_gets_a_message_and_its_time(can_id, extended):
         True,
         4,
     )
+
+
+@pytest.fixture
+def pair():
+    """Both ends of a line between two processes: a program's, and that of its simulated drives."""
+    one, other = cable()
+    buses = PairBus(one), PairBus(other, of_drives=True)
+    yield buses
+    for bus in buses:
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("can_id", "extended", "remote", "data"),
+    [
+        (0x205, False, False, b"\1\2\3"),
+        (0x7FF, False, False, b""),
+        (0x123, True, False, bytes(8)),  # a low number does not make it a frame of 11 bits
+        (0x1FFF_FFFF, True, False, b"\7"),
+        (0x705, False, True, b""),
+        (0x1234_5678, True, True, b""),
+    ],
+)
+def test_a_frame_comes_out_of_the_other_end_as_it_went_in(pair, can_id, extended, remote, data):
+    sent = can.Message(
+        arbitration_id=can_id,
+        is_extended_id=extended,
+        is_remote_frame=remote,
+        dlc=6 if remote else len(data),
+        data=None if remote else data,
+    )
+    for sender, receiver in (pair, reversed(pair)):
+        sender.send(sent)
+        assert receiver.recv(1.0).equals(sent, timestamp_delta=None)
+        assert receiver.recv(0.0) is None
+
+
+def test_a_program_is_told_that_the_other_end_is_gone_and_drives_go_on_alone(pair):
+    program, drives = pair
+    drives.socket.shutdown(socket.SHUT_RDWR)
+    with pytest.raises(can.CanOperationError, match="the other end of the line is gone"):
+        program.recv(1.0)
+    with pytest.raises(can.CanOperationError, match="Failed to transmit"):
+        program.send(can.Message(arbitration_id=0x205))
+    assert not program.alone
+    assert drives.recv(0.0) is None
+    assert drives.alone
+    drives.send(can.Message(arbitration_id=0x185))
+    assert drives.recv(0.0) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -244,6 +245,13 @@ def test_what_shows_that_a_machine_is_running(
     line.check = check
     assert operation.signs_of_operation(line, 0.05) == told
     assert not any(line.receivers.values())  # nobody listens any more
+
+
+def test_what_is_seen_ends_the_listening(line: Line) -> None:
+    line.check = lambda: line.brings(0x80, "")
+    began = time.monotonic()
+    assert operation.signs_of_operation(line, 5.0) == ["SYNC is sent"]
+    assert time.monotonic() - began < 2.0
 
 
 def test_nobody_listens_in_the_receive_thread(line: Line) -> None:

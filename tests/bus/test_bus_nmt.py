@@ -11,8 +11,9 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node import nmt
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.bus.node.node import Node
+from axisbus.bus.sdo import worker
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import AdapterError, ArgumentError, NodeTimeout, StateError
+from axisbus.errors import AdapterError, ArgumentError, Interrupted, NodeRefused, NodeTimeout, StateError
 from kit.bus.peer import FakeBus, Frame, Slave, eventually
 
 
@@ -210,9 +211,44 @@ def test_a_closed_monitor_hears_nothing(channel: Channel, fake: FakeBus) -> None
     assert monitor.reports == 0
 
 
-def test_a_node_id_out_of_range_is_refused(channel: Channel) -> None:
-    with pytest.raises(ArgumentError, match="128"):
-        Node(channel, 128)
+def test_a_closed_node_listens_to_nothing(channel: Channel) -> None:
+    wakes = list(channel.on_failure)
+    with Node(channel, 5) as node:
+        assert set(channel._receivers) == {0x000, 0x085, 0x585, 0x705}
+    assert channel._receivers == {}
+    assert channel.on_failure == wakes
+    node.close()
+
+
+def test_a_node_is_closed_at_once_though_its_worker_waits_for_a_users_transfer(
+    channel: Channel, slave: Slave, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "CLOSE_PATIENCE", 10.0)
+    slave.hold = True
+    ended: list[object] = []
+
+    def read() -> None:
+        try:
+            node.sdo.upload(0x1000)
+        except Interrupted as error:
+            ended.append(error)
+
+    with Node(channel, 5, sdo_timeout=60.0) as node:
+        user = threading.Thread(target=read)
+        user.start()
+        eventually(lambda: slave.held)
+        node.worker.submit(worker.Job(1, 0x1001, 0, None, lambda *end: ended.append(end)))
+        eventually(lambda: len(node.sdo._calls) == 2)
+        began = time.monotonic()
+    assert time.monotonic() - began < 5.0
+    user.join(5)
+    assert len(ended) == 2
+
+
+@pytest.mark.parametrize("node_id", [0, 128])
+def test_a_node_id_out_of_range_is_refused(channel: Channel, node_id: int) -> None:
+    with pytest.raises(ArgumentError, match=f"{node_id} is no node ID"):
+        Node(channel, node_id)
 
 
 def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
@@ -234,3 +270,16 @@ def test_a_node_that_nobody_guards_is_not_asked_by_remote_frames(
         nmt.command(channel, node.nmt, NmtCommand.STOP, timeout=0.05, answers_sdo=lambda: False)
         is Confirmation.SDO
     )
+
+
+@pytest.mark.parametrize(("after", "error"), [(1, NodeTimeout), (2, NodeRefused)])
+def test_one_report_may_have_crossed_the_command_and_two_of_another_state_refuse_it(
+    fake, channel, node, after: int, error: type[NodeTimeout]
+) -> None:
+    fake.inject(0x705, "7F")
+    eventually(lambda: node.nmt.has_heartbeat)
+    left = [(0x705, b"\x7f")] * after
+    fake.peers.append(lambda can_id, *_: [left.pop()] if can_id == 0 and left else [])
+    with pytest.raises(NodeTimeout) as caught:
+        nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.3)
+    assert type(caught.value) is error

@@ -435,6 +435,7 @@ def answering(**more: bytes) -> Store:
         (0x6041, 0): b"\x37\2",
         (0x6064, 0): b"\1\2",  # two bytes of an INTEGER32
         (0x6502, 0): little(1, 4),
+        (0x67FF, 0): little(0x00020192, 4),
     }
     return Store(objects)
 
@@ -458,11 +459,13 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
         0x6064,
         0x607A,
         0x6502,
+        0x67FF,
     ]
     assert [done for done, _ in seen] == list(range(1, seen[0][1] + 1))
     assert {of for _, of in seen} == {len(seen)}
     assert made.get(0x1000).default.value == 0x00020192
     assert made.get(0x6502).default.value == 1
+    assert made.get(0x67FF).default.value == 0x00020192
     assert made.get(0x6041).default is None
     assert made.get(0x6064).data_type is DataType.UNSIGNED16
     assert made.get(0x607A).data_type is DataType.INTEGER32
@@ -525,6 +528,7 @@ def test_a_skeleton_becomes_a_file_with_its_time_and_rate():
         (0x04, "0010000000000000", "receive errors (passive)"),
         (0x04, "0020000000000000", "transmit errors (passive)"),
         (0x04, "0040000000000000", "back to error active"),
+        (0x04, "0080000000000000", "error frame"),
         (0x04, "00", "error frame"),
         (
             0x0C,
@@ -536,6 +540,21 @@ def test_a_skeleton_becomes_a_file_with_its_time_and_rate():
 def test_an_error_frame_in_words(error_class, data, words):
     assert errorframe.kind(error_class, bytes.fromhex(data)) == words
     assert errorframe.describe(error_class, bytes.fromhex(data)) == words
+
+
+@pytest.mark.parametrize("error_class", [0x01, 0x02, 0x08, 0x10, 0x20, 0x80])
+def test_data_byte_1_is_read_of_the_class_controller_only(error_class):
+    data = bytes([0, 0x7F, 0, 0, 0, 0, 0x60, 0x5F])
+    assert errorframe.describe(error_class, data) == errorframe.describe(error_class, bytes(8))
+    assert errorframe.condition(error_class, data) is None
+    assert errorframe.error_counters(error_class, data) is None
+
+
+@pytest.mark.parametrize("length", [0, 1])
+def test_a_frame_that_ends_before_data_byte_1_says_nothing_of_the_controller(length):
+    assert errorframe.condition(0x04, bytes(length)) is None
+    assert errorframe.condition(0x104, bytes(length)) is Condition.ACTIVE
+    assert errorframe.kind(0x04, bytes(length)) == "error frame"
 
 
 @pytest.mark.parametrize(

@@ -43,10 +43,12 @@ def node(channel: Channel, fake: FakeBus) -> Iterator[Node]:
         yield node
 
 
-def port_on(node: Node, mapping: str) -> CanPort:
-    device = DevicePdos((rpdo(1, mapping, 1),), (tpdo(1, "6041/16", 1),))
+def port_on(node: Node, mapping: str, transmission: int = 1) -> CanPort:
+    device = DevicePdos((rpdo(1, mapping, transmission),), (tpdo(1, "6041/16", 1),))
     names = tuple(name for name, index in NAMES.items() if index in mapping)
-    plan = make_plan(NODE, device, objects(), Wanted(("statusword",), names), Policy(remap=False))
+    plan = make_plan(
+        NODE, device, objects(), Wanted(("statusword",), names), Policy(remap=False, communication=False)
+    )
     return CanPort(node, plan, scan_period=PERIOD)
 
 
@@ -101,3 +103,14 @@ def test_the_short_way_gives_what_the_long_one_gives(node: Node, mapping: str, p
     assert seen
     short.close()
     long.close()
+
+
+@pytest.mark.parametrize(
+    ("mapping", "transmission"), [(MAPPINGS[0], 254), (MAPPINGS[0], 255), ("607A/32", 1)]
+)
+def test_an_rpdo_that_acts_when_it_comes_or_has_no_controlword_takes_no_short_way(
+    node: Node, mapping: str, transmission: int
+) -> None:
+    port = port_on(node, mapping, transmission)
+    assert port._only_image is None
+    port.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -57,6 +58,31 @@ def test_another_program_that_has_it_is_named_and_its_death_frees_it():
         holder.wait()
     lock = _taken_soon()
     lock.close()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.2, "0 s"),
+        (7.0, "7 s"),
+        (119.4, "119 s"),
+        (120.0, "2 min"),
+        (600.0, "10 min"),
+        (7199.0, "120 min"),
+        (7200.0, "2.0 h"),
+        (36000.0, "10.0 h"),
+    ],
+)
+def test_the_age_of_a_program_is_told_in_whole_seconds_minutes_or_in_hours(seconds, text):
+    assert ownership._ago(seconds) == text
+
+
+def test_a_program_is_told_by_its_command_and_its_age_and_one_that_has_ended_as_that():
+    text = ownership._described(os.getpid())
+    assert re.fullmatch(rf"process {os.getpid()} \(.+\), which began \d+(\.\d)? (s|min|h) ago", text)
+    with subprocess.Popen(["true"]) as ended:
+        ended.wait()
+    assert ownership._described(ended.pid).startswith(f"process {ended.pid}, which has ended")
 
 
 def test_a_process_that_has_inherited_it_keeps_it_when_its_owner_is_gone():

@@ -267,21 +267,32 @@ def test_the_servers_abort_is_raised_with_its_words(sdo: SdoClient) -> None:
     assert "EDS" in error.remedy
 
 
+@pytest.mark.parametrize(
+    "transfer",
+    [
+        lambda sdo: sdo.upload(0x6081),
+        lambda sdo: sdo.download(0x6060, 0, b"\x01"),
+        lambda sdo: sdo.download_urgent(0x6060, 0, b"\x01"),
+    ],
+    ids=["read", "write", "urgent write"],
+)
 def test_a_call_in_the_receive_thread_is_an_error_not_a_time_out(
-    sdo: SdoClient, channel: Channel, fake: FakeBus
+    sdo: SdoClient, channel: Channel, fake: FakeBus, transfer: Callable[[SdoClient], object]
 ) -> None:
     caught: list[Exception] = []
+    sdo.timeout = SHORT
 
     def receiver(data: bytes, _: float) -> None:
         try:
-            sdo.upload(0x6081)
-        except StateError as error:
+            transfer(sdo)
+        except (StateError, SdoTimeout) as error:
             caught.append(error)
 
     channel.subscribe(0x185, receiver)
     fake.inject(0x185, "00")
     eventually(lambda: caught)
-    assert "receive thread" in str(caught[0])
+    assert "an SDO transfer was called in the receive thread" in str(caught[0])
+    assert fake.sent == []
 
 
 def test_a_channel_that_fails_ends_the_waiting_at_once(sdo: SdoClient, slave: Slave, fake: FakeBus) -> None:

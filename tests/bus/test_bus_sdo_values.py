@@ -58,6 +58,9 @@ def slave(fake: FakeBus) -> Slave:
             (0x2001, 0): b"motor\0",
             (0x2002, 0): b"\x01\x02\x03\x04\x05",
             (0x2003, 0): b"\xff\xff",
+            (0x2004, 0): b"\1\2\3",
+            (0x2005, 0): b"\1\2\3\4\5",
+            (0x2006, 0): b"\1\2\3\4\5\6\7\x08",
         },
     )
     fake.peers.append(slave)
@@ -84,6 +87,9 @@ def sdo(channel: Channel, slave: Slave) -> SdoClient:
         ("label", "motor"),
         (0x2002, b"\x01\x02\x03\x04\x05"),
         (0x2003, 0xFFFF),  # nobody knows it: unsigned
+        (0x2004, 0x030201),
+        (0x2005, b"\1\2\3\4\5"),  # no number has five bytes
+        (0x2006, 0x0807060504030201),
     ],
 )
 def test_a_value_is_read_by_its_type(sdo: SdoClient, key: int | str, value: object) -> None:

@@ -13,7 +13,7 @@ from axisbus.cell import reader
 from axisbus.check import traffic
 from axisbus.check.busload import Meter, actual_bits
 from axisbus.cia301.frame import Frame, plain_bits, worst_bits
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 
 CELL = Path(__file__).parents[2] / "examples" / "cell.toml"
 

@@ -26,6 +26,48 @@ def test_an_entry_is_what_its_standard_says(address, standard, name, data_type, 
     assert (row.access, row.mapping) == (access, mapping)
 
 
+@pytest.mark.parametrize(
+    ("address", "mandatory", "sure", "modes"),
+    [
+        ((0x1000, 0), True, True, ()),
+        ((0x1006, 0), False, True, ()),  # only for whoever sends SYNC
+        ((0x6040, 0), True, True, ("all",)),
+        ((0x603F, 0), False, False, ("all",)),
+        ((0x6042, 0), False, True, ("vl",)),  # only in that mode
+        ((0x6046, 1), True, True, ("vl",)),
+        ((0x6047, 1), True, False, ("vl",)),
+    ],
+)
+def test_who_must_have_an_entry_and_how_sure_that_is(address, mandatory, sure, modes):
+    row = dictionary.entry(*address)
+    assert (row.index, row.subindex) == address
+    assert (row.mandatory, row.sure, row.modes) == (mandatory, sure, modes)
+
+
+@pytest.mark.parametrize(
+    ("index", "single"), [(0x1000, True), (0x1018, True), (0x1400, False), (0x1A12, False)]
+)
+def test_what_comes_in_numbers_shares_a_row(index, single):
+    assert [row.single for row in dictionary.of(index)] == [single] * len(dictionary.of(index))
+
+
+@pytest.mark.parametrize(
+    ("address", "types"),
+    [
+        ((0x1008, 0), [DataType.VISIBLE_STRING]),
+        ((0x1022, 0), [DataType.UNSIGNED8, DataType.UNSIGNED16]),
+        ((0x6064, 0), [DataType.INTEGER32]),
+    ],
+)
+def test_all_the_types_that_an_entry_may_have_are_known(address, types):
+    assert list(dictionary.entry(*address).data_types) == types
+
+
+@pytest.mark.parametrize("index", [0x1018, 0x6046])
+def test_a_record_and_an_array_of_several_types_have_none_of_their_own(index):
+    assert dictionary.whole(index).data_types == ()
+
+
 def test_a_choice_of_types_is_no_single_one():
     store_format = dictionary.entry(0x1022, 0)
     assert store_format.data_type is None

@@ -9,7 +9,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Sign, sign_of
 from axisbus.core.alone import cast_of
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 from kit.cell import cell_text
 
 

@@ -14,7 +14,7 @@ from axisbus.cell import reader
 from axisbus.check.busload import Meter
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.mastersigns import Cast, Signs, words
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
 from axisbus.machine.overview import Overview
 from axisbus.trace import known, plain, text

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from unittest.mock import patch
 
-from axisbus.core import direct
+from axisbus.core.direct import link as direct
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.exit import EXIT

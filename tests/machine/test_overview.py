@@ -13,7 +13,7 @@ from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli import monitor_listen
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 from axisbus.machine.overview import Overview
 
 CELL = reader.load(Path(__file__).parents[2] / "examples" / "cell.toml")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -30,11 +31,18 @@ class Listener:
     def __init__(self) -> None:
         self.heard: list[float] = []
         self.handled: list[float] = []
+        self.ends = socket.socketpair()
+        self.ends[1].setblocking(False)
         self.wakeup = Wakeup(
             frozenset({NUMBER}),
             lambda _: self.heard.append(time.monotonic()),
             lambda: len(self.handled) >= len(self.heard),
+            self.ends,
         )
+
+    def close(self) -> None:
+        for end in self.ends:
+            end.close()
 
     def handle(self, *_: object) -> None:
         self.handled.append(time.monotonic())
@@ -48,6 +56,7 @@ def listener() -> Iterator[Listener]:
     made.wakeup.start()
     yield made
     made.wakeup.stop()
+    made.close()
     signal.signal(NUMBER, before)
 
 
@@ -101,3 +110,4 @@ def test_whoever_listened_before_goes_on_hearing() -> None:
         signal.signal(NUMBER, handler)
         os.close(reader)
         os.close(writer)
+        made.close()

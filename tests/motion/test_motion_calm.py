@@ -8,9 +8,11 @@ from enum import Enum
 
 import pytest
 
+from axisbus.cia402.state import State
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.states import AxisState
 from kit.motion.randomplay import Play
+from kit.motion.rig import rig
 
 CYCLES = 700
 
@@ -61,7 +63,7 @@ def differences(a, b, where: str, seen: set) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_calm_cycles_change_nothing_of_what_an_axis_does_and_holds(seed):
     play = Play(seed, 2)
     core, other = play.cores
@@ -97,3 +99,37 @@ def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
         AxisState.STANDSTILL,
         AxisState.SYNCHRONIZED_MOTION,
     }
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [
+        (lambda core: core.image, "state", State.QUICK_STOP_ACTIVE),
+        (lambda core: core.image, "operational", False),
+        (lambda core: core.image, "lost_count", True),
+        (lambda core: core.image, "emcy", ("one",)),
+        (lambda core: core, "powered", False),
+        (lambda core: core, "touched", False),
+        (lambda core: core, "state", AxisState.ERRORSTOP),
+        (lambda core: core, "tripped", "an error"),
+        (lambda core: core, "_broken", "an error"),
+        (lambda core: core, "_story", "a fault's"),
+        (lambda core: core.order, "goal", State.SWITCHED_ON),
+        (lambda core: core.stopping, "ladder", "one"),
+    ],
+)
+def test_one_thing_out_of_the_ordinary_is_enough_for_a_cycle_not_to_be_calm(part, name, value):
+    core = rig().enabled().core
+    assert core._is_calm(core.image)
+    setattr(part(core), name, value)
+    assert not core._is_calm(core.image)
+
+
+def test_a_cycle_that_comes_later_than_the_longest_gap_is_not_calm():
+    core = rig().enabled().core
+    longest = core.supervision.longest_gap
+    calm = []
+    for gap in (0.0, longest, 1.001 * longest):
+        core.image.gap = gap
+        calm.append(core._is_calm(core.image))
+    assert calm == [True, True, False]

@@ -8,6 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
 from axisbus.core.lateness import Lateness
 from axisbus.core.scan import Scan
@@ -19,7 +21,7 @@ from axisbus.motion.group.path import plan_line
 from axisbus.motion.moves.lookahead import excess, widened
 from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import braking_distance, duration
-from axisbus.motion.moves.takeover import resting_target
+from axisbus.motion.moves.takeover import Takeover, resting_target
 from axisbus.motion.numbers import number, told
 from axisbus.motion.pace import Pace, Step, brakes_smoothly, pace_of
 from axisbus.motion.parameters import Defaults, Limits
@@ -186,6 +188,46 @@ def test_the_target_with_which_a_drive_that_adds_an_offset_stays_where_it_is(
     drive = Drive()
     drive.cycle(statusword=0x0237, mode=8, position=position, demand=demand)
     assert resting_target(drive.image, found, offset) == target
+
+
+M = ModeOfOperation
+
+
+@pytest.mark.parametrize(
+    ("mode", "offset", "moving", "candidates", "chosen"),
+    [
+        (M.CYCLIC_SYNC_POSITION, 0, False, [M.PROFILE_POSITION], [M.CYCLIC_SYNC_POSITION]),
+        (M.CYCLIC_SYNC_VELOCITY, 0, False, [M.PROFILE_VELOCITY], [M.CYCLIC_SYNC_VELOCITY]),
+        (
+            M.CYCLIC_SYNC_POSITION,
+            5,
+            False,
+            [M.PROFILE_VELOCITY, M.CYCLIC_SYNC_POSITION],
+            [M.PROFILE_VELOCITY],
+        ),
+        (M.CYCLIC_SYNC_POSITION, 5, False, [M.CYCLIC_SYNC_POSITION, M.PROFILE_TORQUE], None),
+        (M.CYCLIC_SYNC_VELOCITY, 0, True, [M.PROFILE_VELOCITY, M.CYCLIC_SYNC_POSITION], [M.PROFILE_VELOCITY]),
+        (M.CYCLIC_SYNC_VELOCITY, 0, True, [M.CYCLIC_SYNC_POSITION], [M.CYCLIC_SYNC_VELOCITY]),
+        (M.CYCLIC_SYNC_VELOCITY, 5, True, [M.CYCLIC_SYNC_POSITION], None),
+        (M.CYCLIC_SYNC_VELOCITY, 5, False, [M.CYCLIC_SYNC_POSITION], None),
+        (M.PROFILE_TORQUE, 0, False, [M.CYCLIC_SYNC_POSITION, M.PROFILE_TORQUE], [M.CYCLIC_SYNC_POSITION]),
+        (M.PROFILE_TORQUE, 0, False, [M.PROFILE_TORQUE], [M.PROFILE_TORQUE]),
+        (M.PROFILE_TORQUE, 5, True, [M.PROFILE_TORQUE], [M.PROFILE_TORQUE]),
+        (M.CYCLIC_SYNC_TORQUE, 0, True, [M.PROFILE_TORQUE], None),
+        (M.CYCLIC_SYNC_TORQUE, 5, False, [M.CYCLIC_SYNC_POSITION, M.PROFILE_POSITION], [M.PROFILE_POSITION]),
+    ],
+)
+def test_the_modes_into_which_a_drive_that_is_taken_over_can_be_brought_without_a_jump(
+    mode, offset, moving, candidates, chosen
+):
+    taken = Takeover(mode, Drive().parameters)
+    taken._read.values[objects.TORQUE_OFFSET, 0] = offset
+    image = SimpleNamespace(standstill=not moving)
+    if chosen is None:
+        with pytest.raises(StateError, match="without a jump"):
+            taken.choose(image, candidates)
+    else:
+        assert taken.choose(image, candidates) == chosen
 
 
 # Distances, durations, and what goes on from a speed.

@@ -503,6 +503,17 @@ def test_without_bit_12_bit_4_stands_until_any_drive_has_looked_at_it(period, wo
         assert point.phase is Phase.TAKEN  # and it was low for as long
 
 
+def test_without_bit_12_how_long_bit_4_stands_counts_from_its_rise():
+    drive, point = Drive(start=1_000.0), OnChange(5_000, "x", 1.0)
+    highs = []
+    for _ in range(14):
+        point.step(*drive.cycle())  # no word comes: a tenth of a second, seven cycles of 1/64 s
+        highs.append(bool(drive.order.bits))
+    assert highs == [True] * 7 + [False] * 7
+    assert point.phase is Phase.RELEASE
+    assert point.step(*drive.cycle())
+
+
 BIT_10, ENABLED = 0x0400, 0x0027
 
 
@@ -563,6 +574,18 @@ def test_bit_10_that_comes_again_nearer_to_the_new_target_than_to_the_old_one_sh
     assert not proof.seen
     proof.step(drive.cycle(statusword=ENABLED | BIT_10, position=place)[0])
     assert proof.seen is seen
+
+
+@pytest.mark.parametrize(("before", "position"), [(0, None), (None, 4_000), (None, None)])
+def test_bit_10_that_comes_again_shows_nothing_where_the_place_or_the_old_target_is_not_known(
+    before, position
+):
+    drive = Drive()
+    drive.image.led.set_point = before
+    proof = given_edge(drive, 5_000, statusword=ENABLED, position=position)
+    proof.step(drive.cycle(statusword=ENABLED, position=position)[0])
+    proof.step(drive.cycle(statusword=ENABLED | BIT_10, position=position)[0])
+    assert not proof.seen
 
 
 def test_an_axis_that_stands_at_its_target_is_not_blamed_for_coming_no_nearer():

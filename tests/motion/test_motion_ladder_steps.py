@@ -16,7 +16,7 @@ from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
-from axisbus.motion.stop.leaving import AxisLeaving, ladder_time
+from axisbus.motion.stop.leaving import AxisLeaving
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.trajectory import Trapezoid
 from kit.motion.rig import rig
@@ -495,7 +495,7 @@ def test_a_path_without_a_position_is_refused():
 
 
 def test_the_way_out_has_the_time_of_all_rungs():
-    assert ladder_time(TIMES) == 0.5 + 0.25 + 2.0
+    assert TIMES.ladder == 0.5 + 0.25 + 2.0
 
 
 def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:

@@ -166,6 +166,29 @@ def test_bit_4_rises_two_cycles_after_the_mode_is_shown_and_stays():
     assert bits == [0] * 7 + [0x10] * 3
 
 
+@pytest.mark.parametrize("last", ["mode", "objects"])
+def test_bit_4_waits_for_the_mode_and_for_what_is_written(last):
+    drive = Drive()
+    run = HomingRun(JOB, drive.parameters)
+    requests = []
+    for _ in range(10):
+        assert not run.step(*drive.cycle(statusword=ENABLED, mode=1 if last == "mode" else 6))
+        requests += drive.order.sdo
+        if last == "mode":
+            for request in drive.order.sdo:
+                drive.answers(request.id)
+        assert not drive.order.bits
+    assert [request.index for request in requests] == [0x6098, 0x6099, 0x6099, 0x609A]
+    if last == "objects":
+        for request in requests:
+            drive.answers(request.id)
+    bits = []
+    for _ in range(4):
+        assert not run.step(*drive.cycle(statusword=ENABLED, mode=6))
+        bits.append(drive.order.bits)
+    assert bits == [0, 0, 0x10, 0x10]
+
+
 @pytest.mark.parametrize(
     ("word", "done"),
     [(0x1400, True), (0x1000, False), (0x0400, False), (0x0000, False)],

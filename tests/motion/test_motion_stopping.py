@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from axisbus.cia402.state import State
 from axisbus.errors import DriveError, Replaced, StateError, Stopped
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.states import AxisState
@@ -76,6 +77,25 @@ def test_where_no_motor_is_driven_there_is_nothing_to_stop_and_that_is_success(h
     r.run(0.2)
     assert watch.words == []
     assert r.axis.state is AxisState.DISABLED
+
+
+def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disabled_at_once():
+    r = rig().enabled()
+    r.run(0.3)
+    halted = r.axis.halt()
+    r.drive.controlword = 0x0000
+    r.drive.hear()
+    seen = []
+    for _ in range(3):
+        r.run(PERIOD)
+        seen.append((r.core.image.state, r.axis.state))
+    assert seen == [
+        (State.OPERATION_ENABLED, AxisState.STANDSTILL),
+        *[(State.SWITCH_ON_DISABLED, AxisState.DISABLED)] * 2,
+    ]
+    assert not halted.done
+    halted.wait(1)
+    assert (r.axis.state, r.axis.error) == (AxisState.DISABLED, None)
 
 
 def test_a_halt_that_the_drive_does_not_hear_leads_down_to_quick_stop_and_is_told():

@@ -150,7 +150,7 @@ RANDOM = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     RANDOM,
     st.sampled_from([0.0, 0.1, 0.5]),
@@ -364,7 +364,7 @@ def test_samples_that_are_not_of_the_scan_s_period_are_refused():
         Wire(r, PATHS["trapezoid"]).follow().wait(5)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     st.lists(st.tuples(st.floats(0.5, 40.0), st.floats(0.3, 8.0)), min_size=1, max_size=3),
     st.floats(50.0, 800.0),

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from axisbus.cia301.emcy import parse
+from axisbus.cia301 import emcy
+from axisbus.cia301.emcy import Emcy, parse
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.cia402.state import State
@@ -873,6 +874,53 @@ def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
         told.tell(drive.image, history(drive, ENABLED, FAULT)).message
         == "x: the drive went into fault during x.home()"
     )
+
+
+@pytest.mark.parametrize(
+    ("read", "emergencies", "code"),
+    [
+        (0x2310, [(0x8611, 0.0)], 0x2310),  # what it says when it is asked is of now
+        (0, [(0x8611, 0.0)], 0x8611),
+        (None, [(0x8611, 0.0)], 0x8611),
+        (0, [(0x7121, 1.0), (0x8611, 0.5)], 0x8611),  # the newest
+        (0, [(0x8611, 0.5), (0x0000, 0.0)], 0x8611),  # not what takes it back
+        (0, [(0x8611, 5.0)], 0),
+        (None, [], None),
+    ],
+)
+def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_seconds(
+    read, emergencies, code
+):
+    drive = Drive()
+    told = FaultStory(drive.parameters, drive.now)
+    told.step(*drive.cycle(statusword=FAULT))
+    for request in drive.order.sdo:
+        drive.answers(request.id, read, None if read is not None else 0x06020000)
+    assert told.step(*drive.cycle())
+    made = history(drive, FAULT)
+    made.emcy.extend(Emcy(each, 0x01, bytes(5), drive.now - age) for each, age in emergencies)
+    error = told.tell(drive.image, made)
+    assert error.code == code
+    texts = [f"EMCY {emcy.describe(each)} (error register: generic error)" for each, age in emergencies]
+    shown = [text for text, (each, age) in zip(texts, emergencies, strict=True) if each and age < 5.0]
+    assert error.observed.split("; ")[1:] == [*shown, "path: fault"]
+
+
+@pytest.mark.parametrize(
+    ("ages", "told"),
+    [([5.5, 5.0], []), ([5.5, 5.0, 4.9], [2]), ([5.0, 4.0], [1]), ([4.0, 3.0, 2.0], [1, 2])],
+)
+def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_told(ages, told):
+    """By this cycle's clock, however old the last statusword is."""
+    drive = Drive()
+    made = history(drive, FAULT)
+    codes = (0x2310, 0x3210, 0x8611)
+    made.emcy.extend(Emcy(code, 0, bytes(5), drive.now - age) for code, age in zip(codes, ages, strict=False))
+    drive.image.statusword_stamp = drive.now - 4.0
+    texts = [f"EMCY {emcy.describe(codes[number])}" for number in told]
+    assert enrich(DriveError("no"), drive.image, made).observed.split("; ") == [
+        *("drive: fault", *texts, "last statusword 4 s ago")
+    ]
 
 
 def test_a_drive_that_does_not_explain_its_fault_has_its_time():

@@ -15,7 +15,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, AxisbusError, BusOff
-from axisbus.machine.machine import boot
+from axisbus.machine.opening import boot
 from kit.can_line import LINK
 from kit.socketcan_stage import ip, until
 

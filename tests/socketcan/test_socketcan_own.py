@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 
 import pytest
 
@@ -19,9 +18,7 @@ def own(monkeypatch):
 
 def core_of(machine):
     """The process ID of a machine's core."""
-    warden = machine._core._process._warden.pid
-    found = subprocess.run(["pgrep", "-P", str(warden)], capture_output=True, text=True, check=True)
-    return int(found.stdout.split()[0])
+    return machine._core.process
 
 
 def test_a_cell_boots_moves_and_stops_and_nobody_else_gets_its_link_meanwhile(stage):

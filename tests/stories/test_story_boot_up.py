@@ -19,7 +19,8 @@ from axisbus.cli.shared.common import run
 from axisbus.core import canlink, pickup
 from axisbus.eds.builtin import resolve
 from axisbus.errors import BootError, DriveError, NodeError, NodeTimeout, StateError
-from axisbus.machine.machine import Machine, boot
+from axisbus.machine.machine import Machine
+from axisbus.machine.opening import boot
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from kit.cell import GENERIC

@@ -69,7 +69,7 @@ def test_beside_a_running_machine_it_shows_the_axes_and_disturbs_nothing(tmp_pat
             enable(axis)
         machine["x"].move_velocity(90.0).wait(10)
         since = line.moment()
-        code, told, _ = monitor(line)
+        code, told, _ = monitor(line, "--every", "1.2")
         speeds = line.speeds(since=since)
         assert min(speeds) > 85.0
         assert max(speeds) < 95.0

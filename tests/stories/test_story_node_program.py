@@ -15,7 +15,8 @@ from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core import canlink, pickup
 from axisbus.errors import BootError
-from axisbus.machine.machine import Machine, boot
+from axisbus.machine.machine import Machine
+from axisbus.machine.opening import boot
 from axisbus.sim.build import device_from_eds
 from kit.eds.loader import OLD, loader_eds, program
 from kit.probe import ENABLED

@@ -37,7 +37,7 @@ SPEED = 90.0  # deg/s
 
 
 class Row(NamedTuple):
-    """A motor at a time: deg/s, and the number of its power stage."""
+    """One motor at a time: deg/s, and the number of its power stage."""
 
     time: float
     velocity: float
@@ -45,11 +45,13 @@ class Row(NamedTuple):
 
 
 class Doomed:
-    """A program with its core and warden, whose axis turns; kills what is left of them at the end."""
+    """A program with its core and warden, whose axes turn; kills what is left of them at the end."""
 
-    def __init__(self, folder: Path, scene: str, cut: str) -> None:
+    def __init__(self, folder: Path, scene: str, cut: str, axes: str) -> None:
         self.folder = folder
-        text = cell_text("x", heartbeat=HEARTBEAT, bus='process = "own"\noptions = { history = "plant.csv" }')
+        text = cell_text(
+            axes, heartbeat=HEARTBEAT, bus='process = "own"\noptions = { history = "plant.csv" }'
+        )
         (folder / "cell.toml").write_text(text, encoding="utf-8")
         path = os.pathsep.join([str(CUTTING), str(TESTS), *filter(None, [os.environ.get("PYTHONPATH")])])
         errors = (folder / "errors.txt").open("w")
@@ -58,7 +60,7 @@ class Doomed:
             stdout=subprocess.PIPE,
             stderr=errors,
             text=True,
-            env={**os.environ, "PYTHONPATH": path, "AXISBUS_CUT": cut},
+            env={**os.environ, "PYTHONPATH": path, "AXISBUS_CUT": cut, "XDG_STATE_HOME": str(folder)},
         )
         errors.close()
         assert self.process.stdout is not None
@@ -74,18 +76,23 @@ class Doomed:
         return at
 
     def plant(self) -> list[Row]:
-        """What the motor has done so far."""
+        """What the motors have done so far."""
         with (self.folder / "plant.csv").open(encoding="utf-8") as file:
             whole = [row for row in csv.DictReader(file) if row["stage"]]
         return [Row(float(row["time"]), float(row["velocity"]) / SCALE, int(row["stage"])) for row in whole]
 
+    def journal(self) -> str:
+        """What core and warden have written down."""
+        (file,) = (self.folder / "axisbus").glob("cell-*.log")
+        return file.read_text(encoding="utf-8")
+
     def turns(self, at: float) -> bool:
-        """Whether the motor turned just before a time, as it was told to."""
+        """Whether the motors turned just before a time, as they were told to."""
         before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
         return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
 
     def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
-        """Return how many seconds after a time the motor stood for good in one of these stages; None if it does not in time."""
+        """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
         until = time.monotonic() + within
         while time.monotonic() < until:
             time.sleep(0.1)
@@ -114,9 +121,9 @@ def _lives(process: int) -> bool:
 
 
 @contextmanager
-def doomed(folder: Path, scene: str, cut: str = "") -> Iterator[Doomed]:
+def doomed(folder: Path, scene: str, cut: str = "", axes: str = "x") -> Iterator[Doomed]:
     """Let a program play its scene."""
-    one = Doomed(folder, scene, cut)
+    one = Doomed(folder, scene, cut, axes)
     try:
         yield one
     finally:
@@ -149,6 +156,18 @@ DEATHS = {
     "the core is killed while the program computes": ("computing", "core", signal.SIGKILL, "the rescue"),
     "the core hangs": ("sleeping", "core", signal.SIGSTOP, "the warden's patience"),
     "the core is told to end": ("sleeping", "core", signal.SIGTERM, NO_PROGRAM),
+    "Ctrl-C while the program computes": (
+        "computing",
+        "program",
+        signal.SIGINT,
+        "the core's ear for its program",
+    ),
+    "the program is told to end while it computes": (
+        "computing",
+        "program",
+        signal.SIGTERM,
+        "the core's ear for its program",
+    ),
     "the core's terminal is gone": ("sleeping", "core", signal.SIGHUP, NO_PROGRAM),
     "the warden is killed": ("sleeping", "warden", signal.SIGKILL, NO_WARDEN),
 }
@@ -164,6 +183,15 @@ def test_a_motor_stops_whoever_dies(tmp_path, death, whole):
         took = one.stands_after(at, REST, STOPS_WITHIN if whole else 2.0)
         assert one.turns(at)
         assert (took is not None) is whole, took
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_motors_of_a_core_with_many_axes_stop_as_soon(tmp_path, number):
+    with doomed(tmp_path, "sleeping", axes="abcdefghijkl") as one:
+        at = one.strike("core", number)
+        took = one.stands_after(at, REST)
+        assert one.turns(at)
+        assert took is not None
 
 
 @pytest.mark.parametrize(("scene", "code"), [("returning", 0), ("raising", 1)])
@@ -197,9 +225,12 @@ def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_pa
         while not told.exists() and time.monotonic() < until:
             time.sleep(0.05)
         text = told.read_text(encoding="utf-8")
+        assert one.ends("warden", 2.0)
     assert text.startswith("ScanError: x.move_relative(1e+06 deg) was ended")
     assert "it was ended by SIGKILL" in text
     assert "x: stands, held in quick stop" in text
+    assert "ERROR the core was gone: it was ended by SIGKILL; so its drives were stopped\n" in one.journal()
+    assert "ERROR x: stands, held in quick stop\n" in one.journal()
 
 
 def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
@@ -209,3 +240,6 @@ def test_when_the_program_is_killed_all_of_its_processes_end(tmp_path):
         assert one.ends("warden", 2.0)
     rows = one.plant()
     assert rows[-1].stage in OFF
+    told = one.journal()
+    assert f"for process {one.program}\n" in told
+    assert told.index("INFO leaving: the program is gone\n") < told.index("INFO the core ended\n")

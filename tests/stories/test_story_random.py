@@ -371,6 +371,17 @@ FOUND: Mapping[str, Script] = {
         scene="ranged",
         ending="with",
     ),
+    "coast and halt in one cycle, while the drive is on its way from a trajectory into another mode": Script(
+        "coasting",
+        (
+            Event(0.05, "follow", "y", -0.74),
+            Event(0.4, "move_fast", "y", 0.23),
+            Event(0.02, "coast", "y", 0.64),
+            Event(0.0, "halt", "y", 0.15),
+        ),
+        scene="ranged",
+        ending="close",
+    ),
     "another master enables a disabled drive that is slow to leave its ramp": Script(
         "lagging-much",
         (

@@ -140,7 +140,7 @@ def test_after_a_long_suspension_a_trajectory_does_not_go_on_and_does_not_jump(t
 
 @pytest.mark.nets("the drive's watchdog")
 def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stopped(tmp_path, nets_cut):
-    with master(tmp_path, nets_cut, "turning", heartbeat="200ms") as cell:
+    with master(tmp_path, nets_cut, "turning", heartbeat="500ms") as cell:
         cell._program.send(SIGSTOP)
         cell.line.must_stand(stages=OFF, for_good=0.1)
         cell._program.send(SIGCONT)
@@ -153,6 +153,6 @@ def test_a_master_suspended_for_longer_than_its_heartbeat_finds_its_drive_stoppe
 
 @pytest.mark.nets("the drive's watchdog")
 def test_the_drive_of_a_master_that_was_killed_stops_by_itself(tmp_path, nets_cut):
-    with master(tmp_path, nets_cut, "turning", heartbeat="200ms") as cell:
+    with master(tmp_path, nets_cut, "turning", heartbeat="500ms") as cell:
         cell.kill()
         cell.line.must_stand(stages=OFF)

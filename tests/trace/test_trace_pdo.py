@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.cell import reader
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 from axisbus.eds import builtin, load
 from axisbus.trace import known
 from axisbus.trace.decoded import Kind

@@ -13,7 +13,7 @@ from axisbus import Machine
 from axisbus.bus.link.listen import listen
 from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
 from axisbus.trace import filters, known

@@ -13,6 +13,7 @@ from axisbus.cell.model import BusConfig, CellConfig
 from axisbus.cell.program_file import wanted_program
 from axisbus.cell.writes import Write, axis_writes, node_writes
 from axisbus.cia301 import objects as o
+from axisbus.cia301.nmt import watched_node
 from axisbus.cia302.vocabulary import Plan, Setting
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
@@ -119,7 +120,7 @@ class Watch:
         if subindex is None:
             return None
         before = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex) or 0
-        ours = before >> 16 & 0x7F == self._bus.master_id  # left behind by a program that was killed
+        ours = watched_node(before) == self._bus.master_id  # left behind by a program that was killed
         wanted = self._bus.master_id << 16 | milliseconds
         if not self._set(o.CONSUMER_HEARTBEAT, subindex, wanted, 0 if ours else before):
             return None
@@ -151,9 +152,10 @@ class Watch:
         free = None
         for subindex in range(1, (count or 0) + 1):
             value = read_int(self._objects, o.CONSUMER_HEARTBEAT, subindex)
-            if value is not None and value >> 16 & 0x7F == self._bus.master_id:
+            watched = None if value is None else watched_node(value)
+            if watched == self._bus.master_id:
                 return subindex
-            if free is None and value is not None and (not value & 0xFFFF or not value >> 16 & 0x7F):
+            if free is None and watched == 0:
                 free = subindex
         return free
 

@@ -16,12 +16,13 @@ for a stand-in without one; ``Comms`` is what only a bus has.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
 
 from axisbus.boot import dcf, error_state, program_text
 from axisbus.boot import identity as ids
+from axisbus.boot.booted import Booted
 from axisbus.boot.configure import Watch, plan_of
 from axisbus.boot.failure import NAMES_NO_ERROR, SILENT_OR_STRANGE, as_error, at_step
 from axisbus.boot.objects import Objects, Progress, read_int
@@ -90,16 +91,6 @@ class Comms(Nmt, Protocol):
 
     def state(self) -> str:
         """Return the node's NMT state in words."""
-
-
-@dataclass(slots=True)
-class Booted:
-    """A node that is up: what it reported, the parameters of its axes, and how to let it go again."""
-
-    report: NodeReport
-    parameters: dict[str, AxisParameters]
-    watch: Watch | None = None
-    found_enabled: bool = False
 
 
 class NodeBoot:

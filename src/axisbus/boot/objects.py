@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from axisbus.cia301.datatypes import DataType, Value, decode, encode
 from axisbus.cia301.sdo import Way
 from axisbus.errors import SdoAbort, SdoTimeout
-from axisbus.sim.device import Device
+
+if TYPE_CHECKING:  # who has drives on a bus has no need of simulated ones
+    from axisbus.sim.device import Device
 
 Progress = Callable[[int, int | None], None]  # bytes done, bytes in all (None: not known)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
-from axisbus.cell.problem import errors
+from axisbus.cell.problem import Problem, errors
 from axisbus.check.run import check_cell
 
 
@@ -18,7 +18,13 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
         ConfigError: there is an error; the first is told, and the others listed.
     """
     cell, problems = reader.read(path)
-    wrong = errors(problems if cell is None else check_cell(cell, problems))
-    if cell is None or wrong:
-        raise reader.as_exception(wrong)
+    if cell is None:
+        raise reader.as_exception(errors(problems))
+    require_sound(cell, problems)
     return replace(cell, bus=replace(cell.bus, beside=True)) if beside else cell
+
+
+def require_sound(cell: CellConfig, problems: list[Problem]) -> None:
+    """Raise ``ConfigError`` as ``checked`` does; ``problems`` are what reading the cell has found. Blocks for its files."""
+    if wrong := errors(check_cell(cell, problems)):
+        raise reader.as_exception(wrong)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from axisbus.cia301.cob import NODE_IDS
+
 TOGGLE_BIT = 0x80  # of node guarding, in the byte that holds the state
 
 
@@ -67,3 +69,9 @@ RESULT = {
     NmtCommand.RESET_NODE: NmtState.INITIALISING,
     NmtCommand.RESET_COMMUNICATION: NmtState.INITIALISING,
 }
+
+
+def watched_node(entry: int) -> int:
+    """Return the node whose heartbeat an entry of 1016h watches; 0 where it is not used: no time, or no node-ID (1 to 127)."""
+    node = entry >> 16 & 0xFF
+    return node if entry & 0xFFFF and node in NODE_IDS else 0

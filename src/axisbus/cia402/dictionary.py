@@ -98,7 +98,7 @@ def _row(standard: str, line: Mapping[str, str]) -> Row:
     return Row(
         standard,
         _range(line["index"]),
-        _range(line["subindex"] or "0") if line["subindex"] or object_type == "VAR" else range(0),
+        _range(line["subindex"] or "0") if object_type == "VAR" else range(0),
         line["name"],
         object_type,
         line["data_type"],
@@ -139,5 +139,5 @@ _BY_INDEX = {
 NAMES: Mapping[str, tuple[int, int]] = {
     row.name.lower(): (row.index, 0)
     for row in (found[0] for found in reversed(_BY_INDEX.values()))
-    if row.single and row.subindices == range(1)
+    if row.subindices == range(1)
 }

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from axisbus.cia301 import cob, emcy
 from axisbus.cia301 import objects as cia301
+from axisbus.cia301.nmt import watched_node
 from axisbus.cia402 import controlword, homing, modes, options, state, statusword
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
@@ -90,8 +91,8 @@ def _error_code(value: int, _: ModeOfOperation | None) -> str:
 
 
 def _consumer(value: int, _: ModeOfOperation | None) -> str:
-    node, time = value >> 16 & 0x7F, value & 0xFFFF
-    return f"node {node} within {time} ms" if node and time else "off"
+    node = watched_node(value)
+    return f"node {node} within {value & 0xFFFF} ms" if node else "off"
 
 
 def _signature(letters: str, does: str, order: str) -> Meaning:
@@ -108,9 +109,9 @@ def _transmission(value: int, _: ModeOfOperation | None) -> str:
         return "synchronous, acyclic"
     if value <= 240:
         return "with every SYNC" if value == 1 else f"with every {value}th SYNC"
-    return {252: "on remote request", 253: "on remote request"}.get(
-        value, "event-driven" if value >= 254 else "reserved"
-    )
+    if value >= 254:
+        return "event-driven"
+    return "on remote request" if value >= 252 else "reserved"
 
 
 # -- drives (CiA 402-2) ----------------------------------------------------------------------------------------------------------
@@ -254,7 +255,7 @@ _ELEMENTS: Mapping[int, Meaning] = {
     cia301.STORE_PARAMETERS: _signature("save", "stores", "store"),
     cia301.RESTORE_DEFAULTS: _signature("load", "restores", "restore defaults"),
     cia301.CONSUMER_HEARTBEAT: Meaning(
-        (Table("Bits", "bit", (("0-15", "heartbeat time in ms"), ("16-22", "node ID that is watched"))),),
+        (Table("Bits", "bit", (("0-15", "heartbeat time in ms"), ("16-23", "node ID that is watched"))),),
         _consumer,
     ),
 }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from axisbus.cell import reader
 from axisbus.cli.shared.common import (
     FAILURE,
     OK,
@@ -19,7 +20,8 @@ from axisbus.cli.shared.common import (
 )
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.machine.machine import boot
+from axisbus.core.process.launch import expected
+from axisbus.machine.opening import boot
 from axisbus.wording import counted
 
 _LABEL = "booting"
@@ -89,6 +91,7 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
     for report in reports:
         say(report.text())
     say(f"{up} of {counted(len(reports), 'node')} came up")
+    say_note(f"the core of a program that opens this cell runs {expected(reader.load(cell).bus)}")
     if failed:
         say_next("mend what FAILED says, and boot again; who is there: axisbus scan " + str(cell))
         return FAILURE

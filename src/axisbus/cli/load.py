@@ -73,7 +73,7 @@ def command(
 def _planned(path: Path, bitrate: int | None) -> dict[str, Any]:
     from axisbus.cell import reader
     from axisbus.check.traffic import streams
-    from axisbus.core.runtime import load_dictionaries
+    from axisbus.core.files import load_dictionaries
 
     cell = reader.load(path)
     rate = bitrate or _rate(cell, None, None)

@@ -7,8 +7,8 @@ import sys
 
 import click
 
-from axisbus import __version__
 from axisbus.cli.shared.lazy import LazyGroup
+from axisbus.version import __version__
 
 # In the order of a commissioning.
 COMMANDS = {

@@ -12,8 +12,8 @@ from axisbus.bus.link.listenonly import manner
 from axisbus.cell import reader
 from axisbus.cia301.mastersigns import words
 from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.core.files import load_dictionaries
 from axisbus.core.listening import listen_to
-from axisbus.core.runtime import load_dictionaries
 from axisbus.drives.gim6010.factory import told
 from axisbus.machine.overview import Beat, NodeHeard, Overview
 from axisbus.trace import plain, text

@@ -24,6 +24,7 @@ from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import DataType, Value, decode, size_in_bytes
+from axisbus.cia301.nmt import watched_node
 from axisbus.cia402 import objects as c402
 from axisbus.cia402 import state
 from axisbus.cia402.axes import COUNT, first_axis, own_index
@@ -208,7 +209,7 @@ def _watched(node: Node) -> list[int]:
     entries = [
         _number(node, c301.CONSUMER_HEARTBEAT, subindex) or 0 for subindex in range(1, min(count, 16) + 1)
     ]
-    return [entry >> 16 & 0x7F for entry in entries if entry & 0xFFFF and entry >> 16 & 0x7F]
+    return [watched for watched in map(watched_node, entries) if watched]
 
 
 def _require_size(node: Node, entry: Entry, kind: DataType | None, before: bytes | None) -> None:

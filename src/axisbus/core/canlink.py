@@ -9,8 +9,9 @@ from contextlib import ExitStack, suppress
 from datetime import datetime
 from functools import partial
 
+from axisbus.boot.booted import Booted
 from axisbus.boot.comms import CanComms
-from axisbus.boot.node import Booted, NodeBoot
+from axisbus.boot.node import NodeBoot
 from axisbus.bus.cycle import CanCycle
 from axisbus.bus.link import ownership
 from axisbus.bus.link.alone import require_alone

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from axisbus.boot.node import Booted
+from axisbus.boot.booted import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port, Waiter
@@ -16,14 +17,16 @@ from axisbus.core.pickup import Pickup
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scanthread import ScanThread
-from axisbus.core.stand_in import StandIn
+from axisbus.core.tuning import IN_A_THREAD
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.stop.leaving import ladder_time
 from axisbus.motion.stop.policy import LostNode
 from axisbus.session import Session
+
+if TYPE_CHECKING:
+    from axisbus.core.stand_in import StandIn
 
 _CLOSE_MARGIN = 2.0  # seconds
 _FIRST_VALUES = (
@@ -136,7 +139,7 @@ class Core:
     @property
     def degree(self) -> str:
         """How surely its cycles come in time, in words."""
-        return "in a thread of the program" if self.realtime else "in virtual time"
+        return IN_A_THREAD if self.realtime else "in virtual time"
 
     @property
     def booted(self) -> Mapping[int, Booted]:
@@ -168,7 +171,10 @@ class Core:
 
     def await_values(self) -> None:
         """Block until every axis has been heard of since the scan began, or the scan has ended, at most a second."""
-        self._waiter.wait(self._has_values, _FIRST_VALUES)
+        period = self.cell.bus.scan_period
+        for _ in range(math.ceil(_FIRST_VALUES / period)):
+            if self._waiter.wait(self._has_values, period):
+                return
 
     def leave(self, reason: str) -> list[AxisbusError]:
         """Stop every axis that was commanded, end the scan, leave the nodes as is right for each, and return what went wrong.
@@ -203,7 +209,7 @@ class Core:
     def _stop_axes(self, reason: str) -> None:
         """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
         scan = self.scan
-        times = [ladder_time(core.parameters.stop_times) for core in scan.axes.values()]
+        times = [core.parameters.stop_times.ladder for core in scan.axes.values()]
         until = scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
         scan.request_stop(reason)
         interruption: BaseException | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from axisbus.boot.node import Booted
+from axisbus.boot.booted import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia402.starvation import REMEDY
 from axisbus.core.ending import remedy_of

@@ -5,10 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from axisbus.boot.node import Booted
 from axisbus.cia402.port import Port
 from axisbus.errors import AxisbusError, BusOff, StateError
+
+if TYPE_CHECKING:
+    from axisbus.boot.booted import Booted
 
 ASK_EVERY = 1.0  # seconds
 _LEAVE_TIME = 6.0  # seconds that a boot-up under way may take at the end

@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
+from typing import TypeVar
 
-from axisbus.boot.node import Booted
+from axisbus.boot.booted import Booted
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.parallel import in_parallel
-from axisbus.cell.model import CellConfig
 from axisbus.cia402.port import Port
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.parting import partings
 from axisbus.core.pickup import Late
 from axisbus.core.stand_in import StandIn
-from axisbus.eds import load
-from axisbus.eds.builtin import resolve
-from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.link import Link, Stopped
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
+T = TypeVar("T")
 CellLink = Link[Booted, NodeParts, ControllerEvent]
 
 
@@ -72,6 +70,16 @@ class Runtime:
         up = [booted for booted in self.booted.values() if booted.report.ok]
         return {name: value for booted in up for name, value in booted.parameters.items()}
 
+    def use(self, make: Callable[[Runtime], T]) -> T:
+        """Return what ``make`` makes of it, once every node is there that must be; else, and where that fails, leave the nodes."""
+        try:
+            require_all(self.booted)
+            self.link.ready()
+            return make(self)
+        except BaseException:
+            self.leave()
+            raise
+
     def leave(self, cores: Mapping[str, AxisCore] | None = None, rescued: Iterable[Stopped] = ()) -> None:
         """Leave the nodes as is right for each, and release everything, whatever fails on the way; as ``parting.partings``."""
         for work in (partial(self.link.leave, partings(self.booted, cores or {}, rescued)), self.link.close):
@@ -93,17 +101,6 @@ class Runtime:
         booted = self.link.boot(node_id)
         self.nodes[node_id] = self.link.parts(node_id)
         return booted, self.link.ports(node_id)
-
-
-def load_dictionaries(cell: CellConfig) -> dict[int, Eds]:
-    """Read the EDS or DCF of every node; blocks for as long as that takes.
-
-    Raises:
-        EdsError: one is missing or cannot be read.
-    """
-    return {
-        node_id: load(resolve(node.file or "", cell.folder)) for node_id, node in sorted(cell.nodes.items())
-    }
 
 
 def require_all(booted: Mapping[int, Booted]) -> None:

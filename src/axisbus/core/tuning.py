@@ -17,7 +17,10 @@ _SWITCH_INTERVAL = (
     0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
 )
 SPIN = 0.0001  # seconds before a cycle is due, for which the scan only looks at the clock: what a sleep may end late
-_PR_SET_TIMERSLACK = 29  # linux/prctl.h
+OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
+FIFO, LOCKED = "SCHED_FIFO", "memory locked"
+_CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
+_PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
 _OF_OTHERS, _OF_SCAN = (
     10,
     50,
@@ -34,6 +37,13 @@ def wake_in_time() -> None:
             ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
+def call_process(name: str) -> None:
+    """Have the system call this process so, where it shows a short name (Linux; 15 characters)."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
+
+
 def take_priority() -> list[str]:
     """Give all threads of this process real-time priority, and keep its memory in memory, as far as is permitted (Linux).
 
@@ -43,11 +53,34 @@ def take_priority() -> list[str]:
     with suppress(OSError):
         for task in Path("/proc/self/task").iterdir():
             os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(_OF_OTHERS))
-        got.append("SCHED_FIFO")
+        got.append(FIFO)
     with suppress(OSError, AttributeError):
         if ctypes.CDLL(None, use_errno=True).mlockall(_LOCKED) == 0:
-            got.append("memory locked")
+            got.append(LOCKED)
     return got
+
+
+def permitted() -> list[str]:
+    """Return what ``take_priority`` would get, in the same words, without taking it (Linux)."""
+    if sys.platform != "linux":
+        return []
+    import resource  # only Unix has it
+
+    rights = _rights()
+    ranks, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    may = {
+        FIFO: rights >> _CAP_SYS_NICE & 1 or ranks == resource.RLIM_INFINITY or ranks >= _OF_SCAN,
+        LOCKED: rights >> _CAP_IPC_LOCK & 1 or memory == resource.RLIM_INFINITY,
+    }
+    return [what for what, allowed in may.items() if allowed]
+
+
+def _rights() -> int:
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return int(next(line for line in lines if line.startswith("CapEff:")).split()[1], 16)
+    return 0
 
 
 def lead() -> None:

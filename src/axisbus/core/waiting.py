@@ -5,10 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from axisbus.core.inherited import inherited
-from axisbus.core.scan import Scan
 from axisbus.errors import AxisbusError, StateError
+
+if TYPE_CHECKING:  # who waits for another process has no scan
+    from axisbus.core.scan import Scan
 
 
 class ThreadWaiter:

@@ -1,6 +1,6 @@
 """EDS and DCF files: what they say, with line numbers.
 
-What compares files is loaded when it is first used.
+The names below are loaded when they are first used: who only looks for a cell file needs no reader of EDS files.
 """
 
 from __future__ import annotations
@@ -8,17 +8,30 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from axisbus.eds import writer
-from axisbus.eds.checking import check
-from axisbus.eds.io.canopen_text import canopen_text
-from axisbus.eds.io.reader import load, loads
-from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
-
 if TYPE_CHECKING:
+    from axisbus.eds import writer
+    from axisbus.eds.checking import check
+    from axisbus.eds.io.canopen_text import canopen_text
+    from axisbus.eds.io.reader import load, loads
+    from axisbus.eds.model import Eds, Finding, Number, Object, ObjectType, Severity, Variable
     from axisbus.eds.report.compare import diff
     from axisbus.eds.report.difference import Difference
 
-_HOME = {"Difference": "axisbus.eds.report.difference", "diff": "axisbus.eds.report.compare"}
+_HOME = {
+    "Difference": "axisbus.eds.report.difference",
+    "Eds": "axisbus.eds.model",
+    "Finding": "axisbus.eds.model",
+    "Number": "axisbus.eds.model",
+    "Object": "axisbus.eds.model",
+    "ObjectType": "axisbus.eds.model",
+    "Severity": "axisbus.eds.model",
+    "Variable": "axisbus.eds.model",
+    "canopen_text": "axisbus.eds.io.canopen_text",
+    "check": "axisbus.eds.checking",
+    "diff": "axisbus.eds.report.compare",
+    "load": "axisbus.eds.io.reader",
+    "loads": "axisbus.eds.io.reader",
+}
 
 __all__ = [
     "Difference",
@@ -39,6 +52,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "writer":
+        return importlib.import_module("axisbus.eds.writer")
     if name not in _HOME:
         raise AttributeError(f"module 'axisbus.eds' has no attribute {name!r}")
     return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -13,8 +13,8 @@ from axisbus.bus.parallel import in_parallel
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.core.canlink import open_channel
+from axisbus.core.files import load_dictionaries
 from axisbus.core.node_stop import NodeStop
-from axisbus.core.runtime import load_dictionaries
 from axisbus.errors import BusError
 from axisbus.link import Stopped
 

@@ -21,8 +21,10 @@ a signal that comes in between waits until it has.
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
+import socket
 import sys
 import threading
 from collections.abc import Callable
@@ -31,10 +33,9 @@ from types import CodeType, FrameType
 from typing import Any
 
 from axisbus.bus.link.inherited import disown_in_children
+from axisbus.core.process.ear import STOPPING
 from axisbus.machine.wakeup import Wakeup
 from axisbus.session import AxisSession
-
-_SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +63,7 @@ class ExitSignals:
         ] = {}  # with the number of signals that had come before it was there
         self._before: dict[signal.Signals, Any] = {}
         self._wakeup: Wakeup | None = None
+        self._ends: tuple[socket.socket, socket.socket] | None = None
         self._heard = 0
         self._handled = 0
         self.pending: BaseException | None = None
@@ -82,7 +84,7 @@ class ExitSignals:
         self._take_over()
         if listen and self._wakeup is None:
             self._handled = self._heard = self._came
-            self._wakeup = Wakeup(frozenset(_SIGNALS), self._hear, lambda: self._handled >= self._heard)
+            self._wakeup = Wakeup(STOPPING, self._hear, lambda: self._handled >= self._heard, self.ends)
             self._wakeup.start()
 
     def part(self, session: AxisSession) -> None:
@@ -104,7 +106,22 @@ class ExitSignals:
         if self._wakeup is not None:
             self._wakeup.drop()
             self._wakeup = None
+        self.close_ends()
         self._give_back()
+
+    @property
+    def ends(self) -> tuple[socket.socket, socket.socket]:
+        """Out of which signals are read, and into which they are written; the same as long as this process lives."""
+        if self._ends is None:
+            self._ends = socket.socketpair()
+            self._ends[1].setblocking(False)
+        return self._ends
+
+    def close_ends(self) -> None:
+        """Let go of them: the process ends, or is another one now."""
+        for end in self._ends or ():
+            end.close()
+        self._ends = None
 
     @property
     def listens(self) -> bool:
@@ -116,7 +133,7 @@ class ExitSignals:
         return max(self._heard, self._handled)
 
     def _take_over(self) -> None:
-        for number in _SIGNALS:
+        for number in map(signal.Signals, STOPPING):
             now = signal.getsignal(number)
             if now != self._handle:
                 self._before[number] = now
@@ -176,10 +193,13 @@ class ExitSignals:
 
     def _ask(self, number: int, count: int) -> None:
         for session, before in self._sessions.items():
-            session.request_stop(_SIGNALS[signal.Signals(number)], quick=count - before > 1)
+            session.request_stop(STOPPING[signal.Signals(number)], quick=count - before > 1)
 
 
 EXIT = ExitSignals()
+atexit.register(
+    EXIT.close_ends
+)  # before any machine is there, so that it is called after they have been closed
 disown_in_children(EXIT)
 
 
@@ -195,7 +215,7 @@ _held = _Held()
 def _before_fork() -> None:
     """Hold the signals back: one that reached the child before it has disowned us would be heard by us."""
     if EXIT.listens:
-        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+        _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, STOPPING)
 
 
 def _after_fork() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import threading
 import time
@@ -195,10 +194,14 @@ def _log_aside(text: str, name: str, error: BaseException) -> None:
 
 
 def _task() -> int:
+    import asyncio  # only a program that awaits has need of it
+
     return id(asyncio.current_task())
 
 
 async def _await(handle: Handle, waiter: Waiter) -> None:
+    import asyncio
+
     pump = getattr(waiter, "pump", None)
     if pump is not None:
         while handle.busy:

@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-import asyncio
 import atexit
-import gc
-import itertools
 import logging
-import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-from axisbus.boot.node import Booted
-from axisbus.boot.report import NodeReport
-from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.link.inherited import disown_in_children
-from axisbus.bus.node.events import NodeEvent
 from axisbus.cell.model import SIMULATED, CellConfig
-from axisbus.check.checked import checked
-from axisbus.cia301.drops import Drop
-from axisbus.core.direct import DirectLink
-from axisbus.core.owner import Core, Owner
-from axisbus.core.runtime import Runtime, load_dictionaries, require_all
-from axisbus.core.stand_in import StandIn
 from axisbus.errors import AxisbusError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
-from axisbus.machine.node_access import NodeAccess
+from axisbus.machine.opening import opened, simulated
 from axisbus.machine.roster import Roster
 from axisbus.session import LatenessReport, Session
-from axisbus.sim.device import Device
+
+if TYPE_CHECKING:  # who only looks at axes has no need of them
+    from axisbus.boot.booted import Booted
+    from axisbus.boot.report import NodeReport
+    from axisbus.bus.link.controller import ControllerEvent
+    from axisbus.bus.node.events import NodeEvent
+    from axisbus.cia301.drops import Drop
+    from axisbus.core.owner import Owner
+    from axisbus.core.stand_in import StandIn
+    from axisbus.machine.node_access import NodeAccess
+    from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
 
@@ -76,19 +73,7 @@ class Machine:
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
-        cell = checked(path, beside)
-        from axisbus.core.process.launch import Processes, wanted
-
-        if wanted(cell.bus):
-            from axisbus.core.process.client import RemoteCore
-
-            return cls(cell, RemoteCore(cell, Processes(cell)))._begun()
-        from axisbus.core.canlink import CanLink
-
-        dictionaries = load_dictionaries(cell)
-        gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
-        link = CanLink(cell, dictionaries)
-        return cls._start(cell, Runtime(link, dictionaries, link.stand_ins), realtime=True)
+        return cls(*opened(path, beside))._begun()
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
@@ -96,20 +81,7 @@ class Machine:
 
         ``devices`` replaces the stand-ins, by node ID. Raises as ``open``.
         """
-        cell = checked(path)
-        link = DirectLink(cell, dictionaries := load_dictionaries(cell), devices)
-        return cls._start(cell, Runtime(link, dictionaries, link.stand_ins), realtime=False)
-
-    @classmethod
-    def _start(cls, cell: CellConfig, runtime: Runtime, realtime: bool) -> Machine:
-        try:
-            require_all(runtime.booted)
-            runtime.link.ready()
-            machine = cls(cell, Core(cell, runtime, realtime))
-        except BaseException:
-            runtime.leave()
-            raise
-        return machine._begun()
+        return cls(*simulated(path, devices))._begun()
 
     def _begun(self) -> Machine:
         """Let the scan run, and return itself."""
@@ -175,6 +147,8 @@ class Machine:
         if (
             node_id not in self._nodes or self._nodes[node_id].parts is not parts
         ):  # one that came late has new ones
+            from axisbus.machine.node_access import NodeAccess
+
             self._nodes[node_id] = NodeAccess(parts)
         return self._nodes[node_id]
 
@@ -278,6 +252,8 @@ class Machine:
             self.__exit__(kind, error, trace)
             return
         try:
+            import asyncio
+
             await asyncio.to_thread(self.__exit__, kind, error, trace)
         finally:
             EXIT.part(self.session)  # once more: only the main thread can give signals back
@@ -347,40 +323,6 @@ class Machine:
 
 
 EXIT.keep_within(Machine.__exit__, Machine.close, Machine._close)
-
-
-def boot(
-    path: str | Path,
-    progress: Callable[[int, int], None] | None = None,
-    on_program: Callable[[int, int, int | None], None] | None = None,
-    *,
-    beside: bool = False,
-) -> list[NodeReport]:
-    """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
-
-    A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
-    and that of all; ``on_program`` with a node's ID, and the bytes of its new program that have arrived and that there are, in the
-    thread of that node. ``beside``: even where another master is heard.
-
-    Raises:
-        ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
-    """
-    from axisbus.core.canlink import CanLink
-
-    cell = checked(path, beside)
-    lock, through = threading.Lock(), itertools.count(1)
-
-    def told(_: Booted) -> None:
-        if progress is not None:
-            with lock:  # the nodes are booted in parallel
-                progress(next(through), len(cell.nodes))
-
-    link = CanLink(cell, dictionaries := load_dictionaries(cell), on_program)
-    runtime = Runtime(link, dictionaries, link.stand_ins, told)
-    try:
-        return [booted.report for booted in runtime.booted.values()]
-    finally:
-        runtime.leave()
 
 
 def _add_notes(error: BaseException, failures: list[AxisbusError]) -> None:

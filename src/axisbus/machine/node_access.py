@@ -18,7 +18,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.core.directnode import DirectNode
+from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_parts import NodeParts
 from axisbus.drives.emergency import history_words, incident_words
 from axisbus.drives.registry import find

@@ -17,7 +17,7 @@ from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities
 from axisbus.cia402.state import State
-from axisbus.core.runtime import load_dictionaries
+from axisbus.core.files import load_dictionaries
 from axisbus.errors import LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING
 
-from axisbus.boot.node import Booted
 from axisbus.cell.model import CellConfig
 from axisbus.core.pickup import absent_axis
 from axisbus.errors import ArgumentError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.groups import Group
-from axisbus.machine.node_access import NodeAccess
 from axisbus.motion.parameters import AxisParameters
+
+if TYPE_CHECKING:
+    from axisbus.boot.booted import Booted
+    from axisbus.machine.node_access import NodeAccess
 
 
 class Roster:

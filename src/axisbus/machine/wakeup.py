@@ -11,11 +11,12 @@ and not counted again.
 from __future__ import annotations
 
 import os
+import selectors
 import signal
 import socket
 import threading
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from contextlib import suppress
 
 _PATIENCE = 0.2  # seconds that the handler may take before the main thread is woken
@@ -27,15 +28,21 @@ class Wakeup:
     """A thread that calls ``heard(number)`` for each signal of ``numbers``; holds the descriptor that was there before."""
 
     def __init__(
-        self, numbers: frozenset[signal.Signals], heard: Callable[[int], None], handled: Callable[[], bool]
+        self,
+        numbers: Container[int],
+        heard: Callable[[int], None],
+        handled: Callable[[], bool],
+        ends: tuple[socket.socket, socket.socket],
     ) -> None:
-        """``handled`` tells whether the handler has run for all that was heard; both are called in the thread."""
+        """``handled`` tells whether the handler has run for all that was heard; both are called in the thread.
+
+        ``ends``: out of which it reads, and into which signals are written; the caller's.
+        """
         self._numbers = numbers
         self._heard = heard
         self._handled = handled
         self._echoes: Counter[int] = Counter()
-        self._inside, self._outside = socket.socketpair()
-        self._outside.setblocking(False)
+        self._inside, self._outside = ends
         self._before = _NOBODY
         self._thread = threading.Thread(target=self._run, name="axisbus signals", daemon=True)
 
@@ -54,18 +61,21 @@ class Wakeup:
         with suppress(OSError):
             self._outside.send(_END)
         self._thread.join(1.0)
-        self._inside.close()
-        self._outside.close()
 
     def drop(self) -> None:
         """Let go of what a forked child has inherited: it would hear, and answer for, its parent."""
         signal.set_wakeup_fd(_NOBODY)
-        self._inside.close()
-        self._outside.close()
 
     def _run(self) -> None:
-        while (number := self._inside.recv(1)) not in (_END, b""):
+        while (number := self._next()) not in (_END, b""):
             self._hear(number[0])
+
+    def _next(self) -> bytes:
+        """Wait for a signal, and take it only when this thread runs again: until then it can be seen that nobody has."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._inside, selectors.EVENT_READ)
+            selector.select()
+        return self._inside.recv(1)
 
     def _hear(self, number: int) -> None:
         if self._echoes[number]:

@@ -91,11 +91,16 @@ class Homing:
 
 @dataclass(frozen=True, slots=True)
 class StopTimes:
-    """Deadline of each rung of the stop ladder in seconds (DESIGN: halt, quick stop, power off)."""
+    """Deadline of each rung of the stop ladder in seconds: halt, quick stop, power off."""
 
     halt: float = 2.0
     quick_stop: float = 1.0
     disable: float = 3.0  # three transitions, with a brake's time
+
+    @property
+    def ladder(self) -> float:
+        """Seconds that all rungs may take, with the power taken down at its end."""
+        return self.halt + self.quick_stop + 2 * self.disable
 
 
 @dataclass(frozen=True, slots=True)

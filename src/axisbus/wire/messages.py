@@ -51,11 +51,12 @@ class NodeFacts:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time."""
+    """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time, ``process`` where (its ID)."""
 
     nodes: dict[int, NodeFacts]
     axes: dict[str, AxisFacts]
     degree: str
+    process: int
 
 
 @dataclass(frozen=True, slots=True)

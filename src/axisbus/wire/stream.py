@@ -66,6 +66,11 @@ class Stream:
         with suppress(OSError):
             self._line.shutdown(socket.SHUT_RDWR)
 
+    def say_no_more(self) -> None:
+        """Tell the far end that nothing more is sent; what it says until it goes can be read."""
+        with suppress(OSError):
+            self._line.shutdown(socket.SHUT_WR)
+
     def finish(self) -> None:
         """End the connection, and release it; for the one who reads, when there is nothing more to be read."""
         self.close()

@@ -1,7 +1,7 @@
-"""A program with a core of its own whose axis turns, until something happens to one of its processes.
+"""A program with a core of its own whose axes turn, until something happens to one of its processes.
 
 ``python -m kit.stories.doomed FOLDER SCENE``: the cell file is FOLDER/cell.toml. It prints ``ready PROGRAM WARDEN CORE`` (process
-IDs) when the axis turns, and appends to FOLDER/told.txt what it was told afterwards.
+IDs) when they turn, and appends to FOLDER/told.txt what it was told afterwards.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from axisbus.core.process.client import RemoteCore
 from axisbus.errors import AxisbusError
 from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
@@ -21,21 +22,20 @@ LONG = 30.0
 
 
 def turning(folder: Path) -> tuple[Machine, Handle]:
-    """Open the machine and let its axis turn for long."""
+    """Open the machine and let its axes turn for long; return it with what the first one was told."""
     machine = Machine.open(folder / "cell.toml")
-    machine["x"].enable().wait(20)
-    handle = machine["x"].move_relative(1e6, velocity=90.0)
+    for enabled in [axis.enable() for axis in machine]:
+        enabled.wait(20)
+    handle, *_ = [axis.move_relative(1e6, velocity=90.0) for axis in machine]
     time.sleep(0.5)
     return machine, handle
 
 
 def ready(machine: Machine) -> None:
     """Tell who is who."""
-    warden = machine._core._process._warden.pid  # type: ignore[attr-defined]
-    core = subprocess.run(
-        ["pgrep", "-P", str(warden)], capture_output=True, text=True, check=True
-    ).stdout.split()[0]
-    print("ready", os.getpid(), warden, core, flush=True)
+    owner = machine._core
+    assert isinstance(owner, RemoteCore)
+    print("ready", os.getpid(), owner._process._warden.pid, owner.process, flush=True)
 
 
 def sleeping(folder: Path) -> None:

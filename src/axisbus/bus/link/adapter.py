@@ -10,11 +10,8 @@ import can
 from can.interfaces import VALID_INTERFACES
 
 from axisbus.bus.link import socketcan
+from axisbus.bus.link.interfaces import RATE_ELSEWHERE, sets_rate
 from axisbus.errors import AdapterError, ArgumentError
-
-NO_RATE = frozenset({"virtual", "udp_multicast"})  # interfaces without a wire
-# Interfaces whose bitrate is not ours to set: the link, a daemon, or no wire at all.
-_RATE_ELSEWHERE = NO_RATE | {"socketcan", "socketcand"}
 
 # What python-can needs beside itself for an interface.
 _NEEDS: Mapping[str, str] = {
@@ -42,11 +39,6 @@ _SERIAL_SEND_TIMEOUT = {"slcan": 0.05, "robotell": 0.05}
 def send_timeout(interface: str) -> float | None:
     """Return the time-out in seconds to give to python-can's ``send``; None where giving one would make it wait for the wire."""
     return _SERIAL_SEND_TIMEOUT.get(interface)
-
-
-def sets_rate(interface: str, options: Mapping[str, object]) -> bool:
-    """Whether the bit rate is set when the adapter is opened, by ``bitrate`` alone."""
-    return interface not in _RATE_ELSEWHERE and "timing" not in options
 
 
 def open_adapter(
@@ -131,7 +123,7 @@ def _construct(
     interface: str, channel: str | int | None, bitrate: int | None, options: dict[str, object]
 ) -> can.BusABC:
     arguments: dict[str, object] = dict(options)
-    if bitrate is not None and interface not in _RATE_ELSEWHERE:
+    if bitrate is not None and interface not in RATE_ELSEWHERE:
         arguments["bitrate"] = bitrate
     try:
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from enum import Enum
 
-from axisbus.bus.link import adapter, socketcan
+from axisbus.bus.link import interfaces, socketcan
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.lss import LssMaster
 from axisbus.bus.node import discover
@@ -49,9 +49,9 @@ class Opening:
     @property
     def own_rate(self) -> OwnRate:
         """Who sets the rate: we, the system, or nobody."""
-        if self.interface in adapter.NO_RATE:
+        if self.interface in interfaces.NO_RATE:
             return OwnRate.NONE
-        return OwnRate.REOPENED if adapter.sets_rate(self.interface, self.options) else OwnRate.SYSTEM
+        return OwnRate.REOPENED if interfaces.sets_rate(self.interface, self.options) else OwnRate.SYSTEM
 
     def open(self, bitrate: int | None = None) -> Channel:
         """Open it, at ``bitrate`` where given; blocks and raises as ``Channel.open``."""

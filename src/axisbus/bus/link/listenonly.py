@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import can
 
-from axisbus.bus.link.adapter import NO_RATE
+from axisbus.bus.link.interfaces import NO_RATE
 
 # Interfaces whose controller then acknowledges nothing and sends no error flag either, by python-can 4.6's own options. Left out
 # are those where it is a property of the controller, which another program on this computer may be using: kvaser, nixnet, and

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from axisbus.bus.link import adapter, listenonly
+from axisbus.bus.link import interfaces, listenonly
 from axisbus.bus.link.listen import listen
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
@@ -44,7 +44,7 @@ class Heard:
 
 def possible(interface: str, options: Mapping[str, object]) -> bool:
     """Whether an adapter can be opened in listen-only mode, at a rate of our choice."""
-    return listenonly.can_be_silent(interface) and adapter.sets_rate(interface, options)
+    return listenonly.can_be_silent(interface) and interfaces.sets_rate(interface, options)
 
 
 def find(

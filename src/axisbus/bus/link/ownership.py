@@ -14,7 +14,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from axisbus.bus.link.adapter import NO_RATE
+from axisbus.bus.link.interfaces import NO_RATE
 from axisbus.errors import SecondMasterError
 
 _CREDENTIALS = struct.Struct("3i")  # process, user and group ID (SO_PEERCRED)

@@ -1,4 +1,4 @@
-"""A CAN line between two processes of one computer: python-can's bus on one end of a socket pair, a frame in each packet."""
+"""python-can's bus on one end of a line between two processes of one computer (``bus.link.cable``)."""
 
 from __future__ import annotations
 
@@ -13,15 +13,6 @@ from axisbus.bus.link.line import EXTENDED, FRAME, REMOTE
 from axisbus.cia301 import cob
 
 _PAUSE = 0.05  # seconds
-_ROOM = 1 << 18  # bytes; some thousand frames
-
-
-def line() -> tuple[socket.socket, socket.socket]:
-    """Return the two ends of a new line."""
-    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    for end in ends:
-        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM)
-    return ends
 
 
 class PairBus(can.BusABC):
@@ -31,7 +22,7 @@ class PairBus(can.BusABC):
     """
 
     def __init__(self, end: socket.socket, *, of_drives: bool = False) -> None:
-        """``end``: of ``line``; it is closed by ``shutdown``. ``of_drives``: go on without the other end, as drives on a bus do."""
+        """``end``: of a ``cable``; it is closed by ``shutdown``. ``of_drives``: go on without the other end, as drives do."""
         self.alone = False
         self._of_drives = of_drives
         super().__init__(channel=f"line {end.fileno()}")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import click
 
-from axisbus import __version__
 from axisbus.cli.eds import check_text as text
 from axisbus.cli.eds.files import expanded, say_lines
 from axisbus.cli.shared.common import OK, WRONG, misuse, progress_bar, say_json, say_next
@@ -16,6 +15,7 @@ from axisbus.eds.model import Finding, Severity
 from axisbus.eds.rules import choice, engine, sarif
 from axisbus.eds.rules.table import rules
 from axisbus.errors import EdsError
+from axisbus.version import __version__
 
 _FAILING = {
     "error": {Severity.ERROR},

@@ -72,7 +72,7 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
 
 def _stand_ins(stack: ExitStack, cell: CellConfig) -> Channel:
     from axisbus.core.canlink import open_channel
-    from axisbus.core.runtime import load_dictionaries
+    from axisbus.core.files import load_dictionaries
 
     dictionaries = load_dictionaries(cell) if cell.bus.interface == SIMULATED else {}
     return open_channel(cell, dictionaries, stack)[0]
@@ -106,10 +106,10 @@ def require_rate(interface: str, bitrate: int | None, options: Mapping[str, obje
     Raises:
         UsageError: it is not. AdapterError: the interface is not known.
     """
-    from axisbus.bus.link import adapter
+    from axisbus.bus.link import adapter, interfaces
 
     adapter.check_interface(interface)
-    if bitrate is None and adapter.sets_rate(interface, options):
+    if bitrate is None and interfaces.sets_rate(interface, options):
         raise click.UsageError(
             f"{interface} sets the bit rate of its bus, so it must be given: add -b 1000000 (bit/s, the same for all nodes)"
         )

@@ -160,7 +160,7 @@ def _known(asked: Asked) -> tuple[CellConfig | None, Known]:
     from dataclasses import replace
 
     from axisbus.cell import reader
-    from axisbus.core.runtime import load_dictionaries
+    from axisbus.core.files import load_dictionaries
     from axisbus.trace import known
 
     files = dict(eds_of(text) for text in asked.eds)

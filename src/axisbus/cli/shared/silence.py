@@ -52,13 +52,13 @@ def lines(heard: Heard) -> list[str]:
 
 def advice(opening: Opening) -> list[str]:
     """Return what to do where nothing was heard at any rate that could be tried."""
-    from axisbus.bus.link import adapter, other_rates
+    from axisbus.bus.link import interfaces, other_rates
 
     if other_rates.possible(opening.interface, opening.options):
         return ["nothing was heard at any other bit rate either", _ALONE]
     if opening.interface == "socketcan":
         return [_SYSTEM.format(opening.channel, BIT_RATE), _ALONE]
-    return [_NO_MODE, _ALONE] if adapter.sets_rate(opening.interface, opening.options) else []
+    return [_NO_MODE, _ALONE] if interfaces.sets_rate(opening.interface, opening.options) else []
 
 
 def show(heard: Heard | None, opening: Opening) -> None:

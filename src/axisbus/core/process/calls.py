@@ -18,6 +18,7 @@ from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
 
 log = logging.getLogger("axisbus")
+_MOMENT = 0.01  # seconds
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
 
 Take = Callable[[Any], None]
@@ -86,6 +87,14 @@ class Calls:
     def close(self, wait: float = 0.0) -> None:
         """End the connection, at most ``wait`` seconds after what waits was to be sent."""
         self._stream.close(wait)
+
+    def part(self, wait: float) -> None:
+        """Ask nothing more, and let the far end go first; at most ``wait`` seconds from now the connection ends anyway. Blocks."""
+        self._stream.say_no_more()
+        until = time.monotonic() + wait
+        while not self._over and time.monotonic() < until:
+            time.sleep(_MOMENT)
+        self._stream.close()
 
     def disown(self) -> None:
         """Let go of a forked child's copy."""

@@ -5,26 +5,27 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from axisbus import __version__
-from axisbus.boot.node import Booted
+from axisbus.boot.booted import Booted
 from axisbus.cell.model import CellConfig
+from axisbus.core.files import load_dictionaries
 from axisbus.core.node_parts import NodeParts
-from axisbus.core.owner import Joined
 from axisbus.core.process.calls import Calls, gone
 from axisbus.core.process.far import Control
 from axisbus.core.process.feeding import Feeder
-from axisbus.core.process.launch import Processes
+from axisbus.core.process.launch import Processes, path_of
 from axisbus.core.process.nodes import RemoteEvents, RemoteNode, RemoteObjects
 from axisbus.core.process.session import Errors, RemoteSession
-from axisbus.core.runtime import load_dictionaries
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
-from axisbus.motion.stop.leaving import ladder_time
+from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader
 from axisbus.wire.stream import Stream
+
+if TYPE_CHECKING:
+    from axisbus.core.owner import Joined
 
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
 _CLOSE_MARGIN = 5.0  # seconds beyond the stop ladders that leaving may take
@@ -37,6 +38,7 @@ class RemoteCore:
 
     realtime = True
     degree = ""
+    process = 0  # the core's ID
     in_cycle: Callable[[], bool] | None = None
 
     def __init__(self, cell: CellConfig, process: Processes) -> None:
@@ -62,7 +64,7 @@ class RemoteCore:
         self._warden_over = threading.Event()
         self._warden.start()
         control = process.control
-        self._control = None if control is None else Control(control, process.drives)
+        self._control = None if control is None else Control(control)
         self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
         try:
             self._open()
@@ -80,7 +82,7 @@ class RemoteCore:
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``Owner.leave``; then the process has ended."""
         self._calls.send(m.Leave(reason))
-        times = [ladder_time(facts.parameters.stop_times) for facts in self.session.axes.values()]
+        times = [facts.parameters.stop_times.ladder for facts in self.session.axes.values()]
         interruption = self._wait(
             lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
         )
@@ -126,7 +128,7 @@ class RemoteCore:
     # -- opening -------------------------------------------------------------------------------------------------------
 
     def _open(self) -> None:
-        self._calls.send(m.Open(__version__, str(Path(self._cell.file).absolute()), self._cell.bus.beside))
+        self._calls.send(m.Open(__version__, path_of(self._cell), self._cell.bus.beside))
         self._dictionaries = load_dictionaries(self._cell)  # meanwhile
         while self._opened is None and not self._calls.over:
             self._news.wait(_SLICE)
@@ -137,7 +139,7 @@ class RemoteCore:
         for node_id, facts in self._opened.nodes.items():
             self._take_node(node_id, facts)
         self.session.join(self._opened.axes)
-        self.degree = self._opened.degree
+        self.degree, self.process = self._opened.degree, self._opened.process
         self._news.clear()
 
     def _take_node(self, node_id: int, facts: m.NodeFacts) -> None:

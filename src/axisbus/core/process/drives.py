@@ -8,20 +8,20 @@ stand-ins (``far``). When both connections have ended, so do they: what becomes 
 
 from __future__ import annotations
 
+import select
 import socket
 import threading
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 from typing import Any
 
 from axisbus.bus.link.pair import PairBus
-from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
+from axisbus.core.files import read_once
+from axisbus.core.process.duty import Duty
 from axisbus.core.process.far import look, told
 from axisbus.core.process.history import History
-from axisbus.core.runtime import load_dictionaries
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import take_priority
 from axisbus.sim.node.network import StandIns
@@ -32,13 +32,17 @@ _ROUND = 0.05  # seconds
 _NOTED = 0.01  # seconds between two lines of a history
 
 
-def serve(line: socket.socket, control: socket.socket, cell: Path) -> None:
-    """Let the drives of ``cell`` live on ``line`` until it and ``control`` have ended; blocks."""
-    config = reader.load(cell)
+def serve(duty: Duty, ready: socket.socket) -> None:
+    """Let the drives of a cell live until its core and its program are gone; blocks. ``ready`` is closed when they hear."""
+    line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
+    config, dictionaries = read_once(duty.cell)
     take_priority()  # as the core: a busy computer must not look like drives that are silent
-    made = devices(config, load_dictionaries(config))
+    made = devices(config, dictionaries)
+    gone = select.poll()
+    gone.register(line, 0)  # for the end of the line alone
     bus = PairBus(line, of_drives=True)
     with StandIns("line", list(made.values()), bus=bus) as network:
+        ready.close()
         stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
         stream = Stream(control, CODEC.pack, "axisbus drives")
         asked = threading.Thread(
@@ -46,7 +50,7 @@ def serve(line: socket.socket, control: socket.socket, cell: Path) -> None:
         )
         asked.start()
         with _history(config, stand_ins) as history:
-            while asked.is_alive() or not bus.alone:
+            while asked.is_alive() or not gone.poll(0):
                 time.sleep(_ROUND if history is None else _NOTED)
                 if history is not None:
                     history.note()

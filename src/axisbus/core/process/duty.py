@@ -1,4 +1,4 @@
-"""What a warden is told by who starts it; it imports this alone before its core runs."""
+"""What a warden is told by who starts it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass
 class Duty:
     """What a warden is told by who starts it: descriptors (-1: none), the cell's file, and how many axes it has.
 
-    ``line`` leads from the core to its program and ``tell`` from the warden to it; ``drives`` is the line to simulated drives,
-    ``lock`` what keeps others off the adapter.
+    ``line`` leads from the core to its program and ``tell`` from the warden to it. Where drives are simulated, ``drives`` is the
+    core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` keeps others off
+    the adapter. Out of ``signals`` the program takes its own.
     """
 
     line: int
@@ -19,10 +20,36 @@ class Duty:
     program: int
     cell: str
     axes: int
+    signals: int
     drives: int = -1
+    far: int = -1
+    control: int = -1
     lock: int = -1
 
     @property
-    def of_core(self) -> list[int]:
-        """The descriptors that the core has too."""
-        return [number for number in (self.line, self.memory, self.drives, self.lock) if number >= 0]
+    def simulates(self) -> bool:
+        """Whether there are drives to be simulated."""
+        return self.far >= 0
+
+    @property
+    def of_core(self) -> set[int]:
+        """The descriptors of the core."""
+        return self._there(self.line, self.memory, self.signals, self.drives, self.lock)
+
+    @property
+    def of_drives(self) -> set[int]:
+        """The descriptors of the simulated drives."""
+        return self._there(self.far, self.control)
+
+    @property
+    def of_warden(self) -> set[int]:
+        """The descriptors of the warden itself."""
+        return self._there(self.tell, self.memory, self.drives, self.lock)
+
+    @property
+    def all(self) -> set[int]:
+        """The descriptors of all of them."""
+        return self.of_core | self.of_drives | self.of_warden
+
+    def _there(self, *numbers: int) -> set[int]:
+        return {number for number in numbers if number >= 0}

@@ -9,20 +9,20 @@ and the way is gone anew each time. Names with an underscore are not asked for: 
 from __future__ import annotations
 
 import socket
-import subprocess
 import weakref
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from enum import IntEnum
 from functools import partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from axisbus.core.process.calls import Calls
-from axisbus.core.stand_in import StandIn
 from axisbus.errors import AxisbusError, StateError, in_a_line
 from axisbus.wire.messages import CODEC
 from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
+
+if TYPE_CHECKING:  # its proxy needs nothing of a simulation
+    from axisbus.core.stand_in import StandIn
 
 Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the call of one
 Way = tuple[Step, ...]
@@ -116,22 +116,20 @@ class Far:
 class Control:
     """A program's hold on its simulated drives: they live as long as somebody has it, or one of them."""
 
-    def __init__(self, line: socket.socket, drives: subprocess.Popen[bytes]) -> None:
-        """``line`` leads to the process ``drives``."""
-        self._drives = drives
+    def __init__(self, line: socket.socket) -> None:
+        """``line`` leads to their process."""
         self._calls = Calls(Stream(line, CODEC.pack, "axisbus asks drives"), {}, {}, _nothing)
         self._calls.start()
-        self._end = weakref.finalize(self, _let_go, self._calls, drives)
+        self._end = weakref.finalize(self, self._calls.part, _END)
 
     def stand_ins(self, nodes: Iterable[int]) -> dict[int, StandIn]:
         """Return the stand-ins of these nodes."""
-        return {node_id: cast(StandIn, Far(partial(self._ask, node_id))) for node_id in nodes}
+        return {node_id: cast("StandIn", Far(partial(self._ask, node_id))) for node_id in nodes}
 
     def disown(self) -> None:
         """Let go of a forked child's copy."""
         self._end.detach()
         self._calls.disown()
-        self._drives.returncode = 0
 
     def _ask(self, node_id: int, what: str, *arguments: Any) -> Any:
         return self._calls.ask(what, node_id, *arguments)
@@ -139,9 +137,3 @@ class Control:
 
 def _nothing() -> None:
     """Do nothing: the program asked for the end."""
-
-
-def _let_go(calls: Calls, drives: subprocess.Popen[bytes]) -> None:
-    calls.close()
-    with suppress(subprocess.TimeoutExpired):
-        drives.wait(_END)

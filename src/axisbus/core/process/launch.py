@@ -8,19 +8,23 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import axisbus
-from axisbus.bus.link import ownership, pair
+from axisbus.bus.link import ownership
+from axisbus.bus.link.cable import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process.duty import Duty
+from axisbus.core.tuning import FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, permitted
 from axisbus.wire import image, lifeline
 
 _END = (
     15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
 )
+
+
+_PERMIT = {FIFO: "rtprio 50 in limits.conf", LOCKED: "memlock unlimited in limits.conf"}
 
 
 def wanted(bus: BusConfig) -> bool:
@@ -29,18 +33,26 @@ def wanted(bus: BusConfig) -> bool:
     return can and (bus.process or os.environ.get("AXISBUS_PROCESS", "own")) == "own"
 
 
+def expected(bus: BusConfig) -> str:
+    """Return how surely the cycles of a cell's core would come in time, in the words of ``Machine.degree``; and what would help."""
+    if not wanted(bus):
+        return IN_A_THREAD
+    got = permitted()
+    lacks = [f"{what} is not permitted ({help_})" for what, help_ in _PERMIT.items() if what not in got]
+    return ", ".join([OWN_PROCESS, *got]) + "".join(f"; {lack}" for lack in lacks)
+
+
 class Processes:
-    """A core's process with its warden, and that of its simulated drives; holds this end of the connections, and the memory.
+    """A core's warden, which becomes the core and the simulated drives too; holds this end of the connections, and the memory.
 
     ``line`` leads to the core, ``warden`` to what tells of its death, ``control`` to the simulated drives, where there are such.
     """
 
-    drives: subprocess.Popen[bytes]  # where they are simulated
+    def __init__(self, cell: CellConfig, signals: int) -> None:
+        """Start them; they import and read what they need while the program goes on. The core is told later that it may open it.
 
-    def __init__(self, cell: CellConfig) -> None:
-        """Start them; they import what they need while the program goes on. The core is told later what to open.
-
-        They have a session of their own, so that Ctrl-C reaches the program alone.
+        They have a session of their own, so that Ctrl-C reaches the program alone. ``signals``: the descriptor out of which this
+        program takes its signals, which the core looks at (``core.process.ear``).
 
         Raises:
             SecondMasterError: another program has the channel.
@@ -50,33 +62,32 @@ class Processes:
         lock = None if simulated else ownership.take(bus.interface, bus.channel, beside=bus.beside)
         self.line, line = socket.socketpair()
         self.warden, tell = socket.socketpair()
-        self.control: socket.socket | None = None
-        drives = self._start_drives(cell) if simulated else None
+        none = (None, None)
+        drives, far = cable() if simulated else none
+        near, control = socket.socketpair() if simulated else none
+        self.control: socket.socket | None = near
         memory = os.memfd_create("axisbus image")
         os.ftruncate(memory, image.size_of(axes) + lifeline.size_of(axes))
         self.memory = mmap.mmap(memory, 0)
+        others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())
-        duty = Duty(*own, str(Path(cell.file).absolute()), axes, _number(drives), _number(lock))
-        self._warden = _start("warden", [json.dumps(asdict(duty))], [tell.fileno(), *duty.of_core])
+        self._warden = _start(Duty(*own, path_of(cell), axes, signals, *map(_number, others)))
         os.close(memory)
-        for end in (line, tell, drives, lock):
+        for end in (line, tell, *others):
             if end is not None:
                 end.close()
-
-    def _start_drives(self, cell: CellConfig) -> socket.socket:
-        """Start the simulated drives; return the core's end of the line to them."""
-        near, far = pair.line()
-        self.control, control = socket.socketpair()
-        ends = (far, control)
-        numbers = [end.fileno() for end in ends]
-        self.drives = _start("drives", [*numbers, Path(cell.file).absolute()], numbers)
-        for end in ends:
-            end.close()
-        return near
 
     def end(self) -> None:
         """See them end, now that the core has been left; one that hangs is killed. Blocks at most a few seconds."""
         _see_end(self._warden)
+
+    def abandon(self) -> None:
+        """End them before they were asked to open anything; blocks for a moment."""
+        for end in (self.line, self.warden, self.control):
+            if end is not None:
+                end.close()
+        self._warden.kill()
+        self._warden.wait()
 
     def disown(self) -> None:
         """Let go of them in a forked child, which may neither wait for them nor kill them."""
@@ -87,10 +98,15 @@ def _number(end: socket.socket | None) -> int:
     return -1 if end is None else end.fileno()
 
 
-def _start(what: str, arguments: Sequence[object], descriptors: Sequence[int]) -> subprocess.Popen[bytes]:
+def path_of(cell: CellConfig) -> str:
+    """Return the path by which other processes find the file of a cell."""
+    return str(Path(cell.file).absolute())
+
+
+def _start(duty: Duty) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "axisbus.core", what, *map(str, arguments)],
-        pass_fds=descriptors,
+        [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(duty))],
+        pass_fds=sorted(duty.all),
         start_new_session=True,
         stdin=subprocess.DEVNULL,
         env=_environment(),

@@ -10,12 +10,11 @@ from contextlib import ExitStack, suppress
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
-from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
+from axisbus.core.files import read_once
 from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.reach import reach
-from axisbus.core.runtime import load_dictionaries
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped
@@ -36,9 +35,9 @@ class Rescuer:
         self._duty = duty
         self._memory = mmap.mmap(duty.memory, 0)
         self._at = image.size_of(duty.axes)
-        self._cell = cell = reader.load(duty.cell)
-        self._dictionaries = load_dictionaries(cell)
-        self.patience = max(_HUNG, 25 * cell.bus.scan_period, _HUNG + (cell.bus.sync_timeout or 0.0))
+        self._cell, self._dictionaries = read_once(duty.cell)
+        bus = self._cell.bus
+        self.patience = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
 
     @property
     def number(self) -> int:
@@ -55,13 +54,15 @@ class Rescuer:
         """Whether the core, which is dead, has not left its drives as it ought to."""
         return self.runs or lifeline.stage_of(self._memory, self._at) is lifeline.Stage.LEAVING
 
-    def rescue(self, why: str) -> None:
-        """Stop the drives, and tell the program; blocks. ``why``: how the core ended."""
+    def rescue(self, why: str) -> tuple[Stopped, ...]:
+        """Stop the drives, tell the program, and return how each was left; blocks. ``why``: how the core ended."""
         found = lifeline.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
         stream = Stream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
-        stream.send(Rescued(why, self._stop(names, found.frames)))
+        stopped = self._stop(names, found.frames)
+        stream.send(Rescued(why, stopped))
         stream.close(_FAREWELL)
+        return stopped
 
     def _stop(self, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> tuple[Stopped, ...]:
         return tuple(stop(self._cell, self._dictionaries, self._open, names, frames)) if names else ()

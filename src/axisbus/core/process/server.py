@@ -13,33 +13,40 @@ from __future__ import annotations
 import gc
 import logging
 import mmap
+import os
 import select
 import signal
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from axisbus import __version__
-from axisbus.boot.node import Booted
-from axisbus.cell import reader
+from axisbus.boot.booted import Booted
 from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink
+from axisbus.core.files import read_once
 from axisbus.core.owner import Core
 from axisbus.core.process.asks import OF_CORE, OF_NODE, last_words
+from axisbus.core.process.duty import Duty
+from axisbus.core.process.ear import STOPPING, Ear
+from axisbus.core.process.journal import journal
 from axisbus.core.process.lifeline import Lifeline
+from axisbus.core.process.merging import Merging
 from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach
 from axisbus.core.process.streams import Streams
-from axisbus.core.runtime import Runtime, load_dictionaries, require_all
-from axisbus.core.tuning import take_priority
+from axisbus.core.runtime import Runtime
+from axisbus.core.tuning import OWN_PROCESS, take_priority
+from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
-from axisbus.motion.ticket import ENDED, Status
+from axisbus.motion.ticket import Status
 from axisbus.session import CommandEvent
+from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.image import size_of
 from axisbus.wire.lifeline import Stage
@@ -49,7 +56,6 @@ from axisbus.wire.values import NotForCrossing
 log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
 _ASKED = 64  # questions that are answered at a time
-_REMEMBERED = 256  # commands that have ended
 _FAREWELL = 2.0  # seconds that the last message may take
 _WAYS_OUT = {signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
 
@@ -74,6 +80,7 @@ class Server:
         self._axes = axes
         self._warden = warden
         self._drives = drives
+        self._ear: Ear | None = None
         self._lifeline: Lifeline | None = None
         self._core: Core | None = None
         self._outlet: Outlet | None = None
@@ -81,10 +88,7 @@ class Server:
         self._leaving = threading.Lock()
         self._left = threading.Event()
         self._streams = Streams(stream.send)
-        self._merging = threading.Lock()
-        # Commands that are one with another that waits, by its number; and the last ones that have ended.
-        self._merged: dict[int, list[int]] = {}
-        self._over: dict[int, CommandEvent] = {}
+        self._merging = Merging()
         self._condition = m.Condition()
 
     def run(self) -> None:
@@ -108,6 +112,10 @@ class Server:
         except NotForCrossing as error:
             log.error("the program's connection is given up: %s", error)
 
+    def listen(self, signals: socket.socket) -> None:
+        """Hear the signals that the program cannot take: what it takes them out of."""
+        self._ear = Ear(signals, STOPPING)
+
     def watch(self, pidfd: int) -> None:
         """Leave when the process of ``pidfd`` is gone, though others may hold its end of the connection."""
         poll = select.poll()
@@ -123,8 +131,9 @@ class Server:
     def _open(self, wanted: m.Open) -> bool:
         try:
             self._require_same(wanted.version)
-            cell = reader.load(wanted.cell)  # it has been checked by the program
-            self._begin(replace(cell, bus=replace(cell.bus, beside=cell.bus.beside or wanted.beside)))
+            cell, dictionaries = read_once(wanted.cell)  # it has been checked by the program
+            bus = replace(cell.bus, beside=cell.bus.beside or wanted.beside)
+            self._begin(replace(cell, bus=bus), dictionaries)
         except BaseExceptionGroup as group:
             self._stream.send(m.NotOpened(tuple(map(_told, group.exceptions)), group.message))
             return False
@@ -133,24 +142,17 @@ class Server:
             return False
         return True
 
-    def _begin(self, cell: CellConfig) -> None:
-        dictionaries = load_dictionaries(cell)
+    def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds]) -> None:
+        self._await_warden()
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell.bus, self._drives))
         runtime = Runtime(link, dictionaries, link.stand_ins)
-        try:
-            require_all(runtime.booted)
-            runtime.link.ready()
-            core = Core(cell, runtime, realtime=True)
-        except BaseException:
-            runtime.leave()
-            raise
+        core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
         names = tuple(cell.axes)
         self._core, self._outlet = core, Outlet(self._stream, self._memory, names)
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
-        self._await_warden()
         self._take_signals()
-        degree = ", ".join(["in a process of its own", *take_priority()])
+        degree = ", ".join([OWN_PROCESS, *take_priority()])
         core.session.listen(self._hear)
         core.session.observe(self._outlet.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
@@ -158,11 +160,11 @@ class Server:
         core.await_values()
         self._lifeline.stage(Stage.RUNNING)
         nodes = {node_id: self._facts(node_id, booted) for node_id, booted in core.booted.items()}
-        self._stream.send(m.Opened(nodes, dict(core.session.axes), degree))
+        self._stream.send(m.Opened(nodes, dict(core.session.axes), degree, os.getpid()))
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
 
     def _await_warden(self) -> None:
-        """Nothing may be enabled before the warden is able to stop it; when it is gone, the axes are stopped."""
+        """Nothing may begin before the warden is able to stop it, and simulated drives hear; once it is gone, axes are stopped."""
         if not self._warden.recv(1):
             raise ScanError(
                 "the warden of the core has ended",
@@ -210,11 +212,7 @@ class Server:
             self._hear(CommandEvent(number, Status.ERROR, error, ""))
             return
         kept = session.submit(number, message.target, command, message.name)
-        if kept == number:
-            return
-        with self._merging:
-            self._merged.setdefault(kept, []).append(number)
-            over = self._over.get(kept)
+        over = None if kept == number else self._merging.join(number, kept)
         if over is not None:
             self._hear(over)
 
@@ -257,16 +255,8 @@ class Server:
 
     def _hear(self, event: CommandEvent) -> None:
         assert self._outlet is not None
-        with self._merging:
-            same = self._merged.get(event.number, [])
-            if event.status in ENDED:
-                self._merged.pop(event.number, None)
-                self._over[event.number] = event
-            if len(self._over) > _REMEMBERED:
-                del self._over[next(iter(self._over))]
-        self._outlet.hear(event)
-        for number in same:
-            self._outlet.hear(event._replace(number=number))
+        for each in self._merging.all_of(event):
+            self._outlet.hear(each)
 
     def _joined(self, booted: Booted) -> None:
         assert self._core is not None
@@ -279,7 +269,14 @@ class Server:
         while not self._left.wait(_ROUND):
             self._tell_condition()
             self._streams.look()
+            self._hear_signals()
         self._tell_condition()
+
+    def _hear_signals(self) -> None:
+        heard = None if self._ear is None else self._ear.look(time.monotonic())
+        if heard is not None and self._core is not None:
+            name, count = heard
+            self._core.session.request_stop(name, quick=count > 1)
 
     def _tell_condition(self) -> None:
         assert self._core is not None
@@ -297,6 +294,7 @@ class Server:
     def _leave(self, reason: str) -> None:
         """Begin to leave, in a thread of its own: the program may still ask for a quicker stop."""
         if self._core is not None and self._leaving.acquire(blocking=False):
+            log.info("leaving: %s", reason)
             self._core.session.request_stop(reason)
             self._stage(Stage.LEAVING)
             threading.Thread(target=partial(self._do_leave, reason), name="leaving").start()
@@ -313,6 +311,8 @@ class Server:
         except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
             failures = (_told(error),)
         self._stage(Stage.LEFT)
+        for failure in failures:
+            log.info("left, and this went wrong: %s", failure)
         try:
             self._tell_condition()
             self._stream.send(m.Left(failures, last_words(self._core.session, self._core.nodes)))
@@ -349,11 +349,26 @@ def _told(error: BaseException) -> AxisbusError:
     return made
 
 
+def serve(duty: Duty, warden: socket.socket) -> None:
+    """Be the core of a program until one of both is gone; blocks. ``warden`` leads to who watches."""
+    stream = Stream(socket.socket(fileno=duty.line), m.CODEC.pack, "axisbus answers")
+    log.addHandler(StreamHandler(stream))
+    line = socket.socket(fileno=duty.drives) if duty.simulates else None
+    server = Server(stream, mmap.mmap(duty.memory, 0), duty.axes, warden, line)
+    with suppress(OSError):  # it is gone already, which the connection tells
+        server.watch(os.pidfd_open(duty.program))
+    server.listen(socket.socket(fileno=duty.signals))
+    with journal(duty.cell):
+        log.info("the core of %s began, for process %d", duty.cell, duty.program)
+        server.run()
+        log.info("the core ended")
+
+
 class StreamHandler(logging.Handler):
     """Sends the core's log to the program."""
 
     def __init__(self, stream: Stream) -> None:
-        super().__init__()
+        super().__init__(logging.WARNING)  # what is less is for the journal
         self._stream = stream
 
     def emit(self, record: logging.LogRecord) -> None:

@@ -1,10 +1,10 @@
-"""The warden of a core: a small process that starts it, sees it end or hang, and then stops the drives in its place.
+"""The warden of a core: a small process that forks it, sees it end or hang, and then stops the drives in its place.
 
 Theory of operation
 -------------------
-A program that is busy in a long call notices a dead core only when that returns; the warden does nothing else. It starts the core
-before it imports anything, and imports what a rescue needs while the core boots. So all of that is there before a drive is enabled:
-the core waits for it.
+A program that is busy in a long call notices a dead core only when that returns; the warden does nothing else. It imports and reads
+what the core, the simulated drives and a rescue need, once for all of them, and then forks: it has one thread and nothing of the
+program's. So what a rescue needs is there before a drive is enabled; the core waits for the warden's word all the same.
 
 The core's end is seen by its process, and whether it hangs by the number of its images: one that stands still for ``patience``,
 while the warden itself was on time (both asleep is a suspension), is of a core that is stuck as a whole, its own supervisor
@@ -15,58 +15,108 @@ The core in turn sees the end of the connection to its warden, and stops the axe
 
 from __future__ import annotations
 
+import gc
 import json
+import logging
 import os
 import signal
 import socket
-import subprocess
-import sys
 import time
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
+from axisbus.core.files import read_once
+from axisbus.core.process import drives, server
 from axisbus.core.process.duty import Duty
+from axisbus.core.process.journal import journal
+from axisbus.core.process.rescue import Rescuer
+from axisbus.core.tuning import call_process, take_priority
+from axisbus.errors import AxisbusError
 
-if TYPE_CHECKING:  # the core is started first
-    from axisbus.core.process.rescue import Rescuer
-
+log = logging.getLogger("axisbus")
 _ROUND = 0.02  # seconds
 _ON_TIME = 0.1  # seconds; a round that takes longer shows that this computer did not run
 _READY = b"r"
+_PATIENCE = 5.0  # seconds; drives that are not there by then are missed by whoever boots them
 
 
-def run(duty: Duty) -> None:
-    """Start the core, and watch it to its end; blocks."""
+def main(text: str) -> None:
+    """Do what the JSON of a ``Duty`` says, as the warden or as one of those that it becomes; blocks until that is done."""
+    duty = Duty(**json.loads(text))
+    with suppress(AxisbusError):  # whoever needs it will say so
+        read_once(duty.cell)
+    gc.freeze()  # what is there now is there for ever, and shared by all of them
+    hears, ready = socket.socketpair()
+    if duty.simulates and not os.fork():
+        hears.close()
+        _become("axisbus drives", duty, duty.of_drives)
+        drives.serve(duty, ready)
+        return
+    ready.close()
     near, far = socket.socketpair()
-    arguments = (duty.line, duty.memory, duty.program, duty.drives, far.fileno(), duty.axes)
-    core = subprocess.Popen(
-        [sys.executable, "-P", "-m", "axisbus.core", "core", *map(str, arguments)],
-        pass_fds=[far.fileno(), *duty.of_core],
-        stdin=subprocess.DEVNULL,
-    )
-    far.close()
-    os.close(duty.line)
+    core = os.fork()
+    if core:
+        far.close()
+        _become("axisbus warden", duty, duty.of_warden)
+        _guard(core, near, duty, hears)
+    else:
+        near.close()
+        hears.close()
+        _become("axisbus core", duty, duty.of_core)
+        server.serve(duty, far)
+
+
+def _become(name: str, duty: Duty, kept: set[int]) -> None:
+    """Keep what is one's own, so that the others see the end of what they hold; and be known by one's name."""
+    for number in duty.all - kept:
+        os.close(number)
+    call_process(name)
+
+
+def _guard(core: int, line: socket.socket, duty: Duty, drives_hear: socket.socket) -> None:
+    """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives hear their bus."""
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)  # the core's affair
-    from axisbus.core.process.rescue import Rescuer
-
-    with near:  # its end tells the core that nobody watches any more
+    take_priority()  # a computer that is busy beyond bearing is where a core may hang
+    with line:  # its end tells the core that nobody watches any more
         rescuer = Rescuer(duty)
+        _await_end(drives_hear)
         with suppress(OSError):  # it has ended already
-            near.sendall(_READY)
-        _watch(core, rescuer)
+            line.sendall(_READY)
+        _watch(core, rescuer, duty.cell)
 
 
-def _watch(core: subprocess.Popen[bytes], rescuer: Rescuer) -> None:
-    """Wait for the end of the core, or make one; then stop its drives, if it has left any."""
+def _await_end(line: socket.socket) -> None:
+    with line, suppress(OSError):
+        line.settimeout(_PATIENCE)
+        line.recv(1)
+
+
+def _exit_code(core: int) -> int | None:
+    """Return the exit code of the core, negative for a signal, once it has ended, and reap it; None before."""
+    ended, status = os.waitpid(core, os.WNOHANG)
+    return os.waitstatus_to_exitcode(status) if ended else None
+
+
+def _kill(core: int) -> None:
+    """Kill the core, and see it dead; blocks."""
+    os.kill(core, signal.SIGKILL)
+    os.waitpid(core, 0)
+
+
+def _watch(core: int, rescuer: Rescuer, cell: str) -> None:
+    """Wait for the end of the core, or make one; then stop its drives, if it has left any, and write down what came of it."""
     why = _end_of(core, rescuer)
     if rescuer.is_needed:
-        rescuer.rescue(why)
+        stopped = rescuer.rescue(why)
+        with journal(cell):  # a disk may be slow
+            log.error("the core was gone: %s; so its drives were stopped", why)
+            for each in stopped:
+                log.error("%s: %s", each.axis, each.text)
 
 
-def _end_of(core: subprocess.Popen[bytes], rescuer: Rescuer) -> str:
+def _end_of(core: int, rescuer: Rescuer) -> str:
     number, idle, before = 0, 0.0, time.monotonic()
-    while core.poll() is None:
+    while (code := _exit_code(core)) is None:
         time.sleep(_ROUND)
         now = time.monotonic()
         idle += now - before if now - before < _ON_TIME else 0.0
@@ -74,18 +124,12 @@ def _end_of(core: subprocess.Popen[bytes], rescuer: Rescuer) -> str:
         if rescuer.number != number or not rescuer.runs:
             number, idle = rescuer.number, 0.0
         if idle > rescuer.patience:
-            core.kill()
-            core.wait()
+            _kill(core)
             return f"it did no cycle for {idle:.2f} s, and was killed"
-    return _ended(core.returncode)
+    return _ended(code)
 
 
 def _ended(code: int) -> str:
     if code < 0:
         return f"it was ended by {signal.Signals(-code).name}"
     return f"it ended by itself, with exit code {code}"
-
-
-def main(duty: str) -> None:
-    """Do what the JSON of a ``Duty`` says."""
-    run(Duty(**json.loads(duty)))

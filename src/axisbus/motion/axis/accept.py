@@ -106,7 +106,8 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     if _runs(core, Coast):
         core.join(ticket)
         return
-    core.coast(Coast(core.parameters, accept_motion.leading_path(core)), ticket)
+    path, switch = accept_motion.leading_path(core), accept_motion.leaving_switch(core)
+    core.coast(Coast(core.parameters, path, switch), ticket)
 
 
 def _reset(core: AxisCore, _: c.Reset, ticket: Ticket, __: Gate) -> None:

@@ -305,9 +305,6 @@ class AxisCore:
         """Do not ask again for a state that the drive has left by itself; only an enable under way may."""
         if image.state is not _ENABLED:
             self.running.set_point = image.led.taken = None  # what the drive had taken, or begun to, is void
-        without_power = image.state not in _MAY_BE_ENERGISED
-        if without_power and self.ladder is not None and self.state is AxisState.STANDSTILL:
-            self.state = AxisState.DISABLED  # though it may not have come to rest without
         goal = self.order.goal
         if image.state is goal or goal not in ENERGISED or isinstance(self.activity, Enable):
             return

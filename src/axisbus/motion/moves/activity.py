@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from axisbus.cia301 import abort
 from axisbus.cia402 import dictionary, modes, objects
@@ -14,11 +14,9 @@ from axisbus.errors import DriveError, ModeError, StaleError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
+from axisbus.motion.leading import Leading
 from axisbus.motion.modes import WITHOUT_POSITION_DEMAND
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
-
-if TYPE_CHECKING:
-    from axisbus.motion.moves.follow import Follow
 
 # What a drive answers that has an object only on paper, or for reading.
 _DOES_WITHOUT = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING, abort.READ_ONLY})
@@ -45,7 +43,7 @@ class Activity(ABC):
     rests_from: float = -math.inf
 
     @property
-    def leading(self) -> Follow | None:
+    def leading(self) -> Leading | None:
         """The trajectory that the axis is on: its own, or the one before until the drive is in the mode of this command."""
         return None
 

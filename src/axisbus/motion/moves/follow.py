@@ -13,6 +13,7 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
 from axisbus.motion.moves.guarded import Guarded
 from axisbus.motion.moves.interpolation import CyclicSetup
@@ -153,7 +154,7 @@ class Follow(Activity):
         return not self._running or self.clock.stopped or ended
 
     @property
-    def leading(self) -> Follow | None:
+    def leading(self) -> Leading | None:
         """This trajectory itself."""
         return self
 

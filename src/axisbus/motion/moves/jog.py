@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.errors import Stopped
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.commands import MoveVelocity
+from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch
 from axisbus.motion.moves.turning import VelocityMove
-
-if TYPE_CHECKING:
-    from axisbus.motion.moves.follow import Follow
 
 
 class Jog(Activity):
@@ -50,7 +46,7 @@ class Jog(Activity):
         return reached
 
     @property
-    def leading(self) -> Follow | None:
+    def leading(self) -> Leading | None:
         """The trajectory before, until the drive is in the mode of this command."""
         return self._move.leading
 

@@ -2,37 +2,44 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import DriveError, StaleError, TransitionError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.moves.activity import Activity
+from axisbus.motion.leading import Leading
+from axisbus.motion.moves.activity import Activity, ModeSwitch
 from axisbus.motion.moves.walk import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
-
-if TYPE_CHECKING:
-    from axisbus.motion.moves.follow import Follow
 
 
 class Coast(Activity):
     """MC_Power(FALSE) by transition 9, which must be asked for by name: power off at once, nothing brakes the motor."""
 
-    def __init__(self, parameters: AxisParameters, before: Follow | None = None) -> None:
-        """``before``: the trajectory that led the axis; a halt in the same cycle brakes along it."""
+    def __init__(
+        self, parameters: AxisParameters, before: Leading | None = None, leaving: ModeSwitch | None = None
+    ) -> None:
+        """``before``: the trajectory that led the axis, and ``leaving`` the change of mode that was to end it.
+
+        A halt in the same cycle brakes along the one, and sees the other through.
+        """
         self._walk = StateWalk(parameters)
         self._before = before
+        self._leaving = leaving
 
     @property
-    def leading(self) -> Follow | None:
+    def leading(self) -> Leading | None:
         """The trajectory before, as long as nothing was sent."""
         return self._before
 
+    @property
+    def leaving(self) -> ModeSwitch | None:
+        """The change of mode that was under way, as long as nothing was sent."""
+        return self._leaving
+
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the power stage is off (a drive in fault counts as off)."""
-        self._before = None
+        self._before = self._leaving = None
         if image.state is State.FAULT:
             order.goal = State.SWITCH_ON_DISABLED
             return True

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
+from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch, Transfers
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters
-
-if TYPE_CHECKING:
-    from axisbus.motion.moves.follow import Follow
 
 # A drive without these brakes as it accelerates, and ends every move at rest.
 OPTIONAL_PROFILE = frozenset({objects.PROFILE_DECELERATION, objects.END_VELOCITY})
@@ -58,7 +54,7 @@ class Prepare:
         mode: ModeSwitch,
         transfers: Transfers,
         gate: Gate,
-        leading: Follow | None = None,
+        leading: Leading | None = None,
         before: ModeSwitch | None = None,
     ) -> None:
         """``leading``: the trajectory that leads the axis while the mode changes; it must find its ramps written afterwards.
@@ -74,7 +70,7 @@ class Prepare:
         self._prepared = False
 
     @property
-    def leading(self) -> Follow | None:
+    def leading(self) -> Leading | None:
         """The trajectory that leads the axis still; None once the drive is in the mode of the command."""
         return None if self._prepared else self._leading
 
@@ -114,7 +110,7 @@ class Prepared(Activity):
     _prepare: Prepare
 
     @property
-    def leading(self) -> Follow | None:
+    def leading(self) -> Leading | None:
         """The trajectory before, until the drive is in the mode of this command."""
         return self._prepare.leading
 

@@ -24,9 +24,9 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.leading import Leading
 from axisbus.motion.modes import HOLDING_MODES, TORQUE_MODES
 from axisbus.motion.moves.activity import ModeSwitch, preload
-from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 from axisbus.motion.stop.relief import Relief, is_blind, needs_relief, pushes
 from axisbus.motion.stop.rundown import RunDown
@@ -74,7 +74,7 @@ class StopLadder:
         then: Then,
         *,
         start: Rung = Rung.HALT,
-        follow: Follow | None = None,
+        follow: Leading | None = None,
         leaving: ModeSwitch | None = None,
     ) -> None:
         """``follow``: the trajectory that is being followed, if any; it is braked along its path.
@@ -87,7 +87,7 @@ class StopLadder:
         self._follow = follow
         self._leaving = leaving
         self._deadline: float | None = None
-        self._standing = Standing(parameters, 0.0)  # since the present rung began
+        self._standing: Standing  # since the present rung began, the first one with the first step
         self._relief: Relief | None = None
         self._disabling = False
         self._rest_by: float | None = None  # until when a motor without power may turn
@@ -107,7 +107,7 @@ class StopLadder:
         self.witness = ""  # by what less than its position the axis was seen to stand
 
     @property
-    def follow(self) -> Follow | None:
+    def follow(self) -> Leading | None:
         """The trajectory that is being braked along, if any."""
         return self._follow
 
@@ -250,7 +250,7 @@ class StopLadder:
             self._relief.cancel(order)
             self._relief = None
 
-    def _brake_along(self, follow: Follow, image: Image, order: Order) -> bool | None:
+    def _brake_along(self, follow: Leading, image: Image, order: Order) -> bool | None:
         """Brake along the path; return whether the axis stands, None where that is not possible (any more)."""
         try:
             if not follow.begin_braking():

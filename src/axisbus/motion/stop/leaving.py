@@ -17,17 +17,11 @@ from axisbus.errors import AxisbusError, DriveError, DriveFault, in_a_line
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.commands import Shutdown
-from axisbus.motion.parameters import StopTimes
 from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.motion.ticket import Ticket
 
 _MAY_MOVE = ENERGISED | {State.UNKNOWN}
 _ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive"
-
-
-def ladder_time(times: StopTimes) -> float:
-    """Return the seconds that all rungs of a stop ladder may take, with the power taken down at its end."""
-    return times.halt + times.quick_stop + 2 * times.disable
 
 
 class AxisLeaving:
@@ -40,7 +34,7 @@ class AxisLeaving:
         self._core = core
         self._ticket = Ticket(f"{core.parameters.name}.stop ({command.reason})")
         self._since = now
-        self._until = now + ladder_time(core.parameters.stop_times)
+        self._until = now + core.parameters.stop_times.ladder
         accept(core, command, self._ticket)
 
     def step(self, now: float) -> None:

@@ -6,8 +6,8 @@ from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError
+from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import ModeSwitch
-from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.ticket import Ticket
@@ -69,7 +69,7 @@ class Stopping:
         rung: Rung,
         reason: str,
         ticket: Ticket | None,
-        follow: Follow | None,
+        follow: Leading | None,
         leaving: ModeSwitch | None = None,
     ) -> None:
         """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.

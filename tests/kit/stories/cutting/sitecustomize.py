@@ -13,7 +13,7 @@ def _nothing(*_: object) -> None:
 
 
 def _cut(name: str) -> None:
-    from axisbus.core.process import rescue, server
+    from axisbus.core.process import ear, rescue, server
 
     if name == "the core's eye on its program":
         server.Server._leave = _nothing  # type: ignore[method-assign]
@@ -21,6 +21,8 @@ def _cut(name: str) -> None:
         server.Server.watch = _nothing  # type: ignore[method-assign]
     elif name == "the core's eye on its warden":
         server.Server._watch_warden = _nothing  # type: ignore[method-assign]
+    elif name == "the core's ear for its program":
+        ear.Ear.look = _nothing  # type: ignore[method-assign,assignment]
     elif name == "the rescue":
         rescue.Rescuer.rescue = _nothing  # type: ignore[method-assign]
     elif name == "the warden's patience":

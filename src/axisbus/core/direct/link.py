@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime
 
-from axisbus.boot.node import Booted, NodeBoot
+from axisbus.boot.booted import Booted
+from axisbus.boot.node import NodeBoot
 from axisbus.boot.objects import DeviceObjects
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.nmt import not_obeyed
@@ -16,7 +17,7 @@ from axisbus.cia301.drops import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
-from axisbus.core.directnode import DirectNode
+from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.stand_in import StandIn
 from axisbus.eds.model import Eds

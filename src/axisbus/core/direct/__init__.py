@@ -1,0 +1,1 @@
+"""A cell in virtual time: simulated drives without a bus."""

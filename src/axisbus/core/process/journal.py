@@ -1,0 +1,57 @@
+"""What a core and its warden write down for whoever comes later: a bounded file for each cell, in the user's own folder for such.
+
+Theory of operation
+-------------------
+What is logged goes into a queue, which a thread empties into the file: a disk that is slow never keeps the scan. A file that cannot
+be written is done without.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from logging.handlers import QueueHandler, QueueListener, RotatingFileHandler
+from pathlib import Path
+
+_LARGEST = 500_000  # bytes; as many again are kept of before
+_FORM = "%(asctime)s %(process)d %(levelname)s %(message)s"
+
+
+def path_of(cell: str) -> Path:
+    """Return where the journal of a cell file is: in ``$XDG_STATE_HOME/axisbus``, else ``~/.local/state/axisbus``."""
+    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(home) / "axisbus" / f"{Path(cell).stem}-{zlib.crc32(cell.encode()):08x}.log"
+
+
+@contextmanager
+def journal(cell: str) -> Iterator[None]:
+    """Keep the journal of a cell while the block runs: all that is logged from INFO on."""
+    log = logging.getLogger("axisbus")
+    try:
+        file = _file(path_of(cell))
+    except OSError as error:
+        log.warning("there is no journal of this core: %s", error)
+        yield
+        return
+    lines: queue.Queue[logging.LogRecord] = queue.Queue()
+    handler, listener = QueueHandler(lines), QueueListener(lines, file)
+    log.setLevel(logging.INFO)
+    log.addHandler(handler)
+    listener.start()
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        listener.stop()
+        file.close()
+
+
+def _file(path: Path) -> logging.Handler:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    file = RotatingFileHandler(path, maxBytes=_LARGEST, backupCount=1, encoding="utf-8")
+    file.setFormatter(logging.Formatter(_FORM))
+    return file

@@ -1,0 +1,123 @@
+"""Ways to open a cell: in a process of its own, in this one, in virtual time, and only to boot it.
+
+Each imports what it needs: a program whose core is another process needs no CAN, and goes on while that one imports it.
+"""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from axisbus.cell import reader
+from axisbus.cell.model import CellConfig
+from axisbus.cell.problem import Problem, errors
+from axisbus.core.process.launch import Processes, wanted
+from axisbus.machine.exit import EXIT
+
+if TYPE_CHECKING:
+    from axisbus.boot.booted import Booted
+    from axisbus.boot.report import NodeReport
+    from axisbus.core.owner import Core, Owner
+    from axisbus.core.runtime import Runtime
+    from axisbus.sim.device import Device
+
+
+def opened(path: str | Path, beside: bool) -> tuple[CellConfig, Owner]:
+    """Return a cell and its core, booted and ready to begin; as ``Machine.open``."""
+    cell, problems = reader.read(path)
+    if cell is None:
+        raise reader.as_exception(errors(problems))
+    if beside:
+        cell = replace(cell, bus=replace(cell.bus, beside=True))
+    if wanted(cell.bus) and not errors(problems):
+        return cell, _apart(cell, problems)
+    _check(cell, problems)
+    return cell, _here(cell)
+
+
+def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
+    """Return a cell and its core in virtual time; as ``Machine.simulated``."""
+    from axisbus.check.checked import checked
+    from axisbus.core.direct.link import DirectLink
+    from axisbus.core.files import load_dictionaries
+    from axisbus.core.runtime import Runtime
+
+    cell = checked(path)
+    link = DirectLink(cell, dictionaries := load_dictionaries(cell), devices)
+    return cell, _core(cell, Runtime(link, dictionaries, link.stand_ins), realtime=False)
+
+
+def boot(
+    path: str | Path,
+    progress: Callable[[int, int], None] | None = None,
+    on_program: Callable[[int, int, int | None], None] | None = None,
+    *,
+    beside: bool = False,
+) -> list[NodeReport]:
+    """Boot the nodes of a cell, let them go again, and return what there is to say of each; energises nothing. Blocks.
+
+    A node that did not come up has its ``error`` in the report. ``progress`` is called with the number of nodes that are through,
+    and that of all; ``on_program`` with a node's ID, and the bytes of its new program that have arrived and that there are, in the
+    thread of that node. ``beside``: even where another master is heard.
+
+    Raises:
+        ConfigError, EdsError, AdapterError, SecondMasterError: as ``Machine.open``.
+    """
+    from axisbus.check.checked import checked
+    from axisbus.core.canlink import CanLink
+    from axisbus.core.files import load_dictionaries
+    from axisbus.core.runtime import Runtime
+
+    cell = checked(path, beside)
+    lock, through = threading.Lock(), itertools.count(1)
+
+    def told(_: Booted) -> None:
+        if progress is not None:
+            with lock:  # the nodes are booted in parallel
+                progress(next(through), len(cell.nodes))
+
+    link = CanLink(cell, dictionaries := load_dictionaries(cell), on_program)
+    runtime = Runtime(link, dictionaries, link.stand_ins, told)
+    try:
+        return [booted.report for booted in runtime.booted.values()]
+    finally:
+        runtime.leave()
+
+
+def _check(cell: CellConfig, problems: list[Problem]) -> None:
+    from axisbus.check.checked import require_sound
+
+    require_sound(cell, problems)
+
+
+def _apart(cell: CellConfig, problems: list[Problem]) -> Owner:
+    process = Processes(cell, EXIT.ends[0].fileno())
+    try:
+        _check(cell, problems)
+        from axisbus.core.process.client import RemoteCore
+    except BaseException:
+        process.abandon()
+        raise
+    return RemoteCore(cell, process)
+
+
+def _here(cell: CellConfig) -> Core:
+    from axisbus.core.canlink import CanLink
+    from axisbus.core.files import load_dictionaries
+    from axisbus.core.runtime import Runtime
+
+    dictionaries = load_dictionaries(cell)
+    gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
+    link = CanLink(cell, dictionaries)
+    return _core(cell, Runtime(link, dictionaries, link.stand_ins), realtime=True)
+
+
+def _core(cell: CellConfig, runtime: Runtime, realtime: bool) -> Core:
+    from axisbus.core.owner import Core
+
+    return runtime.use(lambda booted: Core(cell, booted, realtime))

@@ -1,0 +1,3 @@
+"""The version of this package, which both ends of a connection must have."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,56 @@
+"""What a core writes down: a bounded file for each cell, which is done without where it cannot be."""
+
+import logging
+
+import pytest
+
+from axisbus.core.process.journal import journal, path_of
+
+LOG = logging.getLogger("axisbus")
+
+
+@pytest.fixture
+def state(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    yield tmp_path
+    LOG.setLevel(logging.NOTSET)
+
+
+def test_each_cell_has_a_journal_of_its_own(state):
+    one, other = path_of("/a/cell.toml"), path_of("/b/cell.toml")
+    assert one != other
+    assert one.parent == other.parent == state / "axisbus"
+    assert one.name.startswith("cell-")
+
+
+def test_without_a_place_of_its_own_it_is_in_the_home(monkeypatch, tmp_path):
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert path_of("/a/cell.toml").parent == tmp_path / ".local" / "state" / "axisbus"
+
+
+def test_what_is_logged_in_between_is_in_it_and_goes_on_from_before(state):
+    for text in ("first", "second"):
+        with journal("/a/cell.toml"):
+            LOG.info("the %s", text)
+        LOG.info("not this")
+    lines = path_of("/a/cell.toml").read_text(encoding="utf-8").splitlines()
+    assert [line.split(" INFO ")[1] for line in lines] == ["the first", "the second"]
+
+
+def test_it_stays_small(state):
+    with journal("/a/cell.toml"):
+        for number in range(3000):
+            LOG.info("%d %s", number, "x" * 1000)
+    files = list(path_of("/a/cell.toml").parent.iterdir())
+    assert len(files) == 2
+    assert all(file.stat().st_size <= 500_000 for file in files)
+    assert " INFO 2999 x" in path_of("/a/cell.toml").read_text(encoding="utf-8")
+
+
+def test_a_folder_that_cannot_be_made_is_said_and_done_without(state, caplog):
+    (state / "axisbus").write_text("a file", encoding="utf-8")
+    with journal("/a/cell.toml"):
+        LOG.warning("it goes on")
+    assert "there is no journal of this core: " in caplog.text
+    assert "it goes on" in caplog.text

@@ -1,0 +1,38 @@
+"""Commands that a core takes for one: each of them is told what becomes of it, also when that was over before."""
+
+from axisbus.core.process import merging
+from axisbus.core.process.merging import Merging
+from axisbus.motion.ticket import Status
+from axisbus.session import CommandEvent
+
+
+def event(number, status=Status.DONE):
+    return CommandEvent(number, status, None, "")
+
+
+def test_a_command_by_itself_is_told_alone():
+    assert Merging().all_of(event(1)) == [event(1)]
+
+
+def test_what_is_one_with_it_is_told_the_same_until_it_has_ended():
+    made = Merging()
+    assert made.join(2, 1) is None
+    assert made.join(3, 1) is None
+    running = event(1, Status.ACTIVE)
+    assert made.all_of(running) == [running, event(2, Status.ACTIVE), event(3, Status.ACTIVE)]
+    assert made.all_of(event(1)) == [event(1), event(2), event(3)]
+    assert made.all_of(event(1)) == [event(1)]
+
+
+def test_one_that_comes_when_the_other_is_over_ends_as_that_did():
+    made = Merging()
+    made.all_of(event(1, Status.ABORTED))
+    assert made.join(7, 1) == event(7, Status.ABORTED)
+
+
+def test_only_the_last_ends_are_kept():
+    made = Merging()
+    for number in range(merging._REMEMBERED + 1):
+        made.all_of(event(number))
+    assert made.join(1000, 0) is None
+    assert made.join(1001, 1) == event(1001)
