@@ -36,8 +36,8 @@ def serve(duty: Duty, ready: socket.socket) -> None:
     """Let the drives of a cell live until its core and its program are gone; blocks. ``ready`` is closed when they hear."""
     line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
     config, dictionaries = read_once(duty.cell)
-    take_priority()  # as the core: a busy computer must not look like drives that are silent
     made = devices(config, dictionaries)
+    take_priority()  # as the core, lest a busy computer looks like silent drives; only now, for what is made keeps a processor
     gone = select.poll()
     gone.register(line, 0)  # for the end of the line alone
     bus = PairBus(line, of_drives=True)

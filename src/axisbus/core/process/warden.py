@@ -76,9 +76,9 @@ def _guard(core: int, line: socket.socket, duty: Duty, drives_hear: socket.socke
     """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives hear their bus."""
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)  # the core's affair
-    take_priority()  # a computer that is busy beyond bearing is where a core may hang
     with line:  # its end tells the core that nobody watches any more
         rescuer = Rescuer(duty)
+        take_priority()  # a computer that is busy beyond bearing is where a core may hang
         _await_end(drives_hear)
         with suppress(OSError):  # it has ended already
             line.sendall(_READY)
