@@ -1,5 +1,6 @@
 """What is said of how surely a core's cycles come in time, before one runs."""
 
+import os
 import resource
 import subprocess
 import sys
@@ -54,3 +55,43 @@ def test_what_is_permitted_is_what_a_core_gets():
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         == "True\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [("\n", []), ("3\n", [3]), ("2-4,7\n", [2, 3, 4, 7]), ("nonsense\n", []), (None, [])],
+)
+def test_the_processors_that_are_kept_free(tmp_path, monkeypatch, text, found):
+    monkeypatch.setattr(tuning, "_ISOLATED", tmp_path / "isolated")
+    if text is not None:
+        (tmp_path / "isolated").write_text(text)
+    assert tuning.isolated() == found
+
+
+def in_a_process(isolated):
+    """What a process of its own gets of the processors ``isolated``, and where it may run then."""
+    code = (
+        f"import os\nfrom axisbus.core import tuning\ntuning.isolated = lambda: {isolated}\n"
+        "print(tuning.take_processor(), sorted(os.sched_getaffinity(0)))"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def test_a_core_moves_to_one_that_is_kept_free():
+    last = max(os.sched_getaffinity(0))
+    assert in_a_process([last]) == f"['an isolated processor'] [{last}]"
+
+
+def test_one_that_may_not_be_used_is_none_and_nothing_changes():
+    everywhere = sorted(os.sched_getaffinity(0))
+    assert in_a_process([4000]) == f"[] {everywhere}"
+    assert in_a_process([]) == f"[] {everywhere}"
+
+
+def test_an_isolated_processor_is_told_before(nobody):
+    nobody.setattr(launch, "isolated", lambda: [3])
+    nobody.setattr(launch, "permitted", lambda: ["SCHED_FIFO", "memory locked"])
+    nobody.setenv("AXISBUS_PROCESS", "own")
+    assert launch.expected(SIM) == "in a process of its own, SCHED_FIFO, memory locked, an isolated processor"

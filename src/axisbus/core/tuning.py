@@ -18,8 +18,13 @@ _SWITCH_INTERVAL = (
 )
 SPIN = 0.0001  # seconds before a cycle is due, for which the scan only looks at the clock: what a sleep may end late
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
-FIFO, LOCKED = "SCHED_FIFO", "memory locked"
+FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
+_ISOLATED = Path("/sys/devices/system/cpu/isolated")
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
+_GENERATIONS = range(3)
+_MARGIN = 3.0  # times what it took last must be left
+_FORGETS = 0.99  # per cycle in which nothing fitted
+_FAR_TOO_MANY = 100  # times the objects after which the youngest generation is usually collected
 _PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
 _OF_OTHERS, _OF_SCAN = (
     10,
@@ -58,6 +63,33 @@ def take_priority() -> list[str]:
         if ctypes.CDLL(None, use_errno=True).mlockall(_LOCKED) == 0:
             got.append(LOCKED)
     return got
+
+
+def take_processor() -> list[str]:
+    """Let all threads of this process run on one of the processors that this computer keeps free (``isolcpus``), if any (Linux).
+
+    Return in words what it has got. Which one depends on the process, so that the cores of several programs share them.
+    """
+    processors = isolated()
+    if not processors:
+        return []
+    one = {processors[os.getpid() % len(processors)]}
+    try:
+        for task in Path("/proc/self/task").iterdir():
+            os.sched_setaffinity(int(task.name), one)
+    except OSError:  # a container that may not use it
+        return []
+    return [APART]
+
+
+def isolated() -> list[int]:
+    """Return the processors that this computer keeps free of usual programs (Linux)."""
+    found: list[int] = []
+    with suppress(OSError, ValueError):
+        for part in _ISOLATED.read_text(encoding="ascii").strip().split(","):
+            first, _, last = part.partition("-")
+            found += range(int(first), int(last or first) + 1)
+    return found
 
 
 def permitted() -> list[str]:
@@ -115,6 +147,40 @@ class Collector:
 
 
 COLLECTOR = Collector()
+
+
+class IdleCollector:
+    """Runs Python's collector in what a cycle leaves over, and only there; holds how long it took last, by generation.
+
+    For a process that is a core and nothing else. Where nothing ever fits, the youngest generation is collected all the same once
+    there is far too much of it.
+    """
+
+    def __init__(self, period: float) -> None:
+        """``period`` of the cycles, in s; the collector runs by itself no more."""
+        self._period = period
+        self._took = [0.0, 0.0, 0.0]
+        gc.disable()
+
+    def after_cycle(self, now: float, _: object = None) -> None:
+        """Collect what is due, if it fits; ``now`` is when the cycle began (monotonic)."""
+        counts, due = gc.get_count(), gc.get_threshold()
+        found = [generation for generation in _GENERATIONS if counts[generation] > due[generation]]
+        if not found:
+            return
+        left = now + self._period - time.monotonic() - SPIN
+        fitting = [generation for generation in found if _MARGIN * self._took[generation] < left]
+        if fitting:
+            self._collect(fitting[-1])
+        elif counts[0] > _FAR_TOO_MANY * due[0]:
+            self._collect(0)
+        else:  # one that was interrupted, and took long by that, must run again some time
+            self._took = [_FORGETS * seconds for seconds in self._took]
+
+    def _collect(self, generation: int) -> None:
+        began = time.monotonic()
+        gc.collect(generation)
+        self._took[generation] = time.monotonic() - began
 
 
 class Tuning:

@@ -16,7 +16,7 @@ from axisbus.bus.link import ownership
 from axisbus.bus.link.cable import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.core.process.duty import Duty
-from axisbus.core.tuning import FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, permitted
+from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, isolated, permitted
 from axisbus.wire import image, lifeline
 
 _END = (
@@ -37,7 +37,7 @@ def expected(bus: BusConfig) -> str:
     """Return how surely the cycles of a cell's core would come in time, in the words of ``Machine.degree``; and what would help."""
     if not wanted(bus):
         return IN_A_THREAD
-    got = permitted()
+    got = [*permitted(), *([APART] if isolated() else [])]
     lacks = [f"{what} is not permitted ({help_})" for what, help_ in _PERMIT.items() if what not in got]
     return ", ".join([OWN_PROCESS, *got]) + "".join(f"; {lack}" for lack in lacks)
 

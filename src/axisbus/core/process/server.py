@@ -41,7 +41,7 @@ from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach
 from axisbus.core.process.streams import Streams
 from axisbus.core.runtime import Runtime
-from axisbus.core.tuning import OWN_PROCESS, take_priority
+from axisbus.core.tuning import OWN_PROCESS, IdleCollector, take_priority, take_processor
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.motion.ticket import Status
@@ -152,12 +152,13 @@ class Server:
         self._core, self._outlet = core, Outlet(self._stream, self._memory, names)
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
         self._take_signals()
-        degree = ", ".join([OWN_PROCESS, *take_priority()])
+        degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
         core.session.listen(self._hear)
         core.session.observe(self._outlet.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
         core.begin(self._joined)
         core.await_values()
+        core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
         self._lifeline.stage(Stage.RUNNING)
         nodes = {node_id: self._facts(node_id, booted) for node_id, booted in core.booted.items()}
         self._stream.send(m.Opened(nodes, dict(core.session.axes), degree, os.getpid()))
