@@ -86,16 +86,19 @@ class Scale:
             ArgumentError: the value is NaN or infinite.
             LimitError: it is more than can be counted.
         """
+        try:
+            return round(value * self.factor)
+        except (ValueError, OverflowError) as error:  # NaN, or infinite
+            raise self._uncountable(value) from error
+
+    def _uncountable(self, value: float) -> ArgumentError | LimitError:
         if not math.isfinite(value):
-            raise ArgumentError(f"{value} {self.unit} is no finite number")
-        increments = value * self.factor
-        if not math.isfinite(increments):
-            raise LimitError(
-                f"{value:g} {self.unit} cannot be counted",
-                observed=f"one {self.unit} is {self.factor:g} increments",
-                remedy="give a smaller value, or check the scale",
-            )
-        return round(increments)
+            return ArgumentError(f"{value} {self.unit} is no finite number")
+        return LimitError(
+            f"{value:g} {self.unit} cannot be counted",
+            observed=f"one {self.unit} is {self.factor:g} increments",
+            remedy="give a smaller value, or check the scale",
+        )
 
     def to_units(self, increments: float) -> float:
         """Turn increments into units."""

@@ -138,7 +138,7 @@ class CanPort:
         rebooted, channel = nmt.bootups != self._bootups, self._channel
         news = channel.offs != self._offs or self._returning or channel.off is not None
         bus = self._bus_off() if news else None
-        state, silent = nmt.state, nmt.overdue(now)  # now, and not before what they may be the answer to
+        state, silent = nmt.state, now > nmt.deadline  # now, and not before what they may be the answer to
         if rebooted:
             unknown = (None,) * 6
             return Inputs(now, False, *unknown, emcy, replies, int(state), bus, silent)
@@ -147,7 +147,9 @@ class CanPort:
             self._pace.forget()  # what was sent before, it has not taken
         self._now, self._operational = now, operational
         samples = self._samples
-        stamps = [slot.read_into(samples) for slot in self._slots]
+        stamps = []
+        for slot in self._slots:  # no list comprehension: that is a call more
+            stamps.append(slot.read_into(samples))  # noqa: PERF401
         if events := self._deadlines.step(now, stamps, operational):
             self.node.pdo_events.extend(events)
         if self._poller is not None:

@@ -59,11 +59,11 @@ class Pace:
 
     def excess(self, before: Step, after: Step, hardest: float = 0.0) -> TooMuch | None:
         """Return what is too much about a step; ``hardest`` (unit/s²) is allowed in any case."""
-        speed = abs(after.velocity)
-        rate = abs(after.velocity - before.velocity) / self.period
-        slow = self.velocity is None or speed <= self.velocity
-        if slow and (self.acceleration is None or rate <= self.acceleration):
+        velocity, rate = after.velocity, (after.velocity - before.velocity) / self.period
+        slow = self.velocity is None or -self.velocity <= velocity <= self.velocity
+        if slow and (self.acceleration is None or -self.acceleration <= rate <= self.acceleration):
             return None  # most steps: what arithmetic may be off does not matter
+        speed, rate = abs(velocity), abs(rate)
         off = _ULPS * math.ulp(max(abs(before.position), abs(after.position))) / self.period
         if self.velocity is not None and speed > self.velocity * (1.0 + _COMPUTED) + off:
             return TooMuch(

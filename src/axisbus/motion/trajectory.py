@@ -81,23 +81,23 @@ class Trapezoid:
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; before and after, the ends."""
-        distance = abs(self.end - self.start)
-        if t <= 0 or not distance:
-            return self.start
-        total = self._total
+        start, end, total = self.start, self.end, self._total
+        if t <= 0 or start == end:
+            return start
         if t >= total:
-            return self.end
-        way = self._way(min(t, total - t))
-        if t > total / 2:
-            way = distance - way
-        return self.start + math.copysign(way, self.end - self.start)
-
-    def _way(self, t: float) -> float:
-        """Return the distance covered ``t`` seconds after the start, in the first half."""
-        ramp = self.velocity / self.acceleration
-        if t <= ramp:
-            return 0.5 * self.acceleration * t * t
-        return 0.5 * self.acceleration * ramp * ramp + self.velocity * (t - ramp)
+            return end
+        first = t <= total / 2
+        time, ramp = (
+            t if first else total - t,
+            self.velocity / self.acceleration,
+        )  # ``time`` to or from the nearer end
+        if time <= ramp:
+            way = 0.5 * self.acceleration * time * time
+        else:
+            way = 0.5 * self.acceleration * ramp * ramp + self.velocity * (time - ramp)
+        if not first:
+            way = abs(end - start) - way
+        return start + way if end > start else start - way
 
 
 @dataclass(frozen=True, slots=True)

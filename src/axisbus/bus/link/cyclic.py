@@ -31,6 +31,7 @@ _CAN_RAW, _CAN_RAW_FILTER = 101, 1  # linux/can/raw.h
 _SO_TIMESTAMPNS = 35  # asm-generic/socket.h
 _ROOM = 64  # bytes for the time stamp
 _MOST = 512  # filters of a socket
+_WHOLE = 8  # data bytes of a frame that is full
 
 Taken = tuple[int, bytes, float]
 
@@ -70,20 +71,20 @@ class CyclicSocket:
         now = time.monotonic()
         since, self._looked = self._looked, now
         ahead = time.time() - now
-        receive = self._raw.recvmsg
+        receive, unpack, size = self._raw.recvmsg, FRAME.unpack, FRAME.size
         while True:
             try:
-                frame, notes, _, _ = receive(FRAME.size, _ROOM)
-            except BlockingIOError:
+                frame, notes, _, _ = receive(size, _ROOM)
+                can_id, length, data = unpack(frame)
+            except (BlockingIOError, struct.error):  # there is no more, or the other end has gone
                 return
-            if len(frame) < FRAME.size:
-                return
-            can_id, length, data = FRAME.unpack(frame)
             stamp = now
             if notes:
                 seconds, nanoseconds = _STAMP.unpack_from(notes[0][2])
-                stamp = min(now, max(since, seconds + nanoseconds * 1e-9 - ahead))
-            yield can_id, data[:length], stamp
+                came = seconds + nanoseconds * 1e-9 - ahead
+                if came < now:
+                    stamp = came if came > since else since
+            yield can_id, data if length == _WHOLE else data[:length], stamp
 
     def close(self) -> None:
         """Release the socket."""

@@ -17,7 +17,12 @@ _DONT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)
 
 
 class Line(Protocol):
-    """One attempt for one frame; whatever goes wrong is raised as python-can does, or its driver."""
+    """One attempt for one frame; whatever goes wrong is raised as python-can does, or its driver.
+
+    ``for_all``: several threads may send at once, and none of them waits.
+    """
+
+    for_all: bool
 
     def send(self, can_id: int, data: bytes) -> None:
         """Give a data frame to the adapter."""
@@ -28,6 +33,8 @@ class Line(Protocol):
 
 class PythonCanLine:
     """Any adapter that python-can knows."""
+
+    for_all = False
 
     def __init__(self, bus: can.BusABC, timeout: float | None) -> None:
         """``timeout``: see ``adapter.send_timeout``."""
@@ -55,6 +62,8 @@ class PythonCanLine:
 
 class SocketCanLine:
     """The raw socket of a SocketCAN link: a frame costs a fraction of what python-can's checks and waits do, and never blocks."""
+
+    for_all = True
 
     def __init__(self, raw: socket.socket) -> None:
         """``raw`` is an open CAN_RAW socket."""

@@ -42,8 +42,9 @@ class Confirmation(Enum):
 class NodeMonitor:
     """What a node said of itself; holds state: last NMT state with its time, latched boot-ups, the watch on its heartbeat.
 
-    Boot-ups are counted, so that none is lost between two looks. Times are seconds of ``time.monotonic()``. May be used from any
-    thread; the waiting calls not from the receive thread.
+    Boot-ups are counted, so that none is lost between two looks. Times are seconds of ``time.monotonic()``; ``deadline`` is when
+    the next heartbeat or answer is overdue (infinity: none is expected). May be used from any thread; the waiting calls not from
+    the receive thread.
     """
 
     def __init__(self, channel: Channel, node_id: int) -> None:
@@ -65,6 +66,7 @@ class NodeMonitor:
         self._changed = threading.Condition()
         self._watch: float | None = None
         self._watched_since = 0.0
+        self.deadline = math.inf
         channel.subscribe(cob.HEARTBEAT + node_id, self._on_report)
         channel.subscribe(cob.NMT, self._on_command)
         channel.on_failure.append(self._wake)
@@ -73,8 +75,14 @@ class NodeMonitor:
 
     def watch(self, timeout: float | None) -> None:
         """Expect a heartbeat every ``timeout`` seconds from now on (None: expect none)."""
-        self._watched_since = time.monotonic()
-        self._watch = timeout
+        with self._changed:
+            self._watched_since = time.monotonic()
+            self._watch = timeout
+            self._expect()
+
+    def _expect(self) -> None:
+        since = max(self.stamp or 0.0, self._watched_since)
+        self.deadline = math.inf if self._watch is None else since + self._watch
 
     @property
     def watched(self) -> float | None:
@@ -88,17 +96,7 @@ class NodeMonitor:
 
     def overdue(self, now: float) -> bool:
         """Whether the expected heartbeat is missing at the time ``now``."""
-        watch, stamp = self._watch, self.stamp
-        if watch is None or (stamp is not None and now <= stamp + watch):
-            return False
         return now > self.deadline
-
-    @property
-    def deadline(self) -> float:
-        """When the next heartbeat or answer is overdue, in seconds of the monotonic clock; infinity where none is expected."""
-        if self._watch is None:
-            return math.inf
-        return max(self.stamp or 0.0, self._watched_since) + self._watch
 
     def operational(self, now: float) -> bool:
         """Whether its last word was *operational* and its heartbeat is not overdue."""
@@ -193,6 +191,7 @@ class NodeMonitor:
             elif not self.asking:
                 self._heartbeats += 1
             self.state, self.stamp, self.assumed = NmtState(value), stamp, False
+            self._expect()
             self.reports += 1
             self._changed.notify_all()
 

@@ -52,18 +52,19 @@ def _ms(seconds: float) -> str:
 class Deadline:
     """The deadline of one TPDO; holds state: since when it is waited for, whether it is missing, and what is excused.
 
-    What is never due has a deadline of infinity: a TPDO that is sent on change only, whose silence says nothing.
+    What is never due has a deadline of infinity: a TPDO that is sent on change only, whose silence says nothing. ``since`` is
+    infinite while nothing is waited for. Where a frame has come as it should, ``Deadlines`` notes it without ``step``.
     """
 
-    __slots__ = ("_age", "_cob_id", "_excused", "_missing", "_name", "_node_id", "_since", "_stamp")
+    __slots__ = ("_age", "_cob_id", "_name", "_node_id", "excused", "missing", "since", "stamp")
 
     def __init__(self, node_id: int, name: str, cob_id: int, age: float) -> None:
         """``age``: seconds that may pass between two frames."""
         self._node_id, self._name, self._cob_id, self._age = node_id, name, cob_id, age
-        self._since: float | None = None  # when the last frame came, or when waiting began
-        self._stamp = -math.inf
-        self._excused = 0.0
-        self._missing = False
+        self.since = math.inf  # when the last frame came, or when waiting began
+        self.stamp = -math.inf
+        self.excused = 0.0
+        self.missing = False
 
     def step(self, now: float, stamp: float, expected: bool, held_up: float) -> PdoEvent | None:
         """Return what has happened since the last call; all times in seconds.
@@ -71,34 +72,28 @@ class Deadline:
         ``stamp`` is when the newest frame came (minus infinity: never). ``expected``: the node is operational. ``held_up``: how
         long we ourselves were late just now, when no SYNC of ours went out; that is not the drive's silence.
         """
-        since = self._since
-        if expected and since is not None and stamp > since and not self._missing:  # it comes as it should
-            self._since = self._stamp = stamp
-            self._excused = 0.0
-            return None
         if not expected:
-            self._since, self._stamp, self._missing = None, -math.inf, False
+            self.since, self.stamp, self.missing = math.inf, -math.inf, False
             return None
-        if self._since is None:
-            self._since, self._excused = now, 0.0
-        if stamp > self._since:
+        if self.since == math.inf:
+            self.since, self.excused = now, 0.0
+        if stamp > self.since:
             return self._came(now, stamp)
-        self._excused += held_up
-        if self._missing or now - self._since - self._excused <= self._age:
+        self.excused += held_up
+        if self.missing or now - self.since - self.excused <= self._age:
             return None
-        self._missing = True
-        return self._event(Reception.MISSING, now - self._since, now)
+        self.missing = True
+        return self._event(Reception.MISSING, now - self.since, now)
 
     def _came(self, now: float, stamp: float) -> PdoEvent | None:
-        before, self._since = self._since, stamp
-        assert before is not None  # it is waited for
-        was_missing, self._missing = self._missing, False
+        before, self.since = self.since, stamp
+        was_missing, self.missing = self.missing, False
         event = self._event(Reception.RETURNED, stamp - before, now) if was_missing else None
-        self._stamp, self._excused = stamp, 0.0
+        self.stamp, self.excused = stamp, 0.0
         return event
 
     def _event(self, what: Reception, age: float, now: float) -> PdoEvent:
-        never = self._stamp == -math.inf
+        never = self.stamp == -math.inf
         return PdoEvent(self._node_id, self._name, self._cob_id, what, age, self._age, now, never)
 
 
@@ -118,6 +113,10 @@ class Deadlines:
         held_up = gap - 2 * self._period if gap > 2 * self._period else 0.0
         found: list[PdoEvent] = []
         for deadline, stamp in zip(self._deadlines, stamps, strict=True):
+            if expected and not deadline.missing and deadline.since < stamp:  # it comes as it should
+                deadline.since = deadline.stamp = stamp
+                deadline.excused = 0.0
+                continue
             event = deadline.step(now, stamp, expected, held_up)
             if event is not None:
                 found.append(event)

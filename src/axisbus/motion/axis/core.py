@@ -192,7 +192,8 @@ class AxisCore:
         """
         supervision = self.supervision
         supervision.guard.look(image)
-        finding = supervision.motion(image, self.state, self.running.activity, self.bounded)
+        bounded = self.homed or not self._needs_homing
+        finding = supervision.motion(image, self.state, self.running.activity, bounded)
         if finding is not None:
             self.fail(finding.error, finding.rung, along=finding.along)
 

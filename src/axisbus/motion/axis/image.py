@@ -12,7 +12,7 @@ from axisbus.errors import BusError
 from axisbus.motion.axis.flight import Flight
 from axisbus.motion.axis.led import Led
 from axisbus.motion.stop.still import Still
-from axisbus.units import INT32_HALF, unwrap
+from axisbus.units import INT32_HALF, INT32_LEAST, unwrap
 
 _HALF = float(INT32_HALF)  # what is compared in every cycle is of one type
 
@@ -130,7 +130,9 @@ class Image:
         # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.
         self.gap = gap = now - self.now
         self.now = now
-        since, ages = now if gap <= self._period else now - self._late(gap), self._max_age
+        since, late, ages = now, gap - self._period, self._max_age
+        if late > 0.0:
+            since -= late if late < self._period else self._late(late)
         if word is None or word.stamp < since - ages[0]:
             self.statusword, self.state = None, State.UNKNOWN
         else:
@@ -187,11 +189,9 @@ class Image:
         """The position that a controller should hold: the demand (6062h), else the actual position; None if unknown."""
         return self.demand if self.demand is not None else self.position
 
-    def _late(self, gap: float) -> float:
-        """Return how many seconds this cycle is late, ``gap`` s after the one before; the first one is not."""
-        late = gap - self._period
-        if gap >= 2 * self._period:
-            self.starvation.note(self.now, late)
+    def _late(self, late: float) -> float:
+        """Note that cycles were missed; return by how many seconds this one is late: the first one is not."""
+        self.starvation.note(self.now, late)
         return late if late < math.inf else 0.0
 
     def _take_position(self, sample: Sample | None, oldest: float) -> None:
@@ -204,7 +204,7 @@ class Image:
         position = raw
         if self._raw_position is not None:
             self.lost_count = (stamp - self.position_stamp) * self.fastest >= _HALF
-            if raw != self._seen_position:
+            if not INT32_LEAST <= raw - self._seen_position < INT32_HALF:
                 position = unwrap(self._seen_position, raw)
         self._raw_position = raw
         self.position = self._seen_position = position

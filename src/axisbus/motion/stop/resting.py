@@ -12,20 +12,20 @@ _TWICE = 2  # samples in a row
 
 
 class Resting:
-    """Watches an axis that is enabled and at rest; holds the place where its rest began."""
+    """Watches an axis that is enabled and at rest; holds the ``place`` where its rest began (None: it has not)."""
 
-    __slots__ = ("_allowed", "_misses", "_parameters", "_place", "_stamp")
+    __slots__ = ("_allowed", "_misses", "_parameters", "_stamp", "place")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._allowed = parameters.lag_allowed(0.0, by_position=False)
-        self._place: int | None = None
+        self.place: int | None = None
         self._stamp = 0.0
         self._misses = 0
 
     def forget(self) -> None:
         """Something commands the axis, or its power is off: its next rest begins anew."""
-        self._place = None
+        self.place = None
         self._misses = 0
 
     def error(self, image: Image) -> UncommandedMotion | None:
@@ -34,19 +34,19 @@ class Resting:
         if position is None or image.position_stamp == self._stamp:
             return None
         self._stamp = image.position_stamp
-        if self._place is None:
-            self._place = position
+        if self.place is None:
+            self.place = position
         allowed = self._allowed
         pull = image.pull or 0
-        if abs(position - self._place) <= allowed and abs(pull) <= allowed:
+        if abs(position - self.place) <= allowed and abs(pull) <= allowed:
             self._misses = 0
             return None
         self._misses += 1
         if self._misses < _TWICE:
             return None
-        if abs(position - self._place) <= allowed:
+        if abs(position - self.place) <= allowed:
             return self._pulled(image, position, pull)
-        return self._moves(image, position, self._place)
+        return self._moves(image, position, self.place)
 
     def _moves(self, image: Image, position: int, place: int) -> UncommandedMotion:
         name, units = self._parameters.name, self._parameters.units.position

@@ -27,7 +27,7 @@ class Still:
         if stamp <= self._stamp:
             return self.still
         self._stamp = stamp
-        if self._anchor is None or abs(value - self._anchor) > self._tolerance:
+        if self._anchor is None or not -self._tolerance <= value - self._anchor <= self._tolerance:
             self._anchor, self._anchor_stamp, self.still = value, stamp, False
         elif stamp - self._anchor_stamp >= self._window:
             self.still = True

@@ -114,7 +114,8 @@ class Supervision:
                 return unrest
             course = None
         else:
-            self._resting.forget()
+            if self._resting.place is not None:
+                self._resting.forget()
             course = activity.course
         danger = self.guard.danger(image, state, bounded=bounded, course=course)
         return None if danger is None else self._endangered(danger, course)
