@@ -266,7 +266,7 @@ def test_a_quick_stop_passes_the_scan_thread_that_is_stuck_in_send(
 
 
 def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
-    channel: Channel, fake: FakeBus, ports: list[CanPort]
+    channel: Channel, fake: FakeBus, ports: list[CanPort], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cycle = CanCycle(channel, ports)
     commanded(cycle, fake, ports)
@@ -276,10 +276,18 @@ def test_a_quick_stop_comes_back_from_a_driver_that_does_not(
         never.wait(10)
         return []
 
+    class Waited(threading.Thread):
+        def join(self, timeout: float | None = None) -> None:
+            patience.append(timeout)
+            super().join(timeout)
+
+    patience: list[float | None] = []
+    monkeypatch.setattr("axisbus.bus.cycle.threading.Thread", Waited)
     fake.peers.append(block)
     begin = time.monotonic()
     assert not cycle.quick_stop_all()
     assert time.monotonic() - begin < 5
+    assert patience == [0.5]
     never.set()
 
 

@@ -148,3 +148,20 @@ def test_a_program_is_told_that_the_other_end_is_gone_and_drives_go_on_alone(pai
     assert drives.alone
     drives.send(can.Message(arbitration_id=0x185))
     assert drives.recv(0.0) is None
+
+
+def test_a_program_sees_whether_its_drives_have_taken_what_it_sent(pair):
+    program, drives = pair
+    assert not program.behind()
+    for _ in range(2):
+        program.send(can.Message(arbitration_id=0x80))
+    assert program.behind()
+    drives.recv(1.0)
+    assert program.behind()
+    drives.recv(1.0)
+    assert not program.behind()
+    drives.send(can.Message(arbitration_id=0x185))  # what waits for the program is not theirs to take
+    assert not program.behind()
+    program.send(can.Message(arbitration_id=0x80))
+    program.shutdown()
+    assert not program.behind()

@@ -144,6 +144,8 @@ def test_which_events_are_bad_and_how_many_are_kept():
 class Wire:
     """A channel without a bus, with a clock that goes on while somebody waits; ``coming`` are the stamps of SYNC."""
 
+    behind = None
+
     def __init__(self, *coming: float) -> None:
         self.now, self.coming, self.receiver = 0.0, list(coming), None
         self.sent: list[tuple[float, int, bytes | int]] = []
@@ -376,6 +378,21 @@ def lateness_of(cycle: CanCycle, due: float) -> Lateness:
     scan._next = due
     scan.once()
     return scan.lateness
+
+
+def test_simulated_drives_are_looked_at_before_they_get_more():
+    """Whether they are behind is told of what the cycle before has sent, not of its own SYNC, which nobody can have taken yet."""
+    wire = Wire()
+    wire.drain = lambda: None
+    cycle = CanCycle(wire, [], clock=wire.clock)
+    cycle.wait_until(0.0)
+    assert not cycle.receive()
+    wire.behind = lambda: not wire.sent
+    cycle.wait_until(0.0)
+    cycle.sync()
+    assert cycle.receive()
+    cycle.wait_until(0.0)
+    assert not cycle.receive()
 
 
 def test_a_bus_off_ends_no_cycle():

@@ -11,7 +11,7 @@ from axisbus.cia402.controlword import Command, words
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.cia402.objects import order
-from axisbus.cia402.starvation import Starvation
+from axisbus.cia402.starvation import DRIVES, Starvation
 from axisbus.cia402.state import ENERGISED, TARGETS, TRANSITIONS, State
 
 HERE = Path(__file__).parent
@@ -355,6 +355,22 @@ def test_time_that_is_missing_is_added_up_within_the_last_two_seconds():
     assert lately.missing(3.95) == 0.0
     assert lately.text(3.95) == ""
     assert lately.missing(4.5) == 0.0
+
+
+def test_who_has_missed_most_is_named_with_what_that_one_has_missed():
+    lately = Starvation()
+    lately.note(1.0, 0.125)
+    for at in (1.0, 1.25, 1.5):
+        lately.note(at, 0.0625, DRIVES)
+    assert lately.text(2.0) == "the simulated drives did not run for 0.19 s of the last 2 s"
+    assert lately.missing(2.0) == 0.1875
+    lately.note(2.0, 0.125)
+    assert lately.text(2.0) == "this program did not run for 0.25 s of the last 2 s"
+    little = Starvation()
+    little.note(1.0, 0.03125, DRIVES)
+    assert little.missing(1.0) == 0.0
+    little.note(1.0, 0.01875, DRIVES)
+    assert little.text(1.0) == "the simulated drives did not run for 0.05 s of the last 2 s"
 
 
 def test_more_than_the_window_cannot_be_missing_and_little_is_not_worth_a_word():

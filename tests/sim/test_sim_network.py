@@ -207,6 +207,15 @@ def test_nmt_gates_the_bus(channel, master):
         assert seen.arbitration_id == 0x705
 
 
+def test_stand_ins_that_are_given_no_time_are_behind(channel, master):
+    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as network:
+        wait_for(lambda: not network.behind(), "they keep up")
+        with network.lock:
+            master.send(0x080)
+            wait_for(network.behind, "they are held up")
+        wait_for(lambda: not network.behind(), "they have caught up")
+
+
 def test_all_stand_ins_share_two_threads(channel):
     before = threading.active_count()
     with StandIns(

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import ctypes
+import os
+import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
-from axisbus.cia402.starvation import REMEDY
+from axisbus.cia402.starvation import DRIVES, REMEDY
+from axisbus.core.tuning import IN_A_THREAD
 from axisbus.core.whereabouts import Place, whereabouts
 from axisbus.errors import AxisbusError, NodeError, StaleError
+from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit.cell import cell_text
 from kit.probe import ENABLED, OFF
 from kit.stories.bus import Line, turning, until
 
@@ -188,6 +194,47 @@ def test_a_callback_that_holds_the_scan_up_is_named_and_no_adapter(tmp_path):
         finally:
             free.set()
             machine._close("the story ends")
+
+
+@contextmanager
+def frozen_drives(machine: Machine) -> Iterator[None]:
+    """Give the simulated drives no time, in this process or in their own."""
+    if machine.degree == IN_A_THREAD:
+        with machine.stand_in(1).lock:
+            yield
+        return
+    core = machine._core
+    warden = core._process._warden.pid
+    children = Path(f"/proc/{warden}/task/{warden}/children").read_text().split()
+    (drives,) = {int(number) for number in children} - {core.process}
+    os.kill(drives, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(drives, signal.SIGCONT)
+
+
+@REAL
+@pytest.mark.parametrize(
+    "process",
+    [
+        "thread",
+        pytest.param("own", marks=pytest.mark.skipif(sys.platform != "linux", reason="only Linux has it")),
+    ],
+)
+def test_simulated_drives_that_are_given_no_time_are_named_and_no_node_is_called_lost(tmp_path, process):
+    file = tmp_path / "cell.toml"
+    file.write_text(cell_text("x", heartbeat="1s", bus=f'process = "{process}"'), encoding="utf-8")
+    with Machine.open(file) as machine:
+        x = machine["x"]
+        x.enable().wait(10)
+        handle = x.move_velocity(30.0)
+        until(lambda: x.state is AxisState.CONTINUOUS_MOTION)
+        with frozen_drives(machine):
+            until(lambda: x.error is not None)
+        assert handle.exception() is not None
+        assert x.error.message.startswith(f"x: {DRIVES} did not run for 0."), x.error
+        assert x.error.remedy.startswith(REMEDY)
 
 
 def test_where_a_thread_is():

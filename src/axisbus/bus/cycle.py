@@ -95,6 +95,7 @@ class CanCycle:
         self._sleep = sleep
         self._spin = spin
         self._stopped = False
+        self._behind = False
 
     def add(
         self, ports: Sequence[CanPort], node_id: int, events: NodeEvents, guarding: float | None = None
@@ -132,11 +133,14 @@ class CanCycle:
             self._channel.check()
         except BusOff:
             pass  # the ports tell the axes
+        if self._channel.behind is not None:
+            self._behind = self._channel.behind()
         return None
 
-    def receive(self) -> None:
-        """Take what the kernel has kept for this cycle; nothing where the receive thread brings every frame."""
+    def receive(self) -> bool:
+        """As ``Cycle.receive``: what the kernel has kept for this cycle; nothing where the receive thread brings every frame."""
         self._channel.drain()
+        return self._behind
 
     def commit(self) -> None:
         """Send the frames that the ports were given since the last commit; blocks while the adapter's queue is full, a few ms.

@@ -152,8 +152,11 @@ class Cycle(Protocol):
         Where another device's SYNC begins each cycle, ``t`` is only expected: return when it came.
         """
 
-    def receive(self) -> None:
-        """Take what has come since the last cycle, where nobody else does; does not block."""
+    def receive(self) -> bool:
+        """Take what has come since the last cycle, where nobody else does; does not block.
+
+        Return whether simulated drives had not yet taken all of the last cycle when this one began: they are given no time.
+        """
 
     def commit(self) -> None:
         """Send what the ports were given since the last commit."""

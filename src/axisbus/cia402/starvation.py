@@ -1,10 +1,11 @@
-"""How much of the last seconds this program did not run: to be named before any drive, cable or adapter is blamed.
+"""How much of the last seconds this program, or its simulated drives, did not run: named before a drive or a cable is blamed.
 
 Theory of operation
 -------------------
 Whoever is due at known times tells how late it came (``note``). A computer that is busy, another thread that holds the interpreter,
 a suspended process: all look the same from inside, as time that is missing. While it was missing nothing was received, no heartbeat
-and no SYNC went out, and every time-out ran on. So what is seen just after says little of the machine.
+and no SYNC went out, and every time-out ran on. So what is seen just after says little of the machine. Drives that are simulated
+need the same computer: while they are given no time, they look like drives that are gone.
 """
 
 from __future__ import annotations
@@ -22,26 +23,41 @@ REMEDY = (
 )
 
 
+PROGRAM, DRIVES = "this program", "the simulated drives"
+_LEAST = {
+    PROGRAM: LEAST,
+    DRIVES: LEAST / 2,
+}  # of drives whole periods alone are counted, up to when they count as silent
+
+
 class Starvation:
-    """The times that were missing lately; holds state."""
+    """The times that were missing lately, and to whom; holds state."""
 
     __slots__ = ("_lost",)
 
     def __init__(self) -> None:
-        self._lost: deque[tuple[float, float]] = deque(maxlen=256)
+        self._lost: deque[tuple[float, float, str]] = deque(maxlen=256)
 
-    def note(self, now: float, late: float) -> None:
+    def note(self, now: float, late: float, who: str = PROGRAM) -> None:
         """Something that was due has come ``late`` seconds after its time; infinite, because it is the first, is no delay."""
         if 0.0 < late < math.inf:
-            self._lost.append((now, late))
+            self._lost.append((now, late, who))
 
     def missing(self, now: float) -> float:
-        """Return the seconds within the last two that this program did not run; 0 where they are too few to matter."""
-        begin = now - WINDOW
-        lost = sum(min(late, stamp - begin) for stamp, late in self._lost if stamp > begin)
-        return min(lost, WINDOW) if lost >= LEAST else 0.0
+        """Return the seconds within the last two that somebody did not run; 0 where they are too few to matter."""
+        return self._worst(now)[0]
 
     def text(self, now: float) -> str:
         """Say so, for a person; empty where it ran."""
-        missing = self.missing(now)
-        return f"this program did not run for {missing:.2g} s of the last {WINDOW:g} s" if missing else ""
+        missing, who = self._worst(now)
+        return f"{who} did not run for {missing:.2g} s of the last {WINDOW:g} s" if missing else ""
+
+    def _worst(self, now: float) -> tuple[float, str]:
+        """Return how long the one who has missed most has missed, and who that is."""
+        begin = now - WINDOW
+        lost = dict.fromkeys((PROGRAM, DRIVES), 0.0)
+        for stamp, late, who in self._lost:
+            if stamp > begin:
+                lost[who] += min(late, stamp - begin)
+        who = max(lost, key=lost.__getitem__)
+        return (min(lost[who], WINDOW), who) if lost[who] >= _LEAST[who] else (0.0, who)

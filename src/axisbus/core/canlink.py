@@ -226,7 +226,9 @@ def open_channel(
     made = devices(cell, dictionaries)
     network = stack.enter_context(StandIns(name, list(made.values())))
     stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
-    return stack.enter_context(Channel.open("virtual", name)), stand_ins
+    channel = stack.enter_context(Channel.open("virtual", name))
+    channel.behind = network.behind
+    return channel, stand_ins
 
 
 def _let_go(node: Node, booted: Booted, how: Parting) -> None:

@@ -28,7 +28,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
-from axisbus.cia402.starvation import Starvation
+from axisbus.cia402.starvation import DRIVES, Starvation
 from axisbus.core.ending import ended, refused_while_leaving, too_many
 from axisbus.core.inbox import Inbox, Waiting
 from axisbus.core.inherited import inherited
@@ -219,9 +219,11 @@ class Scan:
             cycle.sync()
         if self.ended:  # taken over while we waited, or a frame was stuck: nothing may follow
             return
-        cycle.receive()
+        behind = cycle.receive()
         now = cycle.now()  # of after a send that may have blocked: what begins now has all of its time
         self._before = now
+        if behind:
+            self._note_behind(now)
         self._take_commands(now)
         for group in self.groups.values():
             group.step()
@@ -308,6 +310,10 @@ class Scan:
             collecting = COLLECTOR.seconds - self._collected
             cause = cause_of(now - self._next, self._done_at - self._next, self._sending, collecting)
             self.lateness.skip(cycles, cause)
+
+    def _note_behind(self, now: float) -> None:
+        for starvation in (self.starvation, *(core.image.starvation for core in self.axes.values())):
+            starvation.note(now, self.period, DRIVES)
 
     def _take_axes(self) -> None:
         while self._joining:

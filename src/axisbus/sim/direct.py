@@ -86,8 +86,9 @@ class DirectCycle:
             raise self.dials.wait
         self._advance(t + self.dials.wait_late)
 
-    def receive(self) -> None:
-        """Nothing to do: what was sampled is received as time passes."""
+    def receive(self) -> bool:
+        """Nothing to do: what was sampled is received as time passes; nobody is behind."""
+        return False
 
     def commit(self) -> None:
         """Send what the ports were given.

@@ -107,6 +107,7 @@ class Channel:
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
         self._line = line_of(bus, send_timeout)
+        self._freely = self._line.for_all  # without a lock
         self._cyclic = cyclic
         self._cyclic_ids: frozenset[int] = frozenset()
         self._socketcan = name.startswith("socketcan:")
@@ -121,6 +122,9 @@ class Channel:
         self._closing = False
         self._inherited = False  # by a forked child
         self.network = Network(self)
+        self.behind: Callable[[], bool] | None = (
+            None  # of simulated drives: whether they are, with what they hear
+        )
         self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
         self._thread.start()
         disown_in_children(self)
@@ -208,12 +212,16 @@ class Channel:
         if not self._cyclic_ids or self._cyclic is None:
             return
         try:
-            counters, distribute = self.counters, self._distribute
+            counters, receivers = self.counters, self._receivers
             for can_id, data, stamp in self._cyclic.drain():
                 counters.received += 1
                 if self._ears:
                     self._tell_ears(Frame(stamp, can_id, data, extended=False))
-                distribute(can_id, data, stamp)
+                for receiver in receivers.get(can_id, ()):
+                    try:
+                        receiver(data, stamp)
+                    except Exception as error:  # noqa: BLE001 - as ``_hand_over``, without a call more for each frame
+                        self.fail(failures.receiver_failed(can_id, data, error))
         except OSError as error:
             if not self._closing:
                 self.fail(failures.deaf(self.name, error))
@@ -243,7 +251,14 @@ class Channel:
             BusOff: the controller is bus-off; the frame was not queued.
             AdapterError: the queue stayed full, or the adapter failed (also when another frame has been stuck in it for a second).
         """
-        self._send_paced(self._line.send, can_id, data, patience)
+        if not self._freely or self._failure is not None or self._closing or self.off is not None:
+            self._send_paced(self._line.send, can_id, data, patience)
+            return
+        try:
+            self._line.send(can_id, data)
+        except can.CanError as error:
+            self._insist(self._line.send, can_id, data, patience, error)
+        self.counters.sent += 1
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
         """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.
@@ -434,15 +449,10 @@ class Channel:
 
     def _distribute(self, can_id: int, data: bytes, stamp: float) -> bool:
         """Give a data frame to its receivers; return whether it has any."""
-        receivers = self._receivers.get(can_id)
-        if receivers is None:
-            return False
+        receivers = self._receivers.get(can_id, ())
         for receiver in receivers:
-            try:
-                receiver(data, stamp)
-            except Exception as error:  # noqa: BLE001 - as ``_hand_over``, without a call more for each frame
-                self.fail(failures.receiver_failed(can_id, data, error))
-        return True
+            self._hand_over(receiver, can_id, data, stamp)
+        return bool(receivers)
 
     def _overhear(self, message: can.Message, stamp: float) -> None:
         self._tell_ears(of_message(message)._replace(time=stamp))

@@ -13,6 +13,7 @@ from axisbus.bus.link.line import EXTENDED, FRAME, REMOTE
 from axisbus.cia301 import cob
 
 _PAUSE = 0.05  # seconds
+_NOTHING = bytes(4)  # an int of 0
 
 
 class PairBus(can.BusABC):
@@ -60,6 +61,17 @@ class PairBus(can.BusABC):
             raise can.CanOperationError("Error receiving: the other end of the line is gone")
         self.alone = True
         return None, False
+
+    def behind(self) -> bool:
+        """Return whether the other end has not yet taken all that was sent (Linux)."""
+        import fcntl  # only Unix has them
+        import termios
+
+        try:
+            left = fcntl.ioctl(self.socket, termios.TIOCOUTQ, _NOTHING)
+        except (OSError, ValueError):  # it is closed
+            return False
+        return left != _NOTHING
 
     def fileno(self) -> int:
         """Return the descriptor of the socket."""

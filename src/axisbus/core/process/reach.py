@@ -12,5 +12,8 @@ from axisbus.cell.model import BusConfig
 def reach(bus: BusConfig, drives: socket.socket | None = None) -> Channel:
     """Open the adapter of a bus, or the line to simulated drives in another process; raises AdapterError."""
     if drives is not None:
-        return Channel(PairBus(drives), "sim")
+        line = PairBus(drives)
+        channel = Channel(line, "sim")
+        channel.behind = line.behind
+        return channel
     return Channel.open(bus.interface, bus.channel, bus.bitrate, **bus.options)

@@ -117,6 +117,12 @@ class StandIns:
         self._shut()
         self._raise_error()
 
+    def behind(self) -> bool:
+        """Return whether the drives have not yet taken all that was sent to them, or are late in what they do by themselves."""
+        waiting = getattr(self.network.bus, "queue", None)  # that of python-can's virtual bus
+        overdue = time.monotonic() - self._alarm > self._period
+        return overdue or (waiting is not None and not waiting.empty())
+
     def receive(self, can_id: int, data: bytes, *, remote: bool = False) -> None:
         """Take a frame from the bus (the receive thread calls this)."""
         try:
