@@ -1,4 +1,8 @@
-"""Drives that answer at once, each in a few lines: they are where they are told to be. Run as a process with a socket to serve."""
+"""Drives that answer at once, each in a few lines: they are where they are told to be. Run as a process with a socket to serve.
+
+Their TPDO 1 holds statusword, mode and position; or, ``split``, TPDO 1 to 3 hold one of them each. At every 50th SYNC one of them
+sends an EMCY, a warning.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,10 @@ import sys
 
 FRAME = struct.Struct("<IB3x8s")  # struct can_frame of Linux
 TPDO, RPDO, SDO_TX, SDO_RX, HEARTBEAT = 0x180, 0x200, 0x580, 0x600, 0x700
+TPDOS = (0x180, 0x280, 0x380)
 _BEAT = 25  # SYNCs between two heartbeats of a node
+EVENT = 50  # SYNCs between two EMCYs of the cell
+_EMCY = bytes.fromhex("1042090000000000")  # 4210h, the temperature of the device
 # What a drive shows for the lower bits of its controlword, and whether it is enabled then.
 _SHOWN = {0x0: 0x0250, 0x6: 0x0231, 0x7: 0x0233, 0xF: 0x1637, 0x2: 0x0217}
 _SIZES = {0x6040: 2, 0x6041: 2, 0x6060: 1, 0x6061: 1, 0x6071: 2, 0x6077: 2}
@@ -28,9 +35,15 @@ class Drive:
         self.position, self.mode, controlword = struct.unpack("<ibH", data[:7])
         self.word = _SHOWN.get(controlword & 0xF, 0x0250)
 
-    def tpdo(self) -> bytes:
-        """TPDO 1: statusword, mode, position."""
-        return FRAME.pack(TPDO + self.node_id, 7, struct.pack("<Hbi", self.word, self.mode, self.position))
+    def tpdos(self, *, split: bool) -> list[bytes]:
+        """The frames that answer a SYNC."""
+        values = (self.word, self.mode, self.position)
+        if not split:
+            return [FRAME.pack(TPDO + self.node_id, 7, struct.pack("<Hbi", *values))]
+        packed = [struct.pack(f"<{code}", value) for code, value in zip("Hbi", values, strict=True)]
+        return [
+            FRAME.pack(base + self.node_id, len(data), data) for base, data in zip(TPDOS, packed, strict=True)
+        ]
 
     def answer(self, request: bytes) -> bytes:
         """An SDO: every write is taken, every read is of what the drive shows, else 0."""
@@ -42,7 +55,7 @@ class Drive:
         return bytes((_UPLOADED[size],)) + request[1:4] + (value & (1 << 8 * size) - 1).to_bytes(4, "little")
 
 
-def serve(line: socket.socket, cyclic: socket.socket, count: int) -> None:
+def serve(line: socket.socket, cyclic: socket.socket, count: int, *, split: bool = False) -> None:
     """Be ``count`` drives on ``line`` until it is closed; their TPDOs go to ``cyclic``, which may be the same."""
     drives = {number: Drive(number) for number in range(1, count + 1)}
     syncs = 0
@@ -58,7 +71,10 @@ def serve(line: socket.socket, cyclic: socket.socket, count: int) -> None:
         if can_id == 0x80:
             syncs += 1
             for drive in drives.values():
-                cyclic.send(drive.tpdo())
+                for answer in drive.tpdos(split=split):
+                    cyclic.send(answer)
+            if syncs % EVENT == 0:
+                line.send(FRAME.pack(0x80 + 1 + syncs // EVENT % count, 8, _EMCY))
             if syncs % _BEAT == 1:
                 for number in drives:
                     line.send(FRAME.pack(HEARTBEAT + number, 1, b"\x05"))
@@ -70,4 +86,4 @@ def serve(line: socket.socket, cyclic: socket.socket, count: int) -> None:
 
 if __name__ == "__main__":
     first, second = (socket.socket(fileno=os.dup(int(number))) for number in sys.argv[1:3])
-    serve(first, second, int(sys.argv[3]))
+    serve(first, second, int(sys.argv[3]), split="split" in sys.argv)
