@@ -1,15 +1,24 @@
-"""What all stories share: golden messages, and that a story of stopping fails when its nets are cut."""
+"""What all stories share: golden messages, and that a story of stopping fails when its nets are cut.
+
+With ``AXISBUS_PROCESS=own`` (``make stories``) each core has a process of its own: a story that looks into it is skipped where it
+does, and nets are cut only where a story has a process cut them.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from typing import NoReturn
 
 import pytest
 
+from axisbus.core.process.client import RemoteCore
 from kit.cell import Stage
 from kit.probe import PlantMoves
 from kit.stories import golden as story_golden
 from kit.stories.nets import cut
+
+OWN = os.environ["AXISBUS_PROCESS"] == "own"
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -22,8 +31,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     marker = metafunc.definition.get_closest_marker("nets")
     if marker is not None:
-        names = ["whole", "without " + " and ".join(marker.args)]
-        metafunc.parametrize("nets_cut", [(), marker.args], ids=names)
+        cuts = {"whole": ()} if OWN else {"whole": (), "without " + " and ".join(marker.args): marker.args}
+        metafunc.parametrize("nets_cut", cuts.values(), ids=cuts.keys())
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -43,6 +52,18 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def nets_cut() -> tuple[str, ...]:
     """The nets that are cut in this run of the story."""
     return ()
+
+
+def _of_another_process(_: object) -> NoReturn:
+    pytest.skip("looks into the core, which is in a process of its own")
+
+
+@pytest.fixture(autouse=True)
+def from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Skip what looks into a core that is in a process of its own."""
+    if OWN:
+        for name in ("scan", "runtime"):
+            monkeypatch.setattr(RemoteCore, name, property(_of_another_process), raising=False)
 
 
 @pytest.hookimpl(wrapper=True)
