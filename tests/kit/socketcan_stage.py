@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from axisbus import eds
@@ -106,6 +108,13 @@ class Stage:
         until(lambda: min(self.speeds()) > 1000 or not all(handle.busy for handle in handles), 10)
         assert all(handle.busy for handle in handles), [str(axis.error) for axis in machine]
         return handles
+
+
+def schedule(policy: int, priority: int = 0) -> None:
+    """Schedule all threads that this process has so, where that is permitted."""
+    for task in Path("/proc/self/task").iterdir():
+        with suppress(OSError):
+            os.sched_setscheduler(int(task.name), policy, os.sched_param(priority))
 
 
 def ip(*arguments: str) -> None:

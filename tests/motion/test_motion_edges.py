@@ -24,7 +24,7 @@ from axisbus.motion.moves.profile import braking_distance, duration
 from axisbus.motion.moves.takeover import Takeover, resting_target
 from axisbus.motion.numbers import number, told
 from axisbus.motion.pace import Pace, Step, brakes_smoothly, pace_of
-from axisbus.motion.parameters import Defaults, Limits
+from axisbus.motion.parameters import Defaults, HoldsLoad, Limits
 from axisbus.motion.stop.diagnosis import remedy
 from axisbus.motion.stop.ladder import Rung, Then
 from axisbus.motion.stop.ramped import RampedWay
@@ -230,6 +230,53 @@ def test_the_modes_into_which_a_drive_that_is_taken_over_can_be_brought_without_
         assert taken.choose(image, candidates) == chosen
 
 
+@pytest.mark.parametrize(
+    ("found", "asked", "holds", "held"),
+    [
+        (M.CYCLIC_SYNC_VELOCITY, None, HoldsLoad.NO, True),
+        (M.CYCLIC_SYNC_VELOCITY, M.PROFILE_VELOCITY, HoldsLoad.NO, True),
+        (M.CYCLIC_SYNC_VELOCITY, M.CYCLIC_SYNC_VELOCITY, HoldsLoad.NO, False),
+        (M.CYCLIC_SYNC_VELOCITY, M.CYCLIC_SYNC_VELOCITY, HoldsLoad.TORQUE, False),
+        (M.CYCLIC_SYNC_POSITION, M.CYCLIC_SYNC_POSITION, HoldsLoad.NO, True),
+        (M.PROFILE_TORQUE, M.PROFILE_TORQUE, HoldsLoad.NO, False),
+        (M.PROFILE_TORQUE, M.PROFILE_TORQUE, HoldsLoad.BRAKE, True),
+    ],
+)
+def test_how_long_the_targets_of_a_drive_that_is_taken_over_are_held(found, asked, holds, held):
+    assert Takeover(found, Drive(holds_load=holds).parameters).holds_until(asked) is held
+
+
+@pytest.mark.parametrize(
+    ("mode", "standstill", "torque", "targets"),
+    [
+        (M.CYCLIC_SYNC_POSITION, True, 70, (900, 0, 0)),
+        (M.CYCLIC_SYNC_VELOCITY, True, 70, (500, -30, 0)),
+        (M.CYCLIC_SYNC_VELOCITY, False, 70, (500, 40, 0)),
+        (M.CYCLIC_SYNC_TORQUE, True, 70, (500, 0, 65)),
+        (M.CYCLIC_SYNC_TORQUE, True, None, (500, 0, 50)),
+        (M.PROFILE_TORQUE, True, 70, (500, 0, 70)),
+        (M.PROFILE_TORQUE, True, None, (500, 0, 50)),
+    ],
+)
+def test_what_a_drive_that_is_taken_over_does_it_goes_on_doing(mode, standstill, torque, targets):
+    taken = Takeover(mode, Drive().parameters)
+    taken._read.values.update(
+        {
+            (objects.TARGET_POSITION, 0): 900,
+            (objects.TARGET_VELOCITY, 0): 40,
+            (objects.TARGET_TORQUE, 0): 50,
+            (objects.VELOCITY_OFFSET, 0): 30,
+            (objects.TORQUE_OFFSET, 0): 5,
+        }
+    )
+    image = SimpleNamespace(
+        reference=500, standstill=standstill, torque=torque, position=900, demand=900, unwrapped=int
+    )
+    order = SimpleNamespace()
+    taken.hold(image, order)
+    assert (order.target_position, order.target_velocity, order.target_torque) == targets
+
+
 # Distances, durations, and what goes on from a speed.
 
 
@@ -308,6 +355,13 @@ def test_a_step_is_held_against_velocity_and_acceleration(before, position, told
     assert (None if found is None else found.what) == told
 
 
+def test_what_arithmetic_may_be_off_is_still_allowed():
+    most = 4.0 * (1.0 + 1e-6) + 8.0 * math.ulp(2.0) / 0.5
+    before = Step(2.0, 4.0)
+    assert PACE.excess(before, Step(2.0, most)) is None
+    assert PACE.excess(before, Step(2.0, math.nextafter(most, 5.0))).what == "faster than max_velocity"
+
+
 def test_what_a_path_is_allowed_in_any_case():
     before = Step(0.0, 4.0)
     after = PACE.next(before, -1.0)
@@ -326,6 +380,10 @@ def test_numbers_far_from_0_are_as_exact_as_they_can_be():
     before = Step(far, 4.0)
     assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 1024)) is None
     assert PACE.excess(before, PACE.next(before, far + 2.0 + 1 / 256)) is not None
+
+
+def test_where_a_limit_comes_from_is_not_a_part_of_it():
+    assert repr(Limits(velocity=4.0)) == "Limits(position=None, velocity=4.0, acceleration=None, torque=None)"
 
 
 @pytest.mark.parametrize(

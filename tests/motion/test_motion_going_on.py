@@ -68,6 +68,15 @@ def test_until_it_begins_the_trajectory_before_leads():
     assert last == 60_000
 
 
+def test_one_that_replaces_another_before_that_begins_is_led_by_what_led_it():
+    drive, before = led()
+    replaced = going_on(drive, before)
+    move = going_on(drive, replaced, gate=Gate())
+    targets = [step(drive, move) for _ in range(10)]
+    assert [b - a for a, b in pairwise(targets)] == [200] * 9
+    assert move.last_step == before.last_step
+
+
 def test_one_that_is_stopped_before_it_begins_never_begins():
     drive, before = led()
     gate = Gate()

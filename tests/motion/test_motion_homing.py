@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 
 from axisbus.cia402.port import Source
 from axisbus.errors import ArgumentError, DriveFault, HomingError, StateError, Stopped
+from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.parameters import Homing
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
 from kit.motion.rig import PERIOD, rig
+from kit.motion.steps import Drive
 from kit.motion.watch import HALT, Watch
 
 BIT_4 = 0x10
@@ -287,6 +290,20 @@ def test_a_home_that_is_never_found_ends_in_time_and_the_axis_is_halted():
     assert watch.displacement < 1.0
     assert r.drive.controlword & HALT
     assert not r.drive.controlword & BIT_4
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        (None, "no fresh statusword, attained (bit 12) 0, reached (bit 10) 0"),
+        (0x0637, "statusword 0x0637, attained (bit 12) 0, reached (bit 10) 1"),
+        (0x1237, "statusword 0x1237, attained (bit 12) 1, reached (bit 10) 0"),
+    ],
+)
+def test_what_was_seen_of_a_homing_that_failed(word, told):
+    homing = HomingRun(HomingJob(17, None, None, None, 1.0), Drive().parameters)
+    error = homing._error(SimpleNamespace(statusword=word), "why")
+    assert error.observed == f"why; {told}"
 
 
 def test_the_cell_s_time_out_counts_where_the_call_gives_none():

@@ -16,7 +16,7 @@ from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
-from axisbus.motion.stop.leaving import AxisLeaving
+from axisbus.motion.stop.leaving import AxisLeaving, Leaving
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.trajectory import Trapezoid
 from kit.motion.rig import rig
@@ -496,6 +496,14 @@ def test_a_path_without_a_position_is_refused():
 
 def test_the_way_out_has_the_time_of_all_rungs():
     assert TIMES.ladder == 0.5 + 0.25 + 2.0
+
+
+def test_what_an_earlier_request_has_told_is_told_once():
+    """The same error may come from an axis whose stop was asked for again."""
+    way_out, error, other = Leaving(), StaleError("x: once"), StaleError("y: another")
+    way_out._told = [error]
+    way_out._axes = [SimpleNamespace(verdict=verdict) for verdict in (error, None, other)]
+    assert way_out.failures() == [error, other]
 
 
 def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:

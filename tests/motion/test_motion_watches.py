@@ -32,7 +32,7 @@ from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
-from axisbus.motion.parameters import Limits
+from axisbus.motion.parameters import Limits, Timing
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.aftermath import Aftermath
 from axisbus.motion.stop.diagnosis import FaultStory, History, enrich, join_remedies, nmt_text
@@ -40,7 +40,7 @@ from axisbus.motion.stop.ladder import Rung
 from axisbus.motion.stop.relief import Relief, is_blind, needs_relief
 from axisbus.motion.stop.resting import Resting
 from axisbus.motion.stop.rundown import RunDown
-from axisbus.motion.stop.supervision import Supervision
+from axisbus.motion.stop.supervision import Supervision, silence
 from kit.motion.steps import Drive, T
 
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
@@ -231,6 +231,16 @@ def test_a_drive_of_which_no_value_is_fresh_is_lost():
     starved = supervision.power(drive.cycle()[0], AxisState.ERRORSTOP).error
     assert "this program did not run for 0.25 s" in starved.message
     assert "the last one is 0.516 s old" in starved.observed
+
+
+@pytest.mark.parametrize(
+    ("age", "told"), [(1e6, "the last one is 1e+06 s old"), (1e6 + 1.0, "it was never received")]
+)
+def test_a_statusword_that_is_very_old_was_never_received(age, told):
+    image = Drive(start=2e6).image
+    image.now = 2e6
+    image.statusword_stamp = image.now - age
+    assert silence(Drive().parameters, image).observed.endswith(f"statusword (6041h): {told}")
 
 
 def test_an_axis_at_rest_that_moves_is_stopped_and_one_that_something_moves_is_not():
@@ -621,6 +631,18 @@ def test_a_demand_that_is_the_target_at_once_is_not_believed_again(demand, late,
     assert drive.image.led.idle is not believed
 
 
+def test_a_demand_that_a_fast_drive_may_have_reached_by_now_is_believed():
+    """At its speed of 10,000 increments/s it may be 2,500 behind, and as much as it may give way."""
+    drive = Drive()
+    far = int(drive.parameters.lag_allowed(10_000.0, by_position=False))
+    for target, believed in ((far, True), (far + 1, False)):
+        move = moving(drive, target)
+        for word in (ENABLED, ENABLED | 0x1000):
+            move.step(*drive.cycle(statusword=word, mode=1, position=0, demand=target))
+        move.step(*drive.cycle(statusword=ENABLED, position=0, demand=target))
+        assert drive.image.led.idle is not believed
+
+
 # Moves that go on.
 
 
@@ -921,6 +943,12 @@ def test_the_last_two_emergencies_of_the_five_seconds_before_now_are_told(ages, 
     assert enrich(DriveError("no"), drive.image, made).observed.split("; ") == [
         *("drive: fault", *texts, "last statusword 4 s ago")
     ]
+
+
+def test_a_drive_that_explains_its_fault_at_the_last_moment_is_heard():
+    drive = Drive(timing=Timing(diagnosis=4 * T))
+    silent = FaultStory(drive.parameters, drive.now)
+    assert [silent.step(*drive.cycle(statusword=FAULT)) for _ in range(5)] == [False] * 4 + [True]
 
 
 def test_a_drive_that_does_not_explain_its_fault_has_its_time():

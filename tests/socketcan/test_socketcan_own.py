@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from axisbus.errors import ScanError, SecondMasterError
-from kit.socketcan_stage import until
+from kit.socketcan_stage import schedule, until
 
 
 @pytest.fixture(autouse=True)
@@ -19,6 +19,20 @@ def own(monkeypatch):
 def core_of(machine):
     """The process ID of a machine's core."""
     return machine._core.process
+
+
+@pytest.fixture
+def make_stage(make_stage):
+    """Stages whose stand-ins have a core's priority, as those of a simulated cell: in a user-mode Linux all share one processor,
+    on which they would hear everything late. Processes that are made later are usual ones."""
+
+    def make(ours, theirs):
+        made = make_stage(ours, theirs)
+        schedule(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, 10)
+        return made
+
+    yield make
+    schedule(os.SCHED_OTHER)
 
 
 def test_a_cell_boots_moves_and_stops_and_nobody_else_gets_its_link_meanwhile(stage):
