@@ -6,9 +6,10 @@ from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
 
+REAL_TIME = "they run in real time, on a bus or in programs of their own"
 # Folders, files, and tests of a file (behind ``::``), from the folder of the tests.
 SLOW = {
-    "they run in real time, on a bus or in programs of their own": (
+    REAL_TIME: (
         "socketcan",
         "stories/test_story_beside.py",
         "stories/test_story_boot_up.py",

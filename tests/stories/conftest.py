@@ -15,6 +15,7 @@ import pytest
 from axisbus.core.process.client import RemoteCore
 from kit.cell import Stage
 from kit.probe import PlantMoves
+from kit.slow import REAL_TIME, SLOW
 from kit.stories import golden as story_golden
 from kit.stories.nets import cut
 
@@ -35,9 +36,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("nets_cut", cuts.values(), ids=cuts.keys())
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the look for golden messages that no story uses come after all stories."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let the look for golden messages that no story uses come after all stories; virtual time knows no processes."""
     items.sort(key=lambda item: item.path.name == "test_story_zz_golden.py")
+    if OWN:
+        virtual = [item for item in items if f"stories/{item.path.name}" not in SLOW[REAL_TIME]]
+        items[:] = [item for item in items if item not in virtual]
+        config.hook.pytest_deselected(items=virtual)
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
