@@ -10,7 +10,7 @@ end. A node that was not there may be booted later, while the scan runs: the cyc
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
@@ -31,6 +31,12 @@ class Stopped:
     axis: str
     ok: bool
     text: str
+
+
+def alarm(stopped: Iterable[Stopped]) -> str:
+    """Return what a person must do about axes that may still move; empty where there are none."""
+    unsure = [each.axis for each in stopped if not each.ok]
+    return f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop" if unsure else ""
 
 
 class Parting(Enum):

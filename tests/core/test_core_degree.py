@@ -95,3 +95,14 @@ def test_an_isolated_processor_is_told_before(nobody):
     nobody.setattr(launch, "permitted", lambda: ["SCHED_FIFO", "memory locked"])
     nobody.setenv("AXISBUS_PROCESS", "own")
     assert launch.expected(SIM) == "in a process of its own, SCHED_FIFO, memory locked, an isolated processor"
+
+
+@pytest.mark.skipif("SCHED_FIFO" not in tuning.permitted(), reason="needs the right to real-time priority")
+def test_threads_with_priority_take_turns_and_the_scan_alone_is_ahead_of_them():
+    code = (
+        "import os\nfrom axisbus.core import tuning\ntuning.take_priority()\n"
+        "def rank(): return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority\n"
+        "others = rank()\ntuning.lead()\nprint(others, rank())"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == f"{(os.SCHED_RR, 10)} {(os.SCHED_FIFO, 50)}"

@@ -28,7 +28,7 @@ def make_stage(make_stage):
 
     def make(ours, theirs):
         made = make_stage(ours, theirs)
-        schedule(os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, 10)
+        schedule(os.SCHED_RR | os.SCHED_RESET_ON_FORK, 10)
         return made
 
     yield make

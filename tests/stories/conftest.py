@@ -1,18 +1,19 @@
 """What all stories share: golden messages, and that a story of stopping fails when its nets are cut.
 
-With ``AXISBUS_PROCESS=own`` (``make stories``) each core has a process of its own: a story that looks into it is skipped where it
-does, and nets are cut only where a story has a process cut them.
+With ``AXISBUS_PROCESS=own`` each core has a process of its own: a story that looks into it is skipped where it does, and nets are
+cut only where a story has a process cut them.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import pytest
 
 from axisbus.core.process.client import RemoteCore
+from axisbus.machine.exit import EXIT
 from kit.cell import Stage
 from kit.probe import PlantMoves
 from kit.slow import REAL_TIME, SLOW
@@ -64,11 +65,24 @@ def _of_another_process(_: object) -> NoReturn:
 
 
 @pytest.fixture(autouse=True)
-def from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skip what looks into a core that is in a process of its own."""
+def from_outside(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Skip what looks into a core that is in a process of its own, and leave no such core behind."""
+    cores: list[RemoteCore] = []
     if OWN:
+        make = RemoteCore.__init__
+
+        def noted(core: RemoteCore, *given: Any) -> None:
+            make(core, *given)
+            cores.append(core)
+
+        monkeypatch.setattr(RemoteCore, "__init__", noted)
         for name in ("scan", "runtime"):
             monkeypatch.setattr(RemoteCore, name, property(_of_another_process), raising=False)
+    yield
+    for core in cores:
+        if not core._calls.over:
+            core.leave("the story is over")
+            EXIT.part(core.session)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -287,6 +287,10 @@ class CellConfig:
     def folder(self) -> Path:
         """The folder that paths in the file are relative to."""
         return Path(self.file).parent
+
+    def beside(self, another: bool) -> CellConfig:
+        """Return the cell as if its file said ``beside = true``, where ``another`` master is expected on its bus."""
+        return replace(self, bus=replace(self.bus, beside=True)) if another else self
 
     def no_axis(self, name: str, *, groups: bool = False) -> StateError:
         """Return that the cell has no axis of this name; ``groups``: one of its groups could have been named as well."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from axisbus.cell import reader
@@ -21,7 +20,7 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
     if cell is None:
         raise reader.as_exception(errors(problems))
     require_sound(cell, problems)
-    return replace(cell, bus=replace(cell.bus, beside=True)) if beside else cell
+    return cell.beside(beside)
 
 
 def require_sound(cell: CellConfig, problems: list[Problem]) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from axisbus.boot.booted import Booted
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia402.starvation import REMEDY
 from axisbus.core.ending import remedy_of
 from axisbus.errors import NodeError, ScanError, in_a_line
-from axisbus.link import Parting, Stopped
+from axisbus.link import Parting, Stopped, alarm
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
 
@@ -48,16 +48,14 @@ def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
     )
 
 
-def scan_failure(failure: BaseException, rescued: Iterable[Stopped]) -> ScanError:
+def scan_failure(failure: BaseException, rescued: Collection[Stopped]) -> ScanError:
     """Return what closing tells of a scan that had failed."""
     texts = [
         in_a_line(failure),
         *(f"then, without it: {each.axis}: {each.text}" for each in rescued),
     ]
-    unsure = [each.axis for each in rescued if not each.ok]
-    alarm = f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop" if unsure else ""
     return ScanError(
         "the scan of the bus had failed",
         observed="\n            ".join(texts),
-        remedy=join_remedies(alarm, remedy_of(failure)),
+        remedy=join_remedies(alarm(rescued), remedy_of(failure)),
     )

@@ -52,12 +52,13 @@ def call_process(name: str) -> None:
 def take_priority() -> list[str]:
     """Give all threads of this process real-time priority, and keep its memory in memory, as far as is permitted (Linux).
 
-    Return in words what it has got. Threads that begin later have the same.
+    Return in words what it has got. Threads that begin later have the same. They take turns with others of their rank (SCHED_RR):
+    none of several cores, wardens and drives can keep the rest from running. A scan alone is ahead of them (``lead``).
     """
     got = []
     with suppress(OSError):
         for task in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(_OF_OTHERS))
+            os.sched_setscheduler(int(task.name), os.SCHED_RR, os.sched_param(_OF_OTHERS))
         got.append(FIFO)
     with suppress(OSError, AttributeError):
         if ctypes.CDLL(None, use_errno=True).mlockall(_LOCKED) == 0:
@@ -116,9 +117,9 @@ def _rights() -> int:
 
 
 def lead() -> None:
-    """Give the calling thread, that of a scan, priority over the others of its process, where they have any at all."""
+    """Give the calling thread, that of a scan, SCHED_FIFO above the others of its process, where they have priority at all."""
     with suppress(OSError, AttributeError):
-        if os.sched_getscheduler(0) == os.SCHED_FIFO:
+        if os.sched_getscheduler(0) == os.SCHED_RR:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_OF_SCAN))
 
 

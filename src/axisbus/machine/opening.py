@@ -9,7 +9,6 @@ import gc
 import itertools
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,8 +31,7 @@ def opened(path: str | Path, beside: bool) -> tuple[CellConfig, Owner]:
     cell, problems = reader.read(path)
     if cell is None:
         raise reader.as_exception(errors(problems))
-    if beside:
-        cell = replace(cell, bus=replace(cell.bus, beside=True))
+    cell = cell.beside(beside)
     if wanted(cell.bus) and not errors(problems):
         return cell, _apart(cell, problems)
     _check(cell, problems)

@@ -12,6 +12,7 @@ from typing import Any
 from axisbus.bus.link.inbox import Inbox
 from axisbus.core.inherited import inherited
 from axisbus.errors import ScanError, in_a_line
+from axisbus.link import alarm
 from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.wire import messages as m
 from axisbus.wire.stream import Stream
@@ -152,15 +153,13 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
             observed="its process has ended, or its connection; nobody tells how the drives were left",
             remedy="make sure that every axis stands, then open the machine again",
         )
-    unsure = [each.axis for each in rescued.stopped if not each.ok]
-    alarm = f"TREAT {', '.join(unsure)} AS MOVING: use the emergency stop" if unsure else ""
     texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
     return ScanError(
         f"{what}, and the core of this machine is gone: {rescued.why}",
         observed="\n            ".join(
             ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
         ),
-        remedy=join_remedies(alarm, "then open the machine again"),
+        remedy=join_remedies(alarm(rescued.stopped), "then open the machine again"),
     )
 
 

@@ -22,7 +22,6 @@ import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -132,8 +131,7 @@ class Server:
         try:
             self._require_same(wanted.version)
             cell, dictionaries = read_once(wanted.cell)  # it has been checked by the program
-            bus = replace(cell.bus, beside=cell.bus.beside or wanted.beside)
-            self._begin(replace(cell, bus=bus), dictionaries)
+            self._begin(cell.beside(wanted.beside), dictionaries)
         except BaseExceptionGroup as group:
             self._stream.send(m.NotOpened(tuple(map(_told, group.exceptions)), group.message))
             return False

@@ -16,7 +16,7 @@ from axisbus.eds.rules.values import COB_ID_GUARDING
 SDO_PARAMETERS = range(0x1200, 0x1300)
 SDO_TYPES = {1: DataType.UNSIGNED32, 2: DataType.UNSIGNED32, 3: DataType.UNSIGNED8}
 _SDO_NEEDED = {1: "the COB-ID from client to server", 2: "the COB-ID from server to client"}
-_HIGHEST_NODE_ID = 127
+_HIGHEST_NODE_ID = cob.NODE_IDS[-1]
 
 
 class _Service(NamedTuple):

@@ -20,7 +20,7 @@ _WITHOUT_LIMITS = frozenset(
         *(DataType.DOMAIN, DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE),
     )
 )
-_HIGHEST_NODE_ID = 127
+_HIGHEST_NODE_ID = cob.NODE_IDS[-1]
 COB_ID_GUARDING = 0x100E  # of DS 301 V3
 # Identifiers that follow from the node ID (CiA 301 7.3.5), by the entry that holds them.
 NODE_COB_IDS = {
