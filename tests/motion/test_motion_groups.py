@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -86,6 +87,18 @@ def test_a_group_enable_that_is_asked_for_again_goes_on_and_both_handles_end_as_
     assert one.done
     assert [watch.transitions for watch in watches] == [[2, 3, 4]] * 3
     assert len({tuple(watch.stage_times(ENABLED)) for watch in watches}) == 1  # still all in one SYNC
+
+
+def test_who_waits_is_woken_in_the_cycle_in_which_a_group_s_command_ends_and_in_none_without_an_end():
+    r = rig("xy")
+    r.drive_of("y").dials.transition_delay[3] = 0.2
+    woken: list[float] = []
+    r.scan.waiter = SimpleNamespace(notify=lambda: woken.append(r.now))
+    group = r.groups["all"].enable()
+    r.run(0.1)
+    assert woken == []
+    r.until(lambda: not group.busy)
+    assert woken[-1:] == [r.now]
 
 
 def test_an_axis_that_is_being_enabled_by_itself_does_not_keep_its_group_waiting_for_ever():

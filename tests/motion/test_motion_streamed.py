@@ -75,6 +75,14 @@ def test_a_place_of_rest_is_not_passed(ways, last, turned):
     assert low <= min(back) <= max(back) <= high
 
 
+def test_a_time_that_was_computed_twice_makes_no_slope_of_a_rounding():
+    curve = Curve(1.0, 0, (0.0, 1.0, 1.0 + 1e-9, 2.0, 3.0), (0.0, 1.0, 1.0 + 1e-7, 2.0, 3.0))
+    for begin in (0.0, 1.0, 2.0):
+        way = [curve.at(begin + share / 20) for share in range(21)]
+        assert way == sorted(way)
+        assert (way[0], way[-1]) == pytest.approx((begin, begin + 1.0), abs=1e-6)
+
+
 def test_where_it_rests_on_the_way_it_stands_still():
     line = curve([0, 1, 2, 2, 2, 2, 5, 9])
     assert {line.at(2 + part / 20) for part in range(61)} == {2.0}

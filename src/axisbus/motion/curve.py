@@ -82,9 +82,8 @@ class Curve:
 
     def _slope(self, index: int) -> float:
         """Return the mean speed between a sample and the next; 0 beyond the ends, where a path rests."""
-        if not 0 <= index < len(self.times) - 1:
-            return 0.0
-        width = self.times[index + 1] - self.times[index]
+        within = 0 <= index < len(self.times) - 1
+        width = self.times[index + 1] - self.times[index] if within else 0.0
         if width <= _SAME * self.step:
             return 0.0
         return (self.positions[index + 1] - self.positions[index]) / width
