@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from types import SimpleNamespace
 
 import pytest
 
@@ -138,6 +139,30 @@ def test_one_that_restarts_for_it_is_asked_again(desk, monkeypatch: pytest.Monke
     master = LssMaster(channel, Timing(floor=0.05, first=0.05), beside_operation=True)
     assert changeover._answers(master, ONE)
     assert slave.restarting == 0
+
+
+@pytest.mark.parametrize(("answers_after", "asked"), [(0.0, 1), (2.9, 7), (4.8, 11), (5.1, 11), (9.0, 11)])
+def test_one_that_is_silent_is_asked_until_five_seconds_are_over(
+    monkeypatch: pytest.MonkeyPatch, answers_after: float, asked: int
+) -> None:
+    """With a pause between the questions, of which each takes 0.3 s here."""
+    monkeypatch.setattr(changeover, "ANSWER_TIME", 5.0)
+    clock = SimpleNamespace(now=1000.0, pauses=[], asked=[])
+
+    def sleep(seconds: float) -> None:
+        clock.pauses.append(seconds)
+        clock.now += seconds
+
+    def inquire(address: LssAddress) -> None:
+        clock.asked.append(address)
+        begin, clock.now = clock.now, clock.now + 0.3
+        if begin - 1000.0 < answers_after:
+            raise LssTimeout("nobody answers", service="inquire")
+
+    monkeypatch.setattr(changeover, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
+    assert changeover._answers(SimpleNamespace(inquire=inquire), ONE) is (answers_after < 5.0)
+    assert clock.asked == [ONE] * asked
+    assert clock.pauses == [0.2] * (asked - 1)
 
 
 def test_one_that_has_not_come_along_is_named(desk) -> None:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 
 from axisbus.bus.link.channel import Channel
+from axisbus.bus.node import discover
 from axisbus.bus.node.discover import scan
 from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError
@@ -120,6 +121,31 @@ def test_each_id_is_asked_for_its_device_type_and_the_silent_ones_once_more(
     request = "40 00 10 00 00 00 00 00"
     assert asked[:3] == [(0x602, request), (0x603, request), (0x602, request)]
     assert [data for can_id, data in asked[3:] if can_id == 0x602] == []
+
+
+def test_the_second_question_comes_in_the_middle_of_the_time_after_the_first(
+    channel: Channel, fake: FakeBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever is slow has as long to answer the one as the other."""
+    until: list[float] = []
+    monkeypatch.setattr(discover, "_pause_until", until.append)
+    asked: list[int] = []
+    fake.peers.append(lambda *_: asked.append(len(until)) or [])
+    assert scan(channel, ids=(3,), listen=9.0) == []
+    assert asked == [1, 2]
+    first, second, end = until
+    assert end - second == pytest.approx(second - first)
+    assert end - first == pytest.approx(9.0 * (1 - 0.33))
+
+
+@pytest.mark.parametrize("answer", ["43 00 10 00", "43 00 10 00 92 01", "43 00 10 00 92 01 02"])
+def test_an_answer_that_is_too_short_tells_no_device_type(
+    channel: Channel, fake: FakeBus, answer: str
+) -> None:
+    answers = [bytes.fromhex(answer)]
+    fake.peers.append(lambda can_id, *_: [(0x582, answers.pop())] if can_id == 0x602 and answers else [])
+    (found,) = scan(channel, ids=(2,), listen=0.1)
+    assert (found.node_id, found.answers_sdo, found.identity.device_type) == (2, True, None)
 
 
 def test_one_that_says_no_to_its_device_type_is_there_without_a_kind(channel: Channel, fake: FakeBus) -> None:

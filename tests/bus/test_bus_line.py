@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import errno
+import gc
+import select
 import socket
+import threading
+import time
+from types import SimpleNamespace
 
 import can
 import pytest
@@ -115,6 +120,7 @@ def pair():
     ("can_id", "extended", "remote", "data"),
     [
         (0x205, False, False, b"\1\2\3"),
+        (0x204, False, False, b"\4"),
         (0x7FF, False, False, b""),
         (0x123, True, False, bytes(8)),  # a low number does not make it a frame of 11 bits
         (0x1FFF_FFFF, True, False, b"\7"),
@@ -165,3 +171,73 @@ def test_a_program_sees_whether_its_drives_have_taken_what_it_sent(pair):
     program.send(can.Message(arbitration_id=0x80))
     program.shutdown()
     assert not program.behind()
+
+
+def test_nobody_is_kept_busy_by_a_line_on_which_nothing_comes(pair):
+    """Or drives that go on alone, or a receive thread, would take a whole core of the computer."""
+    program, drives = pair
+    assert _wait(program, 0.03) > 0.025
+    program.shutdown()
+    assert drives.recv(0.0) is None
+    assert drives.alone
+    assert _wait(drives, 0.03) > 0.025
+    assert 0.045 < _wait(drives, None) < 1.0
+
+
+def _wait(bus: PairBus, timeout: float | None) -> float:
+    """How long a single look takes that finds nothing."""
+    begin = time.monotonic()
+    assert bus._recv_internal(timeout)[0] is None
+    return time.monotonic() - begin
+
+
+def test_a_full_line_is_an_error_for_a_program_at_once_and_costs_drives_their_frames(pair):
+    program, drives = pair
+    refused = []
+
+    def fill(bus: PairBus) -> None:
+        try:
+            for _ in range(10_000):
+                bus.send(can.Message(arbitration_id=0x205, data=bytes(8)))
+        except can.CanOperationError as error:
+            refused.append(error)
+
+    for bus in pair:
+        thread = threading.Thread(target=fill, args=(bus,), daemon=True)
+        thread.start()
+        thread.join(10.0)
+        assert not thread.is_alive()
+    assert [error.error_code for error in refused] == [errno.EAGAIN]
+    while drives.recv(0.0) is not None:
+        pass
+    program.send(can.Message(arbitration_id=0x206))
+    assert drives.recv(0.0).arbitration_id == 0x206
+
+
+def test_a_frame_that_was_announced_and_is_not_there_is_none(pair):
+    program, _ = pair
+    program._poll = SimpleNamespace(poll=lambda _: [(program.fileno(), select.POLLIN)])
+    assert program._recv_internal(0.0)[0] is None
+
+
+def test_a_line_can_be_waited_for_and_filtered_as_any_bus_of_python_cans(pair):
+    program, drives = pair
+    program.set_filters([{"can_id": 0x185, "can_mask": 0x7FF}])
+    assert select.select([program], [], [], 0.0)[0] == []
+    for can_id in (0x205, 0x185, 0x186):
+        drives.send(can.Message(arbitration_id=can_id, is_extended_id=False))
+    assert select.select([program], [], [], 1.0)[0] == [program]
+    assert program.recv(1.0).arbitration_id == 0x185
+    assert program.recv(0.0) is None
+
+
+def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
+    ends = cable()
+    bus = PairBus(ends[0])
+    bus.shutdown()
+    bus.shutdown()
+    assert ends[0].fileno() == -1
+    ends[1].close()
+    del bus
+    gc.collect()
+    assert not [record for record in caplog.records if record.levelname == "WARNING"]

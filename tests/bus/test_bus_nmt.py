@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 
@@ -71,6 +72,8 @@ def test_an_overdue_heartbeat_ends_operational(node: Node, slave: Slave, fake: F
     assert node.nmt.operational(stamp + 0.29)
     assert not node.nmt.operational(stamp + 0.31)
     assert node.nmt.overdue(stamp + 0.31)
+    assert node.nmt.deadline == stamp + 0.3
+    assert not node.nmt.overdue(node.nmt.deadline)
 
 
 def test_the_watch_counts_from_its_beginning(node: Node, slave: Slave, fake: FakeBus) -> None:
@@ -79,6 +82,18 @@ def test_the_watch_counts_from_its_beginning(node: Node, slave: Slave, fake: Fak
     time.sleep(0.05)
     node.nmt.watch(0.02)
     assert not node.nmt.overdue(time.monotonic())
+
+
+def test_one_that_has_never_reported_is_overdue_after_its_time(node: Node) -> None:
+    node.nmt.watch(0.3)
+    now = time.monotonic()
+    assert not node.nmt.overdue(now)
+    assert node.nmt.overdue(now + 0.31)
+    assert not node.nmt.overdue(node.nmt.deadline)
+    assert now - 0.1 < node.nmt.deadline - 0.3 <= now
+    node.nmt.watch(None)
+    assert not node.nmt.overdue(now + 1000)
+    assert node.nmt.deadline == math.inf
 
 
 @pytest.mark.parametrize(
@@ -156,6 +171,7 @@ def test_a_node_that_shows_nothing_is_a_time_out(node: Node, slave: Slave) -> No
     with pytest.raises(NodeTimeout, match="did not confirm") as caught:
         node.command(NmtCommand.START, timeout=0.3)
     assert "never reported" in caught.value.observed
+    assert caught.value.remedy.startswith("check its power, node ID and wiring, and whether")
 
 
 @pytest.mark.parametrize("reset", [NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION])
@@ -283,3 +299,5 @@ def test_one_report_may_have_crossed_the_command_and_two_of_another_state_refuse
     with pytest.raises(NodeTimeout) as caught:
         nmt.command(channel, node.nmt, NmtCommand.START, timeout=0.3)
     assert type(caught.value) is error
+    if after == 1:
+        assert caught.value.remedy.startswith("it is there: check its error register (1001h), and")

@@ -423,12 +423,14 @@ def answering(**more: bytes) -> Store:
         (0x1018, 0): b"\2",
         (0x1018, 1): little(0x29C, 4),
         (0x1018, 2): little(7, 4),
+        (0x1018, 3): little(8, 4),  # beyond its count
         (0x1010, 0): b"\1",
         (0x1010, 1): little(1, 4),
         (0x1400, 0): b"\2",
         (0x1400, 1): little(0x205, 4),
         (0x1400, 2): b"\xff",
         (0x140F, 0): b"\0",
+        (0x1410, 0): b"\0",  # beyond what is asked for
         (0x1600, 0): b"\x00",
         (0x1800, 0): b"\xc8",
         (0x1801, 0): b"",
@@ -473,6 +475,8 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
     assert made.get(0x1018, 2).default is None
     assert made.get(0x1018, 0).default.value == 2
     assert sorted(made.objects[0x1801].subs) == [0]
+    assert made.get(0x1801, 0).default.value == 0
+    assert made.get(0x1400, 1).default is None  # a setting
     assert made.get(0x1800, 0).default.value == 64
     for index, entry in made.objects.items():
         assert [(sub, one.index, one.subindex) for sub, one in entry.subs.items()] == [
@@ -484,6 +488,54 @@ def test_a_skeleton_has_what_answers_with_its_size_and_its_values_that_never_cha
     assert [name.rsplit(" ", 1)[1] for name in names] == ["1", "16", "1", "2"]
     assert made.info["deviceinfo"] == {"vendornumber": str(0x29C), "nrofrxpdo": "2", "nroftxpdo": "2"}
     assert "node 5" in made.info["fileinfo"]["description"]
+
+
+def test_each_element_of_a_skeleton_has_the_access_of_its_own_row():
+    """The buffer of an interpolated path: what is told, what is set, and what is only written stand side by side."""
+    device = Store({(0x60C4, 0): b"\6", **{(0x60C4, sub): little(1, 4) for sub in range(1, 7)}})
+    buffer = skeleton(device).objects[0x60C4].subs
+    assert [number for number in buffer if buffer[number].pdo_mapping] == []
+    assert [buffer[sub].access for sub in range(7)] == ["const", "ro", "rw", "rw", "rw", "wo", "wo"]
+
+
+@pytest.mark.parametrize(
+    ("index", "data", "data_type"),
+    [
+        (0x607A, bytes(4), DataType.INTEGER32),
+        (0x607A, b"\1", DataType.UNSIGNED8),
+        (0x607A, bytes(2), DataType.UNSIGNED16),
+        (0x607A, bytes(3), DataType.OCTET_STRING),
+        (0x607A, bytes(8), DataType.UNSIGNED64),
+        (0x6060, b"\1", DataType.INTEGER8),
+        (0x6071, bytes(2), DataType.INTEGER16),
+        (0x1008, b"a drive", DataType.VISIBLE_STRING),
+        (0x1022, b"\1", DataType.UNSIGNED8),  # the standard leaves its size open
+        (0x1022, b"\1\0", DataType.UNSIGNED16),
+    ],
+)
+def test_a_type_in_a_skeleton_has_the_size_that_came(index, data, data_type):
+    assert skeleton(Store({(index, 0): data})).get(index).data_type is data_type
+
+
+@pytest.mark.parametrize(("data_type", "size"), [(DataType.BOOLEAN, 1), (DataType.INTEGER64, 8)])
+def test_a_type_that_the_file_gives_holds_in_a_skeleton_where_its_size_does(data_type, size):
+    variable = Variable(0x60F4, 0, "v", data_type, "ro")
+    file = Eds("x", {0x60F4: Object(0x60F4, "o", ObjectType.VAR, {0: variable})}, {})
+    assert skeleton(Store({(0x60F4, 0): bytes(size)}, file)).get(0x60F4).data_type is data_type
+    other = skeleton(Store({(0x60F4, 0): bytes(2)}, file)).get(0x60F4)
+    assert other.data_type is DataType.UNSIGNED16
+
+
+def test_a_skeleton_tells_all_that_is_known_of_who_it_is():
+    numbers = {(0x1018, 1): little(0x29C, 4), (0x1018, 2): little(7, 4), (0x1018, 3): little(0x10002, 4)}
+    made = skeleton(Store({(0x1018, 0): b"\4", **numbers, (0x1018, 4): little(4711, 4)}))
+    assert made.info["deviceinfo"] == {
+        "vendornumber": "668",
+        "productnumber": "7",
+        "revisionnumber": "65538",
+        "nrofrxpdo": "0",
+        "nroftxpdo": "0",
+    }
 
 
 def test_a_skeleton_becomes_a_file_with_its_time_and_rate():

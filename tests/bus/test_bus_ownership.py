@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -83,6 +84,33 @@ def test_a_program_is_told_by_its_command_and_its_age_and_one_that_has_ended_as_
     with subprocess.Popen(["true"]) as ended:
         ended.wait()
     assert ownership._described(ended.pid).startswith(f"process {ended.pid}, which has ended")
+
+
+def test_the_age_of_a_program_counts_from_its_own_start():
+    with subprocess.Popen(["sleep", "30"]) as young:
+        text = ownership._described(young.pid)
+        young.kill()
+    assert re.search(r" \(.*\), which began \d\d? s ago$", text), text
+
+
+def test_however_many_were_refused_the_next_one_is_refused_at_once():
+    """Nobody takes their questions out of the queue of the one who has it."""
+    lock = ownership.take("pcan", NAME)
+    assert lock is not None
+    refused = []
+
+    def ask() -> None:
+        for _ in range(40):
+            with pytest.raises(SecondMasterError) as caught:
+                ownership.take("pcan", NAME)
+            refused.append(caught.value)
+
+    with lock:
+        asking = threading.Thread(target=ask, daemon=True)
+        asking.start()
+        asking.join(10.0)
+        assert len(refused) == 40
+    asking.join(10.0)
 
 
 def test_a_process_that_has_inherited_it_keeps_it_when_its_owner_is_gone():

@@ -11,6 +11,7 @@ from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, axis_objects
 from axisbus.bus.pdo.plan import Change, Plan, Policy, Wanted, make_plan, spare_cob_ids
 from axisbus.bus.pdo.plantext import describe
 from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.pdo import MappedObject
 from axisbus.cia402.port import Source
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
@@ -493,6 +494,12 @@ def test_without_a_file_the_standards_objects_are_taken() -> None:
     }
     assert found[0x6840].receive
     assert found[0x6841].transmit
+    assert found[0x6841].mapped == MappedObject(0x6841, 0, 16)
+
+
+def test_what_the_file_gives_no_size_cannot_be_mapped() -> None:
+    file = eds((0x6041, DataType.UNSIGNED16, "ro", True), (0x6064, DataType.DOMAIN, "ro", True))
+    assert list(axis_objects(Dictionary(file), DevicePdos((), ()))) == [0x6041]
 
 
 def test_planning_twice_changes_nothing_more() -> None:

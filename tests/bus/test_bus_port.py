@@ -28,6 +28,7 @@ WHOLE = DevicePdos(
     (rpdo(1, "6040/16 6060/8 607A/32", 1), rpdo(2, "60FF/32 6071/16", 1)),
     (tpdo(1, "6041/16 6061/8 6064/32", 1), tpdo(2, "606C/32 6077/16", 1)),
 )
+ONE_RPDO = DevicePdos((rpdo(1, "6040/16 607A/32", 1),), (tpdo(1, "6041/16", 1),))
 
 
 @pytest.fixture
@@ -215,11 +216,16 @@ def test_a_node_that_is_still_operational_after_a_bus_off_serves_again(
     assert (operational, [can_id for can_id, _ in frames]) == (True, [0x205])
 
 
+@pytest.mark.parametrize("short", [False, True], ids=["several RPDOs", "one RPDO"])
 def test_one_that_may_have_restarted_unheard_gets_no_rpdo_whatever_it_says_later(
-    make: Maker, node: Node, fake: FakeBus, slave: Slave
+    make: Maker, node: Node, fake: FakeBus, slave: Slave, short: bool
 ) -> None:
     arrived(node, fake, 0x705, "05")
-    port = make(WHOLE)
+    port = (
+        make(ONE_RPDO, Wanted(("statusword",), ("controlword", "target_position"))) if short else make(WHOLE)
+    )
+    assert (port._only_image is not None) is short
+    assert serves(port)[1]
     go_off_and_come_back(port, node, fake)
     arrived(node, fake, 0x705, "7F")
     assert serves(port) == (False, [])
@@ -238,6 +244,14 @@ def test_one_that_is_only_assumed_to_be_operational_is_in_doubt_too(
     go_off_and_come_back(port, node, fake)
     node.nmt.assume(NmtState.OPERATIONAL)
     assert serves(port) == (False, [])
+
+
+def test_the_first_wish_that_the_node_stops_is_sent_and_sent_once(make: Maker) -> None:
+    port = make(WHOLE)
+    port.write(Outputs(nmt_stop=True))
+    assert port.take_frames() == [(0, b"\x02\x05")]
+    port.write(Outputs(nmt_stop=True))
+    assert port.take_frames() == []
 
 
 def test_what_was_not_sent_is_sent_later_where_it_is_still_wanted(make: Maker) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo import client
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.errors import AdapterError, AxisbusError, Interrupted, SdoAbort, SdoError, SdoTimeout, StateError
 from kit.bus.peer import FakeBus, Frame, Slave, eventually
@@ -333,6 +334,22 @@ def test_an_urgent_write_does_not_wait_for_a_silent_node(sdo: SdoClient, slave: 
     assert isinstance(result[0], Interrupted)
     kinds = [data[0] for data in fake.frames(0x605)]
     assert kinds == [0x40, 0x80, 0x2B]  # no barrier before it
+
+
+def test_an_urgent_write_that_no_transfer_makes_room_for_goes_out_and_leaves_them_their_turn(
+    sdo: SdoClient, slave: Slave, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "URGENT_LOCK", 0.03)
+    slave.objects[0x6040, 0] = b"\x0f\x00"
+    with sdo._lock:
+        begin = time.monotonic()
+        sdo.download_urgent(0x6040, 0, b"\x02\x00")
+        assert time.monotonic() - begin > 0.025
+        assert slave.objects[0x6040, 0] == b"\x02\x00"
+        assert sdo._lock.locked()
+    sdo.download_urgent(0x6040, 0, b"\x06\x00")
+    assert not sdo._lock.locked()
+    assert sdo.upload(0x6040) == b"\x06\x00"
 
 
 def test_cancel_without_a_transfer_harms_nothing(sdo: SdoClient) -> None:

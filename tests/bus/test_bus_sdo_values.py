@@ -135,6 +135,35 @@ def test_what_cannot_be_written_is_refused_before_anything_is_sent(
     assert fake.sent == []
 
 
+def test_an_unchecked_value_passes_the_limits_of_the_file_but_not_those_of_its_type(
+    sdo: SdoClient, slave: Slave, fake: FakeBus
+) -> None:
+    sdo.write_unchecked("Speed of profile", 0, 5001)
+    sdo.write_unchecked(0x6077, 0, -3)
+    assert slave.writes == [(0x6081, 0, b"\x89\x13\0\0"), (0x6077, 0, b"\xfd\xff\xff\xff")]
+    fake.sent.clear()
+    with pytest.raises(LimitError, match="UNSIGNED32 holds 0 to 4294967295"):
+        sdo.write_unchecked("Speed of profile", 0, -1)
+    with pytest.raises(ArgumentError, match="the data type of node 5, 2003h:00 is not known"):
+        sdo.write_unchecked(0x2003, 0, 1)
+    assert fake.sent == []
+
+
+@pytest.mark.parametrize(
+    ("index", "most"), [(0x6081, 256), (0x2000, 256), (0x2001, 65_536), (0x2002, 1 << 24), (0x2003, 1 << 24)]
+)
+def test_how_much_is_taken_of_an_object_depends_on_its_type(
+    sdo: SdoClient, monkeypatch: pytest.MonkeyPatch, index: int, most: int
+) -> None:
+    """A number of 256 bytes is a device's mistake, and one without end an attack."""
+    asked: list[int] = []
+    monkeypatch.setattr(sdo, "_run", lambda request, *_: asked.append(request.most) or b"\0\0\0\0")
+    sdo.read(index)
+    sdo.upload(index)
+    sdo.upload(index, most=7)
+    assert asked == [most, most, 7]
+
+
 def test_limits_that_limit_nothing_are_not_kept(sdo: SdoClient, slave: Slave) -> None:
     """0 and 0 mean "none" in many files, and a low limit of 80000000h is two's complement."""
     sdo.write("Quick stop deceleration", 0, 7)
