@@ -93,7 +93,7 @@ def test_the_age_of_a_program_counts_from_its_own_start():
     assert re.search(r" \(.*\), which began \d\d? s ago$", text), text
 
 
-def test_however_many_were_refused_the_next_one_is_refused_at_once():
+def test_however_many_were_refused_the_next_one_is_refused_at_once_and_told_by_whom():
     """Nobody takes their questions out of the queue of the one who has it."""
     lock = ownership.take("pcan", NAME)
     assert lock is not None
@@ -110,7 +110,14 @@ def test_however_many_were_refused_the_next_one_is_refused_at_once():
         asking.start()
         asking.join(10.0)
         assert len(refused) == 40
+        assert {error.observed.partition(" (")[0] for error in refused} == {
+            f"it is held by process {os.getpid()}"
+        }
     asking.join(10.0)
+
+
+def test_nobody_is_named_who_cannot_be_found():
+    assert ownership._looked_up("@axisbus nobody:0") is None
 
 
 def test_a_process_that_has_inherited_it_keeps_it_when_its_owner_is_gone():

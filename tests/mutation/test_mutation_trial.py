@@ -140,6 +140,21 @@ def test_a_constant_concerns_the_tests_of_what_is_made_of_it_and_of_its_module()
     assert choosing.tests_for(mutant, known, 90.0)[2] == "test_d.py::d"
 
 
+def test_a_function_that_is_called_at_import_only_concerns_the_tests_that_import_it() -> None:
+    source = "def table():\n    return 3\nROWS = table()\n"
+    file = "src/axisbus/cia402/f.py"
+    mutant = next(one for one in mutants(file, source) if one.line == 2)
+    known = LineMap({"test_a.py::a": 1.0, "test_b.py::b": 2.0}, {file: source})
+    known.test_texts = {
+        "test_a.py": "from axisbus.cia402 import f",
+        "test_b.py": "from axisbus.cia402 import g",
+    }
+    known.lines[file] = {2: set()}
+    assert choosing.tests_for(mutant, known, 90.0) == []
+    known.lines[file] = {2: {""}}
+    assert choosing.tests_for(mutant, known, 90.0) == ["test_a.py::a"]
+
+
 def test_only_the_changed_function_is_swapped(tmp_path: Path) -> None:
     path = str(tmp_path / "f.py")
     text = "A = 1\ndef f(a):\n    for b in a:\n        a()\n    return [c for c in a]\ndef g(a=A):\n    return a\n"

@@ -48,11 +48,31 @@ def take(interface: str, channel: str | int | None, *, beside: bool = False) -> 
 def _holder(name: str) -> int | None:
     """Return the process that took the lock, None where it has just ended."""
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
-        asking.settimeout(1.0)
+        asking.setblocking(False)  # whoever has been asked as often as its backlog is long answers no more
         asking.connect(name)
         raw = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
         return int(_CREDENTIALS.unpack(raw)[0])
+    return _looked_up(name.replace("\0", "@"))
+
+
+def _looked_up(name: str) -> int | None:
+    """Return the first process that has the socket of this name among its descriptors, as far as they may be seen."""
+    with suppress(OSError):
+        rows = [line.split(maxsplit=7) for line in Path("/proc/net/unix").read_text().splitlines()]
+        sockets = {f"socket:[{row[6]}]" for row in rows if row[7:] == [name]}
+        folders = [folder for folder in Path("/proc").iterdir() if folder.name.isdigit()]
+        for folder in sorted(folders, key=lambda each: int(each.name)):
+            if sockets & _descriptors(folder / "fd"):
+                return int(folder.name)
     return None
+
+
+def _descriptors(folder: Path) -> set[str]:
+    found = set()
+    with suppress(OSError):  # of another user, or just closed
+        for each in folder.iterdir():
+            found.add(os.readlink(each))
+    return found
 
 
 def _taken(what: str, holder: int | None) -> SecondMasterError:
