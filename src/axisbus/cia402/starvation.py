@@ -24,10 +24,8 @@ REMEDY = (
 
 
 PROGRAM, DRIVES = "this program", "the simulated drives"
-_LEAST = {
-    PROGRAM: LEAST,
-    DRIVES: LEAST / 2,
-}  # of drives whole periods alone are counted, up to when they count as silent
+# Of drives whole periods alone are counted, and only until they count as silent.
+_LEAST = {PROGRAM: LEAST, DRIVES: LEAST / 2}
 
 
 class Starvation:

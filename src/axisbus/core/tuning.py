@@ -26,10 +26,8 @@ _MARGIN = 3.0  # times what it took last must be left
 _FORGETS = 0.99  # per cycle in which nothing fitted
 _FAR_TOO_MANY = 100  # times the objects after which the youngest generation is usually collected
 _PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
-_OF_OTHERS, _OF_SCAN = (
-    10,
-    50,
-)  # priorities of SCHED_FIFO: above every usual thread, below the kernel's own for its devices
+# Real-time priorities: above every usual thread, below the kernel's own for its devices.
+_OF_OTHERS, _OF_SCAN = 10, 50
 _LOCKED = (
     1 | 2 | 4
 )  # MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT (linux/mman.h): what is used, not every byte of each thread's stack

@@ -122,9 +122,8 @@ class Channel:
         self._closing = False
         self._inherited = False  # by a forked child
         self.network = Network(self)
-        self.behind: Callable[[], bool] | None = (
-            None  # of simulated drives: whether they are, with what they hear
-        )
+        # Of simulated drives: whether they have not yet taken what they were sent.
+        self.behind: Callable[[], bool] | None = None
         self._thread = threading.Thread(target=self._receive, name=f"axisbus receive {name}", daemon=True)
         self._thread.start()
         disown_in_children(self)
