@@ -28,6 +28,7 @@ import can
 from can.interfaces.socketcan import socketcan
 
 from axisbus.bus.link.cyclic import CyclicSocket
+from kit.again import again
 from kit.bench import echo
 
 if TYPE_CHECKING:  # not in the process of the other side
@@ -116,19 +117,9 @@ def pace(period: float, cycles: int, work: Callable[[], None]) -> float:
 @contextmanager
 def asking(ask: Callable[[], Any], period: float) -> Iterator[None]:
     """Have an object read by SDO every 50 cycles, in another thread, while the block runs; raises where none was."""
-    over, asked = threading.Event(), []
-
-    def work() -> None:
-        while not over.wait(echo.EVENT * period):
-            asked.append(ask())
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
+    asked: list[Any] = []
+    with again(lambda: asked.append(ask()), echo.EVENT * period):
         yield
-    finally:
-        over.set()
-        thread.join()
     assert asked
 
 

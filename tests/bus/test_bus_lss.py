@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 
 import pytest
 
@@ -21,6 +19,7 @@ from axisbus.errors import (
     LssTimeout,
     StateError,
 )
+from kit.again import again
 from kit.bus.peer import FakeBus, Frame, Slave
 from kit.lss_line import AnswersOnSelected, HandSlave
 
@@ -189,7 +188,7 @@ def test_naming_nobody_is_a_mistake(master: LssMaster, fake: FakeBus) -> None:
 def test_a_bus_in_operation_is_left_alone(
     channel: Channel, fake: FakeBus, frame: tuple[int, str], sign: str
 ) -> None:
-    with repeated(lambda: fake.inject(*frame)), pytest.raises(StateError, match="in operation") as caught:
+    with again(lambda: fake.inject(*frame), 0.02), pytest.raises(StateError, match="in operation") as caught:
         LssMaster(channel).find()
     assert sign in caught.value.observed
     assert fake.sent == []
@@ -197,26 +196,8 @@ def test_a_bus_in_operation_is_left_alone(
 
 def test_a_bus_whose_nodes_are_stopped_is_not_in_operation(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
-    with repeated(lambda: fake.inject(0x703, "04")):
+    with again(lambda: fake.inject(0x703, "04"), 0.02):
         assert LssMaster(channel, PATIENT).inquire(ADDRESS).address == ADDRESS
-
-
-@contextmanager
-def repeated(action: Callable[[], None]) -> Iterator[None]:
-    """Do something every 20 ms meanwhile."""
-    end = threading.Event()
-
-    def run() -> None:
-        while not end.wait(0.02):
-            action()
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    try:
-        yield
-    finally:
-        end.set()
-        thread.join()
 
 
 def test_answers_of_other_services_and_rubbish_do_not_count(master: LssMaster, fake: FakeBus) -> None:

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -20,6 +20,7 @@ from axisbus.core.whereabouts import Place, whereabouts
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from kit.again import again
 from kit.cell import cell_text
 from kit.probe import ENABLED, OFF
 from kit.stories.bus import Line, turning, until
@@ -33,22 +34,9 @@ def hold_interpreter(seconds: float) -> None:
     ctypes.PyDLL(None).usleep(int(seconds * 1e6))
 
 
-@contextmanager
-def greedy(hold: float, leave: float = 0.002) -> Iterator[None]:
+def greedy(hold: float, leave: float = 0.002) -> AbstractContextManager[None]:
     """A thread of the user's that holds the interpreter again and again."""
-    over = threading.Event()
-
-    def work() -> None:
-        while not over.wait(leave):
-            hold_interpreter(hold)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+    return again(lambda: hold_interpreter(hold), leave)
 
 
 def must_name_us_first(error: BaseException | None) -> None:

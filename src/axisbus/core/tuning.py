@@ -55,13 +55,18 @@ def take_priority() -> list[str]:
     """
     got = []
     with suppress(OSError):
-        for task in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(task.name), os.SCHED_RR, os.sched_param(_OF_OTHERS))
+        for thread in _threads():
+            os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(_OF_OTHERS))
         got.append(FIFO)
     with suppress(OSError, AttributeError):
         if ctypes.CDLL(None, use_errno=True).mlockall(_LOCKED) == 0:
             got.append(LOCKED)
     return got
+
+
+def _threads() -> list[int]:
+    """Return the threads of this process, as the system numbers them (Linux)."""
+    return [int(task.name) for task in Path("/proc/self/task").iterdir()]
 
 
 def take_processor() -> list[str]:
@@ -74,8 +79,8 @@ def take_processor() -> list[str]:
         return []
     one = {processors[os.getpid() % len(processors)]}
     try:
-        for task in Path("/proc/self/task").iterdir():
-            os.sched_setaffinity(int(task.name), one)
+        for thread in _threads():
+            os.sched_setaffinity(thread, one)
     except OSError:  # a container that may not use it
         return []
     return [APART]

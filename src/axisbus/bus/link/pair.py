@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
+import sys
 import time
 from typing import Any
 
@@ -11,6 +12,10 @@ import can
 
 from axisbus.bus.link.line import EXTENDED, FRAME, REMOTE
 from axisbus.cia301 import cob
+
+if sys.platform != "win32":  # only Unix has them
+    import fcntl
+    import termios
 
 _PAUSE = 0.05  # seconds
 _NOTHING = bytes(4)  # an int of 0
@@ -64,9 +69,6 @@ class PairBus(can.BusABC):
 
     def behind(self) -> bool:
         """Return whether the other end has not yet taken all that was sent (Linux)."""
-        import fcntl  # only Unix has them
-        import termios
-
         try:
             left = fcntl.ioctl(self.socket, termios.TIOCOUTQ, _NOTHING)
         except (OSError, ValueError):  # it is closed
