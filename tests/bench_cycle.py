@@ -259,7 +259,8 @@ def core(
 
     cell = Cell(bus, cyclic, count, period)
     stream = SimpleNamespace(send=lambda _: None, waiting=0)
-    outlet = Outlet(stream, mmap.mmap(-1, size_of(count)), tuple(cell.axes))  # type: ignore[arg-type]  # nobody is told
+    outlet = Outlet(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
+    outlet.admit(stream)  # type: ignore[arg-type]  # nobody is told
     cell.scan.observers = (outlet.after_cycle,)
     take_priority()
     with following(cell, period):

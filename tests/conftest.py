@@ -16,7 +16,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from kit import undisturbed
-from kit.slow import LONG, is_slow
+from kit.slow import LONG, is_real_time, is_slow
 
 # The same examples in every run, so that a run says something of the change and not of chance; ``make explore`` tries fresh ones.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -39,6 +39,9 @@ _MEMORY = (
 # In the tests the core runs in the program, where they can look into it; ``AXISBUS_PROCESS=own`` gives it a process of its own.
 os.environ.setdefault("AXISBUS_PROCESS", "thread")
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="axisbus-journals-")  # nothing is left in a home
+os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(
+    dir=os.environ["XDG_STATE_HOME"]
+)  # another worker's machine is not joined
 atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
 
 if sys.platform == "linux":
@@ -49,9 +52,30 @@ if sys.platform == "linux":
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _hard))
 
 QUICK = "not slow"  # the choice of ``make quick``
+MOST_ALONE = 5  # more failures than these are not the computer's
 undisturbed.begin()
 _used: set[str] = set()
 _kept: set[str] = set()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--alone",
+        action="store_true",
+        help="with --last-failed: what failed is given once more, nothing beside it, if it runs in real time",
+    )
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Refuse to try again what does not run in real time, or too much of what does."""
+    if session.config.option.alone:
+        sure = [item.nodeid for item in session.items if not item.get_closest_marker("real_time")]
+        if sure:
+            pytest.exit(f"not in real time, so not tried again: {', '.join(sure)}", returncode=1)
+        if len(session.items) > MOST_ALONE:
+            pytest.exit(
+                f"{len(session.items)} tests failed; at most {MOST_ALONE} are tried again", returncode=1
+            )
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -63,8 +87,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the slow tests, and put the longest files first."""
     for item in items:
-        if is_slow(item.path, getattr(item, "originalname", item.name)):
+        test = getattr(item, "originalname", item.name)
+        if is_slow(item.path, test):
             item.add_marker(pytest.mark.slow)
+        if is_real_time(item.path, test):
+            item.add_marker(pytest.mark.real_time)
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
 
 

@@ -7,6 +7,7 @@
     │   ├── ArgumentError            a value of a call: NaN, infinity, wrong type, missing default (also ValueError)
     │   │   └── LimitError           a value beyond a limit of the axis or beyond the object's type
     │   ├── StateError               not possible in the state that the axis or machine is in
+    │   │   └── OwnershipError       another program has the command of the machine
     │   ├── ConfigError              cell.toml, with file and line
     │   └── EdsError                 an EDS or DCF that cannot serve, with file and line
     ├── BusError                     the adapter, the wire or a node's communication
@@ -70,6 +71,7 @@ __all__ = [
     "NodeError",
     "NodeRefused",
     "NodeTimeout",
+    "OwnershipError",
     "Replaced",
     "ScanError",
     "SdoAbort",
@@ -128,6 +130,10 @@ class LimitError(ArgumentError):
 
 class StateError(UserError):
     """The axis or machine is in a state that does not allow what was asked."""
+
+
+class OwnershipError(StateError):
+    """Another program has the command of the machine; this one may look, and stop it."""
 
 
 class ConfigError(UserError):

@@ -240,4 +240,6 @@ def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
     ends[1].close()
     del bus
     gc.collect()
-    assert not [record for record in caplog.records if record.levelname == "WARNING"]
+    assert not [
+        told for told in caplog.messages if PairBus.__name__ in told
+    ]  # others' buses may go here, too

@@ -79,16 +79,16 @@ def test_the_age_of_a_program_is_told_in_whole_seconds_minutes_or_in_hours(secon
 
 
 def test_a_program_is_told_by_its_command_and_its_age_and_one_that_has_ended_as_that():
-    text = ownership._described(os.getpid())
+    text = ownership.described(os.getpid())
     assert re.fullmatch(rf"process {os.getpid()} \(.+\), which began \d+(\.\d)? (s|min|h) ago", text)
     with subprocess.Popen(["true"]) as ended:
         ended.wait()
-    assert ownership._described(ended.pid).startswith(f"process {ended.pid}, which has ended")
+    assert ownership.described(ended.pid).startswith(f"process {ended.pid}, which has ended")
 
 
 def test_the_age_of_a_program_counts_from_its_own_start():
     with subprocess.Popen(["sleep", "30"]) as young:
-        text = ownership._described(young.pid)
+        text = ownership.described(young.pid)
         young.kill()
     assert re.search(r" \(.*\), which began \d\d? s ago$", text), text
 

@@ -19,6 +19,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.record.recorder import Recorder
 from kit.cell import SCALE, cell_text
+from kit.stories.own import own_cell
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
@@ -36,10 +37,7 @@ def until(done, seconds=10.0):
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("own") / "cell.toml"
-    text = cell_text("xy", period="20ms", heartbeat="1s", bus='process = "own"', more=MORE)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return own_cell(tmp_path_factory.mktemp("own"), more=MORE)
 
 
 @pytest.fixture(scope="module")

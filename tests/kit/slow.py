@@ -38,6 +38,7 @@ SLOW = {
         "test_examples.py",
         "test_start.py",
         "bus/test_bus_durand.py",
+        "core/test_core_joined.py",
         "core/test_core_process.py",
         "bus/test_bus_lss_stand_in.py",
         "bus/test_bus_parallel.py",
@@ -45,6 +46,7 @@ SLOW = {
         "bus/test_bus_tshark.py",
         "bus/test_bus_verify.py",
         "cli/test_cli_config.py",
+        "cli/test_cli_joined.py",
         "cli/test_cli_lss.py",
         "cli/test_cli_od.py",
         "cli/test_cli_save.py",
@@ -64,6 +66,7 @@ SLOW = {
         "cli/test_cli_headings.py",
         "cli/test_cli_init.py",
         "cli/test_cli_simulated.py",
+        "cli/test_cli_turning.py",
         "cli/test_cli_streams.py",
         "cli/test_cli_underway.py",
         "machine/test_machine_services.py",
@@ -157,11 +160,22 @@ LONG = (
     "test_bus_inbox.py",
 )
 NAMES = frozenset(name for names in SLOW.values() for name in names)
+IN_REAL_TIME = frozenset(SLOW[REAL_TIME])
 
 
 def is_slow(path: Path, test: str = "") -> bool:
     """Whether a folder, a file or one of its tests (by its function's name) is named here, or stands in what is."""
+    return bool(_names(path, test) & NAMES)
+
+
+def is_real_time(path: Path, test: str = "") -> bool:
+    """Whether a test runs in real time, so that a computer which keeps it waiting can fail it."""
+    return bool(_names(path, test) & IN_REAL_TIME)
+
+
+def _names(path: Path, test: str) -> set[str]:
+    """All the names by which a test may be named here."""
     if not path.is_relative_to(TESTS):
-        return False
+        return set()
     here = path.relative_to(TESTS)
-    return any(name in NAMES for name in (*map(str, (here, *here.parents)), f"{here}::{test}"))
+    return {*map(str, (here, *here.parents)), f"{here}::{test}"}

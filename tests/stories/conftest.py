@@ -16,7 +16,7 @@ from axisbus.core.process.client import RemoteCore
 from axisbus.machine.exit import EXIT
 from kit.cell import Stage
 from kit.probe import PlantMoves
-from kit.slow import REAL_TIME, SLOW
+from kit.slow import is_real_time
 from kit.stories import golden as story_golden
 from kit.stories.nets import cut
 
@@ -41,7 +41,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Let the look for golden messages that no story uses come after all stories; virtual time knows no processes."""
     items.sort(key=lambda item: item.path.name == "test_story_zz_golden.py")
     if OWN:
-        virtual = [item for item in items if f"stories/{item.path.name}" not in SLOW[REAL_TIME]]
+        virtual = [item for item in items if not is_real_time(item.path)]
         items[:] = [item for item in items if item not in virtual]
         config.hook.pytest_deselected(items=virtual)
 

@@ -488,6 +488,34 @@ FOUND: Mapping[str, Script] = {
         scene="two-axes",
         ending="close",
     ),
+    "a position set while a halt leads the axis on along its path": Script(
+        "stiff",
+        (
+            Event(1.0, "release", "x"),
+            Event(0.5, "enable", "x"),
+            Event(0.5, "halt", "x"),
+            Event(0.2, "follow", "x", 0.04),
+            Event(0.1, "move_near", "x", 0.76),
+            Event(0.0, "coast", "x", -0.64),
+            Event(0.0, "halt", "x", 0.54),
+            Event(0.0, "set_position", "x", -0.2),
+        ),
+        scene="endless",
+        ending="close",
+    ),
+    "another master's enable that takes effect while a disable waits for its own": Script(
+        "braked",
+        (
+            Event(0.0, "torque", "x", -0.78),
+            Event(0.1, "ignores_off", "x", -0.99),
+            Event(0.0, "quick_stop", "x", -0.22),
+            Event(0.4, "slow_to_enable", "x", 0.06),
+            Event(0.02, "other_enables", "x", 0.66),
+            Event(0.02, "group_disable", "", 0.53),
+        ),
+        scene="held-by-brake",
+        ending="close",
+    ),
 }
 
 

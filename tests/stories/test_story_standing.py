@@ -45,6 +45,18 @@ def going(cell, what: str, velocity: float = 60.0):
     return handle
 
 
+def without(port, *samples: int) -> None:
+    """Let the port have these of its values no more."""
+    advance = port.advance
+
+    def less(now: float, messages: tuple) -> None:
+        advance(now, messages)
+        for number in samples:
+            port._samples[number] = None
+
+    port.advance = less
+
+
 # -- jams ----------------------------------------------------------------------------------------------------------------
 
 
@@ -114,6 +126,36 @@ def test_a_reset_after_a_jam_leaves_nothing_that_pulls(story):
     moment = cell.free()
     cell.run(2.0)
     cell.must_not_leap(since=moment)
+
+
+@pytest.mark.parametrize("unseen", [(5,), (2, 5)], ids=["demand", "position and demand"])
+@pytest.mark.parametrize("way", ["stop", "halt"])
+def test_a_jam_at_a_velocity_that_nobody_sees_pull_ends_without_power(story, way, unseen):
+    """Halted in profile velocity mode, a drive may brake along a position, which then pulls on whatever holds the axis."""
+    cell = story.simulated("x", axis="following_error = 1000.0").enabled()
+    without(cell.port(), *unseen)
+    going(cell, "pv", 300.0)
+    cell.jam()
+    cell.run(0.6)
+    error = cell.failure_of(getattr(cell.x, way)())
+    assert "nobody sees whether its drive pulls it on" in str(error)
+    moment = cell.free()
+    cell.run(2.0)
+    cell.must_not_leap(since=moment)
+    assert cell.stage() in OFF
+
+
+def test_a_jam_of_a_jog_that_nobody_sees_pull_ends_without_power(story):
+    cell = story.simulated("x", axis="following_error = 1000.0").enabled()
+    without(cell.port(), 5)
+    for number in range(12):
+        cell.x.jog(300.0)
+        cell.run(0.1)
+        if number == 5:
+            cell.jam()
+    error = cell.failure_of(cell.x.halt())
+    assert "nobody sees whether its drive pulls it on" in str(error)
+    assert cell.stage() in OFF
 
 
 @pytest.mark.parametrize("way", ["stop", "halt"])
@@ -398,13 +440,7 @@ def silence(cell, timer: float) -> None:
 def test_what_less_than_a_position_saw_the_stop_is_said(story):
     cell = story.simulated("x").enabled()
     cell.x.move_velocity(50.0).wait(5)
-    port, advance = cell.port(), cell.port().advance
-
-    def without_position(now: float, messages: tuple) -> None:
-        advance(now, messages)
-        port._samples[2] = port._samples[5] = None
-
-    port.advance = without_position
+    without(cell.port(), 2, 5)
     handle = cell.x.halt().wait(5)
     assert "velocity (606Ch) is 0" in handle.note
     assert "not known" in repr(handle)

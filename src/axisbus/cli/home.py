@@ -9,11 +9,11 @@ import click
 from axisbus.check.checked import checked
 from axisbus.cli import move
 from axisbus.cli.shared import axes as named
-from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.common import OK, say_next
 from axisbus.cli.shared.completion import complete_axes
+from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
-from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
 
 
@@ -21,7 +21,8 @@ from axisbus.machine.rehearsal import Rehearsal
 @click.argument("cell", type=PATH)
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
 @beside_option
-def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
+@take_option
+def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
     """Boot CELL, enable its axes (or those named, by themselves or by a group), home them as [axes.NAME.homing] says, stop and
     disable them.
 
@@ -29,13 +30,17 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool) -> int:
     """
     config = checked(cell)
     names = named.chosen(config, axes)
-    rehearsal = Rehearsal(config)
-    for name in names:  # what cannot be is told before the bus is opened
-        rehearsal[name].home()
-    with Machine.open(cell, beside=beside) as machine:
+
+    def rehearse() -> None:  # what cannot be is told before the bus is opened
+        rehearsal = Rehearsal(config)
+        for name in names:
+            rehearsal[name].home()
+
+    with machine_of(cell, command=True, take=take, beside=beside, before=rehearse) as machine:
         chosen = [machine[name] for name in names]
+        found = move.off(chosen)
         move.enable(chosen)
         move.home(machine, chosen)
-    say("all axes stand and are disabled")
+        move.leave(machine, found)
     say_next(f"axisbus move {cell} {names[0]}=... --home")
     return OK

@@ -13,6 +13,7 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
@@ -41,7 +42,7 @@ _SHOWN = 3  # of each node and sort, in one look
 )
 @beside_option
 def command(cell: Path, every: float, count: int | None, as_json: bool, listen: bool, beside: bool) -> int:
-    """Boot CELL and show its axes; energises nothing.
+    """Boot CELL and show its axes, or join its machine where it runs already; energises nothing.
 
     With --listen it boots nothing either, and sends nothing at all, beside a running master or without any: NMT states,
     heartbeats, the newest PDOs with names and units, EMCYs, the period of SYNC, and what shows that a master is at work.
@@ -52,11 +53,11 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
         from axisbus.cli import monitor_listen
 
         return monitor_listen.run(cell, every, count, as_json)
-    with Machine.open(cell, beside=beside) as machine:
+    with machine_of(cell, command=False, beside=beside) as machine:
         for line in [] if as_json else histories(machine):
             say(line)
         try:
-            _look_on(machine, every, count, as_json)
+            look_on(machine, every, count, as_json)
         finally:
             if not as_json and machine.dropped:
                 say(words(machine.dropped))
@@ -65,7 +66,8 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
     return OK
 
 
-def _look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
+def look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
+    """Show the axes again and again, ``count`` times (None: until Ctrl-C)."""
     looks, told, drops = 0, set[str](), DropNews()
     if coloured() and not as_json:
         from axisbus.cli import monitor_live

@@ -13,6 +13,7 @@ from axisbus.check.checked import checked
 from axisbus.cia402.state import State
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_targets
+from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
@@ -40,6 +41,7 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
     "--timeout", type=Seconds(), help="Seconds that each move may take, instead of the worked-out time."
 )
 @beside_option
+@take_option
 def command(
     cell: Path,
     targets: tuple[str, ...],
@@ -49,6 +51,7 @@ def command(
     home_first: bool,
     timeout: float | None,
     beside: bool,
+    take: bool,
 ) -> int:
     """Boot CELL, enable the axes named, move them, stop and disable them: axisbus move cell.toml x=90 y=-45 --velocity 30
 
@@ -58,19 +61,23 @@ def command(
     wanted = parse_targets(targets)
     course = _Course(wanted, relative, velocity, acceleration, timeout)
     rehearsal = Rehearsal(checked(cell))
-    course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
-    with Machine.open(cell, beside=beside) as machine:
+
+    def rehearse() -> None:
+        course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
+
+    with machine_of(cell, command=True, take=take, beside=beside, before=rehearse) as machine:
         axes = [machine[name] for name in wanted]
+        found = off(axes)
         for axis in axes:
             rehearsal.see(axis.name, axis.snapshot)
-        course.rehearse(rehearsal, home_first)  # once more, by where the axes are, before any is enabled
+        rehearse()  # once more, by where the axes are, before any is enabled
         enable(axes)
         if home_first:
             home(machine, axes)
         follow(machine, [Way(axis, course.start(axis)) for axis in axes])
         for axis in axes:
             say_position(axis, "at")
-    say("all axes stand and are disabled")
+        leave(machine, found)
     say_next(f"axisbus monitor {cell}")
     return OK
 
@@ -128,6 +135,23 @@ def enable(axes: list[Axis]) -> None:
             )
     wait([axis.enable() for axis in axes])
     say(f"enabled: {', '.join(axis.name for axis in axes)}")
+
+
+def off(axes: list[Axis]) -> list[Axis]:
+    """Return the axes that are not enabled now."""
+    return [axis for axis in axes if axis.state is AxisState.DISABLED]
+
+
+def leave(machine: Machine, found_off: list[Axis]) -> None:
+    """Leave the axes as they were found; where the machine is the command's own its end disables all of them."""
+    if machine.is_joined:
+        wait([axis.disable() for axis in found_off])
+    all_off = not machine.is_joined or all(axis.state is AxisState.DISABLED for axis in machine)
+    say(
+        "all axes stand and are disabled"
+        if all_off
+        else "the axes stand; what was enabled before is so still"
+    )
 
 
 def home(machine: Machine, axes: list[Axis]) -> None:

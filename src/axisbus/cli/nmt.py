@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,8 @@ import click
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
+from axisbus.cli.shared.joined_nodes import JoinedNode, joined
+from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.errors import NodeTimeout, StateError
 
@@ -26,6 +29,7 @@ COMMANDS = {
     "reset-communication": NmtCommand.RESET_COMMUNICATION,
 }
 ALL = "all"
+_PATIENCE = 5.0  # seconds that a node of a machine that runs may take; a restart is the longest
 
 
 @click.command("nmt")
@@ -36,13 +40,16 @@ ALL = "all"
     "--force", is_flag=True, help="Also where a drive is energised: it may coast, or drop its load."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
-def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_json: bool) -> int:
+@take_option
+def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_json: bool, take: bool) -> int:
     """Send the NMT command start, stop, pre-operational, reset-node or reset-communication to nodes, and say what each then shows.
 
     NODE is a node ID or an axis of --cell; "all" sends one command to everybody and looks at the nodes of the cell, else at those
     that a scan finds. Starting energises nothing. The other commands take the bus from a drive: where one is energised they are
     refused without --force. A node confirms by its heartbeat, by node guarding (never where that would arm its life guarding), by
     its boot-up message, or by its SDO server. Exit code 3 when one does not.
+
+    Where the machine of --cell runs already, its core sends the command; axes of a node that leaves operational are lost to it.
     """
     from axisbus.bus.node import nmt_by_hand
 
@@ -54,6 +61,10 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     ids = [] if everybody else list(dict.fromkeys(files.address(each).node_id for each in who))
     order = COMMANDS[wanted]
     with ExitStack() as stack:
+        machine = joined(stack, asked, command=True, take=take)
+        if machine is not None:
+            inside = ids or [report.node_id for report in machine.machine.reports]
+            return _tell(_in_machine([machine.node(each) for each in inside], order, force), as_json)
         known = list(files.cell.nodes) if everybody and files.cell is not None else ids
         session = Session(stack, asked, files, known)
         nodes = [session.node(node_id) for node_id in known or _everybody(session)]
@@ -74,6 +85,37 @@ def command(wanted: str, who: tuple[str, ...], asked: Asked, force: bool, as_jso
     return FAILURE if failed else OK
 
 
+def _in_machine(nodes: list[JoinedNode], order: NmtCommand, force: bool) -> list[dict[str, object]]:
+    if order is not NmtCommand.START and not force:
+        _require_at_rest(nodes)
+    return [_one_in_machine(each, order) for each in nodes]
+
+
+def _one_in_machine(node: JoinedNode, order: NmtCommand) -> dict[str, object]:
+    before, begin, error = node.access.nmt, time.monotonic(), ""
+    try:
+        node.access.command(order, _PATIENCE)
+    except NodeTimeout as failure:
+        error = f"{failure.message}; {failure.observed}"
+    return {
+        "node": node.node_id,
+        "ok": not error,
+        "before": before.text,
+        "state": node.access.nmt.text,
+        "seconds": round(time.monotonic() - begin, 3),
+        "errors": error or None,
+    }
+
+
+def _tell(outcomes: list[dict[str, object]], as_json: bool) -> int:
+    if as_json:
+        say_json(outcomes)
+    for each in [] if as_json else outcomes:
+        what = each["errors"] or f"{each['state']} (was {each['before']})"
+        say(f"node {each['node']}: {what}")
+    return OK if all(each["ok"] for each in outcomes) else FAILURE
+
+
 def _everybody(session: Session) -> list[int]:
     from axisbus.bus.node.discover import scan
 
@@ -87,7 +129,7 @@ def _everybody(session: Session) -> list[int]:
     return found
 
 
-def _require_at_rest(nodes: list[Node]) -> None:
+def _require_at_rest(nodes: Sequence[Node | JoinedNode]) -> None:
     """A node that does not answer SDO cannot be asked: it may be what the command is to mend."""
     from axisbus.configuration.guarded_write import energised
 

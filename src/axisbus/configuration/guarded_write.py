@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from axisbus.bus.node.node import Node
+from axisbus.bus.sdo.access import ByObjects
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as c301
@@ -111,12 +112,36 @@ def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_
         SdoError, BusError: as ``SdoClient.upload``.
     """
     data = checked_bytes(entry, value, kind)
-    known = kind or entry.data_type
     if not may_move:
         require_harmless(node.eds, node.node_id, entry)
         _require_at_rest(node)
     elif moves(node.eds, entry):
         require_no_other_master(node)
+    return _write(node, entry, data, kind or entry.data_type)
+
+
+def write_in_machine(
+    node: ByObjects, entry: Entry, value: Value, kind: DataType | None, *, may_move: bool
+) -> Written:
+    """As ``write``, in a machine that runs: what energises or moves a drive is then its commands' alone.
+
+    Raises:
+        StateError: the object is one of those; or a drive of the node is energised and ``may_move`` is not given.
+        And what else ``write`` raises.
+    """
+    data = checked_bytes(entry, value, kind)
+    if moves(node.eds, entry):
+        raise StateError(
+            f"node {node.node_id}: writing {entry} can energise the drive, or move it, which is for the commands of the machine "
+            "that runs; nothing was sent",
+            remedy="use them (axisbus enable, move, home, reset), or end the machine first",
+        )
+    if not may_move:
+        _require_at_rest(node)
+    return _write(node, entry, data, kind or entry.data_type)
+
+
+def _write(node: ByObjects, entry: Entry, data: bytes, known: DataType | None) -> Written:
     before = _read(node, entry)
     _require_size(node, entry, known, before)
     node.sdo.download(entry.index, entry.subindex, data)
@@ -127,7 +152,7 @@ def write(node: Node, entry: Entry, value: Value, kind: DataType | None, *, may_
     return Written(_typed(before, known), _typed(_read(node, entry), known), True)
 
 
-def energised(node: Node) -> list[str]:
+def energised(node: ByObjects) -> list[str]:
     """Return the drives of a node that are energised, in words; blocks for a transfer for each axis."""
     found = []
     for index in _STATUSWORDS:
@@ -154,7 +179,7 @@ def moves(eds: Eds | None, entry: Entry) -> bool:
     return calibrates or first_axis(entry.index) in MOVING
 
 
-def _require_at_rest(node: Node) -> None:
+def _require_at_rest(node: ByObjects) -> None:
     found = energised(node)
     if found:
         raise StateError(
@@ -212,7 +237,7 @@ def _watched(node: Node) -> list[int]:
     return [watched for watched in map(watched_node, entries) if watched]
 
 
-def _require_size(node: Node, entry: Entry, kind: DataType | None, before: bytes | None) -> None:
+def _require_size(node: ByObjects, entry: Entry, kind: DataType | None, before: bytes | None) -> None:
     size = size_in_bytes(kind) if kind is not None else None
     if before is None or size is None or len(before) == size or kind is None:
         return
@@ -223,7 +248,7 @@ def _require_size(node: Node, entry: Entry, kind: DataType | None, before: bytes
     )
 
 
-def _read(node: Node, entry: Entry) -> bytes | None:
+def _read(node: ByObjects, entry: Entry) -> bytes | None:
     try:
         return node.sdo.upload(entry.index, entry.subindex)
     except SdoAbort:
@@ -234,7 +259,7 @@ def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
     return decode(raw, kind) if kind is not None and raw is not None else raw
 
 
-def _number(node: Node, index: int, subindex: int = 0) -> int | None:
+def _number(node: ByObjects, index: int, subindex: int = 0) -> int | None:
     try:
         return int.from_bytes(node.sdo.upload(index, subindex), "little")
     except SdoAbort:

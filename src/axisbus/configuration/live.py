@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from axisbus.bus.node.node import Node
+from axisbus.bus.sdo.access import ByObjects
 from axisbus.configuration.compare import Side, typed
 from axisbus.eds.model import Variable
 from axisbus.errors import SdoAbort
 
 
 def of_device(
-    node: Node, variables: Sequence[Variable], tell: Callable[[int, int], None] | None = None
+    node: ByObjects, variables: Sequence[Variable], tell: Callable[[int, int], None] | None = None
 ) -> Side:
     """Read ``variables`` of a device; blocks for a transfer each. What it refuses is in ``unread``.
 

@@ -70,6 +70,14 @@ class Owner(Protocol):
         """How surely its cycles come in time, in words."""
 
     @property
+    def joined(self) -> bool:
+        """Whether another program has opened it."""
+
+    @property
+    def commanded_by(self) -> str:
+        """Who had the command when this program joined; empty where nobody had, or where it has opened the machine itself."""
+
+    @property
     def in_cycle(self) -> Callable[[], bool] | None:
         """In virtual time: what tells whether the caller is within a cycle."""
 
@@ -98,6 +106,9 @@ def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
 
 class Core:
     """Holds what a machine runs on, the scan over it, and the thread of the scan; ``session`` is a program's way to it."""
+
+    joined = False
+    commanded_by = ""
 
     def __init__(self, cell: CellConfig, runtime: Runtime, realtime: bool) -> None:
         """``realtime``: it is to run by itself, in threads of its own."""

@@ -18,7 +18,7 @@ from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
-from axisbus.machine.opening import opened, simulated
+from axisbus.machine.opening import attached, opened, simulated
 from axisbus.machine.roster import Roster
 from axisbus.session import LatenessReport, Session
 
@@ -59,21 +59,51 @@ class Machine:
         return self._core.session
 
     @classmethod
-    def open(cls, path: str | Path, *, beside: bool = False) -> Machine:
+    def open(cls, path: str | Path, *, beside: bool = False, shared: bool = False) -> Machine:
         """Check, open, boot and configure the cell of a ``cell.toml``, and start its scan; energises nothing.
 
         Blocks until all nodes are up. With ``interface = "sim"`` the nodes are simulated on a private bus, in real time; on any
         other it first listens for another master, at most 0.5 s. ``beside`` opens it all the same (as ``beside`` in ``[bus]``).
-        The core runs in a process of its own, where the cell and the platform let it (``process`` in ``[bus]``).
+        The core runs in a process of its own, where the cell and the platform let it (``process`` in ``[bus]``). Other programs of
+        this user can join it (``attach``): to look on, and to halt. ``shared``: this program commands nothing, one of them may.
 
         Raises:
+            StateError: it is to be shared, and its core cannot have a process of its own.
             ConfigError, EdsError: the cell file or an EDS is wrong (``axisbus check`` lists everything).
             AdapterError: the bus cannot be opened.
             SecondMasterError: another master is heard on the bus; nothing was sent.
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is to send SYNC, and does not, or not at scan_period.
         """
-        return cls(*opened(path, beside))._begun()
+        return cls(*opened(path, beside, shared))._begun()
+
+    @classmethod
+    def attach(cls, path: str | Path, *, command: bool = False, take: bool = False) -> Machine:
+        """Join the machine of a ``cell.toml`` that another program of this user has opened on this computer. Blocks for a moment.
+
+        Leaving it leaves the machine as it is. Without ``command`` this program looks on; it may halt and quick-stop, which locks
+        nobody out, and everything else is refused. ``command``: it is to have the command, which one program has at a time;
+        ``take``: it too, from whoever has it, after all that moves has halted. Whoever has it and is gone, by whatever way, loses
+        it; what moves then halts, and stays enabled. The command goes back to the program that opened the machine, if it wants it.
+
+        Raises:
+            StateError: no machine of this cell runs, or it is of another version or another text of the file.
+            OwnershipError: another program has the command.
+            ConfigError, EdsError, ScanError: as ``open``.
+        """
+        machine = cls.join(path, command=command, take=take)
+        if machine is None:
+            raise StateError(
+                f"no machine of {path} runs on this computer, which this program could join",
+                remedy=f"start one: axisbus run {path}; or open the cell in this program: Machine.open",
+            )
+        return machine
+
+    @classmethod
+    def join(cls, path: str | Path, *, command: bool = False, take: bool = False) -> Machine | None:
+        """As ``attach``, but return None where no machine of this cell runs."""
+        found = attached(path, command=command, take=take)
+        return None if found is None else cls(*found)._begun()
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
@@ -168,6 +198,16 @@ class Machine:
     def is_simulated(self) -> bool:
         """Whether the drives are stand-ins."""
         return self.cell.bus.interface == SIMULATED or not self._core.realtime
+
+    @property
+    def is_joined(self) -> bool:
+        """Whether another program has opened it (``attach``)."""
+        return self._core.joined
+
+    @property
+    def commanded_by(self) -> str:
+        """Who had the command when this program joined the machine, for people; empty where nobody had, or it is its own."""
+        return self._core.commanded_by
 
     @property
     def reports(self) -> list[NodeReport]:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import gc
 import itertools
+import os
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,8 +17,10 @@ from typing import TYPE_CHECKING
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import Problem, errors
-from axisbus.core.process.launch import Processes, wanted
+from axisbus.core.process.launch import Processes, expected, path_of, wanted
+from axisbus.errors import StateError
 from axisbus.machine.exit import EXIT
+from axisbus.version import __version__
 
 if TYPE_CHECKING:
     from axisbus.boot.booted import Booted
@@ -26,16 +30,57 @@ if TYPE_CHECKING:
     from axisbus.sim.device import Device
 
 
-def opened(path: str | Path, beside: bool) -> tuple[CellConfig, Owner]:
+def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Owner]:
     """Return a cell and its core, booted and ready to begin; as ``Machine.open``."""
     cell, problems = reader.read(path)
     if cell is None:
         raise reader.as_exception(errors(problems))
     cell = cell.beside(beside)
     if wanted(cell.bus) and not errors(problems):
-        return cell, _apart(cell, problems)
+        return cell, _apart(cell, problems, shared)
     _check(cell, problems)
+    if shared:
+        raise StateError(
+            "the machine cannot be shared: its core runs in this program",
+            observed=expected(cell.bus),
+            remedy='a core that others can join has a process of its own: process = "own" in [bus], on Linux',
+        )
     return cell, _here(cell)
+
+
+def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig, Owner] | None:
+    """Return a cell and its core, which runs already; as ``Machine.attach``, but None where there is none."""
+    cell = reader.load(path)
+    if sys.platform != "linux":
+        return None
+    from axisbus.core.process.client import RemoteCore
+    from axisbus.core.process.door import Visit, knock, text_of
+    from axisbus.wire import messages as m
+
+    admitted = knock(path_of(cell))
+    if admitted is None:
+        return None
+    wanted = m.Attach(__version__, text_of(path_of(cell)), command or take, take)
+    return cell, RemoteCore(cell, Visit(*admitted), wanted)
+
+
+def runs(path: str | Path) -> bool:
+    """Whether a machine of this cell file runs on this computer that a program could join. Blocks for a moment.
+
+    Raises:
+        ScanError: it lets nobody in.
+    """
+    if sys.platform != "linux":
+        return False
+    from axisbus.core.process.door import knock
+
+    admitted = knock(str(Path(path).absolute()))
+    if admitted is None:
+        return False
+    line, image = admitted
+    line.close()
+    os.close(image)
+    return True
 
 
 def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
@@ -93,15 +138,16 @@ def _check(cell: CellConfig, problems: list[Problem]) -> None:
     require_sound(cell, problems)
 
 
-def _apart(cell: CellConfig, problems: list[Problem]) -> Owner:
+def _apart(cell: CellConfig, problems: list[Problem], shared: bool) -> Owner:
     process = Processes(cell, EXIT.ends[0].fileno())
     try:
         _check(cell, problems)
         from axisbus.core.process.client import RemoteCore
+        from axisbus.wire import messages as m
     except BaseException:
         process.abandon()
         raise
-    return RemoteCore(cell, process)
+    return RemoteCore(cell, process, m.Open(__version__, path_of(cell), cell.bus.beside, shared))
 
 
 def _here(cell: CellConfig) -> Core:

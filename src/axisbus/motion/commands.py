@@ -119,6 +119,13 @@ class PolicyStop:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class HandOver:
+    """A halt of what moves, because the command of the machine goes to another program, or who had it is gone."""
+
+    reason: str
+
+
 Command = (
     Enable
     | Disable
@@ -135,4 +142,5 @@ Command = (
     | FollowTrajectory
     | Shutdown
     | PolicyStop
+    | HandOver
 )

@@ -32,11 +32,28 @@ from axisbus.wire.values import Codec
 
 @dataclass(frozen=True, slots=True)
 class Open:
-    """Open the cell of a file; ``version`` is that of the program's axisbus. The first message, and once."""
+    """Open the cell of a file; ``version`` is that of the program's axisbus. The first message, and once.
+
+    ``shared``: this program commands nothing; whoever is joined to it may.
+    """
 
     version: str
     cell: str
     beside: bool = False
+    shared: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Attach:
+    """Join the machine of a cell that is open; ``text`` is what its file says (a digest). The first message of a guest, and once.
+
+    ``command``: it is to have the command, which nobody else may have; ``take``: then it is taken from whoever has it.
+    """
+
+    version: str
+    text: str
+    command: bool = False
+    take: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +68,16 @@ class NodeFacts:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time, ``process`` where (its ID)."""
+    """The machine runs: its nodes, and its axes; ``degree`` says how surely its cycles come in time, ``process`` where (its ID).
+
+    ``commanded_by``: who has the command, for people.
+    """
 
     nodes: dict[int, NodeFacts]
     axes: dict[str, AxisFacts]
     degree: str
     process: int
+    commanded_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,6 +257,7 @@ class Logged:
 
 Message = (
     Open
+    | Attach
     | Opened
     | NotOpened
     | Submit

@@ -26,9 +26,15 @@ _READ = 1 << 16
 class Stream:
     """One end of a connection; holds what waits to be sent. ``send`` is for any thread, ``messages`` for one."""
 
-    def __init__(self, line: socket.socket, pack: Callable[[object], bytes], name: str) -> None:
-        """``line``: a connected stream socket, closed by ``close``; ``name``: of the thread that packs and sends."""
+    def __init__(
+        self, line: socket.socket, pack: Callable[[object], bytes], name: str, largest: int = _LARGEST
+    ) -> None:
+        """``line``: a connected stream socket, closed by ``close``; ``name``: of the thread that packs and sends.
+
+        ``largest``: bytes of a message that is taken.
+        """
         self._line = line
+        self._largest = largest
         self._pack = pack
         self._queue: deque[object] = deque()
         self._wakes, self._wake = socket.socketpair()
@@ -44,6 +50,8 @@ class Stream:
 
     def send(self, message: object) -> None:
         """Let a message (bytes: one that is packed already) be sent after those that wait; where nobody is there, it is dropped."""
+        if self._closing:
+            return
         self._queue.append(message)
         self._nudge()
 
@@ -51,7 +59,7 @@ class Stream:
         """Yield each message that comes, until the far end is gone or has said nonsense; blocks."""
         while (head := self._read(_LENGTH.size)) is not None:
             length = _LENGTH.unpack(head)[0]
-            message = self._read(length) if length <= _LARGEST else None
+            message = self._read(length) if length <= self._largest else None
             if message is None:
                 return
             yield message

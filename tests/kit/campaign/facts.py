@@ -24,6 +24,8 @@ _OF_NODES = frozenset(
 )  # what ends a mishap of a node, for all of its axes
 HONEST = ("MOVING", "could not be confirmed", "NOT CONFIRMED", "ENERGISED", "is lost", "still energised")
 
+_CAUGHT = 0.5  # s that an axis must have stood against its command, to be known as held
+
 
 class Violation(Exception):
     """A rule that did not hold; ``rule`` is its name."""
@@ -136,6 +138,15 @@ class Facts:
         lies = dials.encoder_frozen or self._begins_to_lag(name)
         blind = lies and (self.stage(name) in OFF or not demanded)
         return blind or name in self._lost_sight
+
+    def is_caught_unseen(self, name: str, stop: Asked) -> bool:
+        """Whether something caught the axis while it was being stopped, or just before, and no value tells by what it is led."""
+        caught = any(
+            trouble.what == "jam" and trouble.since > stop.since - _CAUGHT
+            for trouble in self.troubled(name, 0.0)
+        )
+        image = self.core[name].image
+        return caught and image.position is None and image.demand is None
 
     def has_a_will(self, name: str) -> bool:
         """Whether the drive moves by itself: then a moment's rest is nobody's promise.

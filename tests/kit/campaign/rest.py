@@ -92,6 +92,7 @@ class Rest:
         recent = facts.troubled(name, _JUST)
         moved = any(trouble.kind.moves and trouble.what not in _AT_REST for trouble in recent)
         restless = moved or facts.has_a_will(name) or facts.may_fall(name) or facts.turns_unseen(name)
+        restless = restless or facts.is_caught_unseen(name, stop)
         if facts.later(stop, name) or restless:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"

@@ -19,6 +19,7 @@ from axisbus.errors import SecondMasterError
 
 _CREDENTIALS = struct.Struct("3i")  # process, user and group ID (SO_PEERCRED)
 _BACKLOG = 16
+_LONGEST = 100  # characters of a command
 
 
 def take(interface: str, channel: str | int | None, *, beside: bool = False) -> socket.socket | None:
@@ -50,9 +51,16 @@ def _holder(name: str) -> int | None:
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.setblocking(False)  # whoever has been asked as often as its backlog is long answers no more
         asking.connect(name)
-        raw = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-        return int(_CREDENTIALS.unpack(raw)[0])
+        return peer_of(asking)[0]
     return _looked_up(name.replace("\0", "@"))
+
+
+def peer_of(line: socket.socket) -> tuple[int, int]:
+    """Return the process and the user at the other end of a Unix socket, by their IDs."""
+    process, user, _ = _CREDENTIALS.unpack(
+        line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    )
+    return int(process), int(user)
 
 
 def _looked_up(name: str) -> int | None:
@@ -76,7 +84,7 @@ def _descriptors(folder: Path) -> set[str]:
 
 
 def _taken(what: str, holder: int | None) -> SecondMasterError:
-    who = "a program that is just ending" if holder is None else _described(holder)
+    who = "a program that is just ending" if holder is None else described(holder)
     return SecondMasterError(
         f"another program has the CAN channel {what}; nothing was sent",
         observed=f"it is held by {who}",
@@ -86,7 +94,7 @@ def _taken(what: str, holder: int | None) -> SecondMasterError:
     )
 
 
-def _described(process: int) -> str:
+def described(process: int) -> str:
     """Return a process by its command and its age, as far as they may be seen."""
     folder = Path(f"/proc/{process}")
     try:
@@ -95,7 +103,8 @@ def _described(process: int) -> str:
     except (OSError, ValueError, IndexError):
         return f"process {process}, which has ended: its drives are being stopped"
     age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
-    command = " ".join(word.decode(errors="replace") for word in words if word)
+    command = " ".join(" ".join(word.decode(errors="replace") for word in words if word).split())
+    command = command if len(command) <= _LONGEST else command[: _LONGEST - 3] + "..."
     return f"process {process} ({command}), which began {_ago(age)} ago"
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime
 
-from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.access import Sdo
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import abort
 from axisbus.cia301 import objects as c301
@@ -35,7 +35,7 @@ _CONSTANT = frozenset((0x6502, 0x67FF))  # of the profile area: what a value rea
 _NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))
 
 
-def stored_eds(sdo: SdoClient, progress: Progress | None = None) -> bytes | None:
+def stored_eds(sdo: Sdo, progress: Progress | None = None) -> bytes | None:
     """Return the EDS that the device keeps in 1021h, None where it has none; blocks for a long transfer.
 
     ``progress(done, all)`` counts its bytes.
@@ -80,14 +80,14 @@ def _damaged(node_id: int, size: int, observed: str) -> EdsError:
     )
 
 
-def _format(sdo: SdoClient) -> int:
+def _format(sdo: Sdo) -> int:
     try:
         return int.from_bytes(sdo.upload(STORE_FORMAT), "little")
     except SdoAbort:
         return _PLAIN
 
 
-def skeleton(sdo: SdoClient, progress: Callable[[int, int], None] | None = None) -> Eds:
+def skeleton(sdo: Sdo, progress: Callable[[int, int], None] | None = None) -> Eds:
     """Ask the device for every object of CiA 301 and CiA 402 and describe those that it has; blocks, writes nothing.
 
     Names and types are the standard's; where the device sends another size, the type is an unsigned one of that size. Access is the
@@ -154,7 +154,7 @@ def _name(index: int, row: Row) -> str:
     return row.name if row.single else f"{row.name} {index - row.index + 1}"
 
 
-def _object(sdo: SdoClient, index: int, name: str, row: Row) -> Object | None:
+def _object(sdo: Sdo, index: int, name: str, row: Row) -> Object | None:
     first = _upload(sdo, index, 0)
     if first is None:
         return None
@@ -170,14 +170,14 @@ def _object(sdo: SdoClient, index: int, name: str, row: Row) -> Object | None:
     return Object(index, name, kind, subs)
 
 
-def _subs(sdo: SdoClient, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
+def _subs(sdo: Sdo, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
     for subindex in range(1, count + 1):
         data = _upload(sdo, index, subindex)
         if data is not None:
             yield subindex, _variable(sdo, index, subindex, f"{name} {subindex}", data)
 
 
-def _upload(sdo: SdoClient, index: int, subindex: int) -> bytes | None:
+def _upload(sdo: Sdo, index: int, subindex: int) -> bytes | None:
     """Return an entry's bytes, empty where it is there but cannot be read, None where it is not there."""
     try:
         return sdo.upload(index, subindex)
@@ -189,7 +189,7 @@ def _count(data: bytes) -> int:
     return min(data[0] if data else 0, _LARGEST_RECORD)
 
 
-def _variable(sdo: SdoClient, index: int, subindex: int, name: str, data: bytes) -> Variable:
+def _variable(sdo: Sdo, index: int, subindex: int, name: str, data: bytes) -> Variable:
     entry = sdo.dictionary.entry(index, subindex)
     known = entry.data_type
     bits = known.bits if known is not None else None

@@ -10,6 +10,7 @@ from axisbus.bus.node import nmt
 from axisbus.bus.node.emcy import EmcyMonitor
 from axisbus.bus.node.nmt import Confirmation, NodeMonitor
 from axisbus.bus.pdo.reception import HISTORY, PdoEvent
+from axisbus.bus.sdo.access import Sdo
 from axisbus.bus.sdo.client import TIMEOUT, TRIES, SdoClient
 from axisbus.bus.sdo.worker import SdoWorker
 from axisbus.cia301 import cob
@@ -41,7 +42,7 @@ class NodeIdentity:
         return None if self.device_type is None else self.device_type & 0xFFFF
 
 
-def read_identity(sdo: SdoClient) -> NodeIdentity:
+def read_identity(sdo: Sdo) -> NodeIdentity:
     """Read 1000h, 1018h:1-4, 1008h, 1009h and 100Ah; blocks for up to eight transfers. What the device refuses is None.
 
     Raises:
@@ -59,7 +60,7 @@ def read_identity(sdo: SdoClient) -> NodeIdentity:
     )
 
 
-def _number(sdo: SdoClient, index: int, subindex: int) -> int | None:
+def _number(sdo: Sdo, index: int, subindex: int) -> int | None:
     try:
         value = sdo.read(index, subindex, data_type=DataType.UNSIGNED32)
     except SdoAbort:
@@ -67,7 +68,7 @@ def _number(sdo: SdoClient, index: int, subindex: int) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def _text(sdo: SdoClient, index: int) -> str | None:
+def _text(sdo: Sdo, index: int) -> str | None:
     try:
         return str(sdo.read(index, data_type=DataType.VISIBLE_STRING)).strip("\0 ")
     except SdoAbort:

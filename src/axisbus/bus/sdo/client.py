@@ -16,9 +16,10 @@ from collections.abc import Iterator
 
 from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.sdo import errors as sdo_errors
+from axisbus.bus.sdo.access import decoded
 from axisbus.bus.sdo.transfer import Call, Cancelled, Line, Progress, carry_out
 from axisbus.bus.sdo.value import checked_bytes
-from axisbus.cia301.datatypes import DataType, Value, decode, encode
+from axisbus.cia301.datatypes import DataType, Value, encode
 from axisbus.cia301.sdo import LONGEST, Way
 from axisbus.cia301.sdo_session import Request, Session
 from axisbus.eds.dictionary import Dictionary, Entry
@@ -196,9 +197,7 @@ class SdoClient:
         entry = self.dictionary.resolve(key, subindex)
         known = data_type or entry.data_type
         data = self.upload(entry.index, entry.subindex, call=call, most=_most(known))
-        if known is not None:
-            return decode(data, known)
-        return int.from_bytes(data, "little") if len(data) in (1, 2, 3, 4, 8) else data
+        return decoded(data, known)
 
     def write(
         self, key: int | str, subindex: int, value: Value, *, data_type: DataType | None = None

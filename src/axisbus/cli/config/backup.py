@@ -11,7 +11,8 @@ import click
 from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.joined_nodes import open_nodes
+from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.output import (
     concise_option,
     force_option,
@@ -23,7 +24,8 @@ from axisbus.cli.shared.output import (
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.node import Node, NodeIdentity
+    from axisbus.bus.node.node import NodeIdentity
+    from axisbus.bus.sdo.access import ByObjects
     from axisbus.configuration.save import Backup
 
 
@@ -50,11 +52,13 @@ def command(
     require_free(output, concise_out, force=force)
     if output is None:
         require_writable(Path(_default_name(1, None)))  # in this folder; its whole name is known later
+    from axisbus.bus.node.node import read_identity
+
     files = Files.of(asked.cell, asked.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
-        device = Session(stack, asked, files, [node_id]).node(node_id)
-        who = device.identity()
+        device = open_nodes(stack, asked, files, [node_id]).node(node_id)
+        who = read_identity(device.sdo)
         target = output or _free_default(node_id, who.serial, force=force)
         made, origin = _taken(stack, asked, files, device, target.name)
     written = _write(made, target, concise_out)
@@ -75,7 +79,7 @@ def _default_name(node_id: int, serial: int | None) -> str:
     return f"node-{node_id}.dcf" if not serial else f"node-{node_id}-serial-{serial:X}.dcf"
 
 
-def _taken(stack: ExitStack, asked: Asked, files: Files, device: Node, name: str) -> tuple[Backup, str]:
+def _taken(stack: ExitStack, asked: Asked, files: Files, device: ByObjects, name: str) -> tuple[Backup, str]:
     from axisbus.configuration.save import backup
     from axisbus.eds.dcf import Settings
 

@@ -10,7 +10,8 @@ import click
 
 from axisbus.cli.config import files as config_files
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.joined_nodes import open_nodes
+from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def _with_node(
     node_id = files.address(node).node_id
     given = config_files.read_file(named[0]).eds if named else None  # before the bus is opened
     with ExitStack() as stack:
-        device = Session(stack, asked, files, [node_id]).node(node_id)
+        device = open_nodes(stack, asked, files, [node_id]).node(node_id)
         eds = given or config_files.node_reading(files, device)[0].eds
         entries = _entries(eds, everything)
         file = _side(eds, node_id)

@@ -17,7 +17,7 @@ from axisbus.eds.report import wording
 from axisbus.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.sdo.access import ByObjects
 
 Key = tuple[int, int]
 Tell = Callable[[int, int], None]
@@ -39,7 +39,7 @@ def eds_file(files: Files, node_id: int) -> str:
     return found.source if found is not None else ""
 
 
-def node_reading(files: Files, node: Node) -> tuple[Reading, str]:
+def node_reading(files: Files, node: ByObjects) -> tuple[Reading, str]:
     """Return the EDS of a node and where it is from: the user's, the one that it stores (1021h), else a skeleton.
 
     Blocks for long where the node itself is asked.

@@ -11,7 +11,8 @@ import click
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.common import OK, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.joined_nodes import open_nodes
+from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.errors import SdoAbort
 from axisbus.trace import text
@@ -19,7 +20,7 @@ from axisbus.trace.decoded import ObjectValue
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.sdo.access import ByObjects
     from axisbus.eds.model import Eds
 
 
@@ -39,7 +40,7 @@ def command(node: str, asked: Asked, output: Path | None, force: bool, as_json: 
     files = Files.of(asked.cell, asked.eds)
     address = files.address(node.rstrip(":"))
     with ExitStack() as stack:
-        device = Session(stack, asked, files, [address.node_id]).node(address.node_id)
+        device = open_nodes(stack, asked, files, [address.node_id]).node(address.node_id)
         found = _all(stack, files, device)
     values = [value for value, _ in found]
     if output is not None:
@@ -53,7 +54,7 @@ def command(node: str, asked: Asked, output: Path | None, force: bool, as_json: 
     return OK
 
 
-def _all(stack: ExitStack, files: Files, device: Node) -> list[tuple[ObjectValue, str]]:
+def _all(stack: ExitStack, files: Files, device: ByObjects) -> list[tuple[ObjectValue, str]]:
     tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
     eds = device.eds or _skeleton(device)
     wanted = list(od.may_read(eds))
@@ -65,13 +66,13 @@ def _all(stack: ExitStack, files: Files, device: Node) -> list[tuple[ObjectValue
     return found
 
 
-def _skeleton(device: Node) -> Eds:
+def _skeleton(device: ByObjects) -> Eds:
     from axisbus.bus.node.from_device import skeleton
 
     return skeleton(device.sdo)
 
 
-def _one(files: Files, device: Node, index: int, subindex: int) -> tuple[ObjectValue, str]:
+def _one(files: Files, device: ByObjects, index: int, subindex: int) -> tuple[ObjectValue, str]:
     """Return an object with its value, or with why the drive refuses it."""
     entry = device.sdo.dictionary.entry(index, subindex)
     try:

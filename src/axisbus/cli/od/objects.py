@@ -21,7 +21,7 @@ from axisbus.trace import shown, text
 from axisbus.trace.decoded import ObjectValue
 
 if TYPE_CHECKING:
-    from axisbus.bus.node.node import Node
+    from axisbus.bus.sdo.access import ByObjects
 
 _STRUCTURE = frozenset({DataType.DOMAIN})
 
@@ -83,7 +83,7 @@ def value_of(files: Files, node_id: int, dictionary: Dictionary, entry: Entry, v
     )
 
 
-def read(files: Files, node: Node, entry: Entry, kind: DataType | None = None) -> ObjectValue:
+def read(files: Files, node: ByObjects, entry: Entry, kind: DataType | None = None) -> ObjectValue:
     """Read an object; blocks.
 
     Raises:

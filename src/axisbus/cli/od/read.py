@@ -8,7 +8,8 @@ import click
 
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.common import OK, say, say_json
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.joined_nodes import open_nodes
+from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 
 
 @click.command("read")
@@ -30,10 +31,9 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, as_json:
     files = Files.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
-        session = Session(stack, asked, files, {each.address.node_id for each in wanted})
+        nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
         found = [
-            (each, od.read(files, session.node(each.address.node_id), each.entry, data_type))
-            for each in wanted
+            (each, od.read(files, nodes.node(each.address.node_id), each.entry, data_type)) for each in wanted
         ]
     if as_json:
         say_json([od.plain(each.address.node_id, value) for each, value in found])

@@ -10,7 +10,8 @@ import click
 
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.common import FAILURE, OK, say
-from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
+from axisbus.cli.shared.joined_nodes import Nodes, open_nodes
+from axisbus.cli.shared.nodes import Asked, Files, node_options, require_bus
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.errors import SdoError
 
@@ -39,8 +40,8 @@ def command(
     files = Files.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
-        session = Session(stack, asked, files, {each.address.node_id for each in wanted})
-        look = _Look(session, files, wanted, everything, as_json)
+        nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
+        look = _Look(nodes, files, wanted, everything, as_json)
         looks, due = 0, time.monotonic()
         with suppress(KeyboardInterrupt):  # the usual end of watching
             while count is None or looks < count:
@@ -54,9 +55,9 @@ class _Look:
     """What is watched; holds state: what each object showed last, and whether the last look got no answer."""
 
     def __init__(
-        self, session: Session, files: Files, wanted: list[od.Target], everything: bool, as_json: bool
+        self, nodes: Nodes, files: Files, wanted: list[od.Target], everything: bool, as_json: bool
     ) -> None:
-        self._session, self._files, self._wanted = session, files, wanted
+        self._nodes, self._files, self._wanted = nodes, files, wanted
         self._everything, self._as_json = everything, as_json
         self._start = time.monotonic()
         self._shown: dict[tuple[int, int, int], str] = {}
@@ -71,7 +72,7 @@ class _Look:
     def _one(self, target: od.Target) -> None:
         node_id, entry = target.address.node_id, target.entry
         try:
-            value = od.read(self._files, self._session.node(node_id), entry)
+            value = od.read(self._files, self._nodes.node(node_id), entry)
             text, plain = od.line(value), od.plain(node_id, value)
         except SdoError as error:
             self.silent = True

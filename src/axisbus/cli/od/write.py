@@ -6,11 +6,14 @@ from contextlib import ExitStack
 
 import click
 
+from axisbus.bus.sdo.access import ByObjects
 from axisbus.bus.sdo.value import checked_bytes
 from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_json, say_next
+from axisbus.cli.shared.joined_nodes import joined
+from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.nodes import Asked, Files, Session, node_options, require_bus
 from axisbus.configuration import guarded_write, notation
 from axisbus.configuration.guarded_write import Written, is_command
@@ -25,7 +28,10 @@ from axisbus.wording import counted
 @click.option("--type", "kind", metavar="TYPE", help="Write as this type, where the EDS has none.")
 @click.option("--may-move", is_flag=True, help="Allow what can energise, move or drop a drive.")
 @click.option("--json", "as_json", is_flag=True, help="Print what came of it as JSON.")
-def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move: bool, as_json: bool) -> int:
+@take_option
+def command(
+    arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move: bool, as_json: bool, take: bool
+) -> int:
     """Write VALUE to one object. Type, limits and access are checked before anything is sent; then it is read back.
 
     VALUE is 100, 0x64, 1.5, a value with the axis's unit ("90 deg"), text, hexadecimal digits for bytes, or @file.
@@ -53,9 +59,16 @@ def command(arguments: tuple[str, ...], asked: Asked, kind: str | None, may_move
     if not may_move:
         guarded_write.require_harmless(eds, node_id, entry)
     with ExitStack() as stack:
-        node = Session(stack, asked, files, [node_id]).node(node_id)
-        written = guarded_write.write(node, entry, value, data_type, may_move=may_move)
-        now = guarded_write.energised(node) if may_move else []
+        machine = joined(stack, asked, command=True, take=take)
+        node: ByObjects
+        if machine is not None:
+            node = machine.node(node_id)
+            node.require_not_cyclic(entry)
+            written = guarded_write.write_in_machine(node, entry, value, data_type, may_move=may_move)
+        else:
+            node = on_bus = Session(stack, asked, files, [node_id]).node(node_id)
+            written = guarded_write.write(on_bus, entry, value, data_type, may_move=may_move)
+        now = guarded_write.energised(node) if may_move and machine is None else []
     if as_json:
         say_json(_plain(files, target, value, written, now))
     else:

@@ -33,6 +33,7 @@ def open_bus(
     Raises:
         UsageError: neither a cell file nor an interface is given, no cell with ``-i sim``, or an option that this bus cannot have.
         ConfigError, EdsError, AdapterError: the cell file is wrong, or the bus cannot be opened.
+        StateError: the cell is simulated, and a machine of it runs.
     """
     from axisbus.bus.link.channel import Channel
 
@@ -46,7 +47,12 @@ def open_bus(
         raise click.UsageError(_NO_BUS)
     from axisbus.cell import reader
 
-    return _stand_ins(stack, with_options(reader.load(cell), channel, bitrate, option))
+    loaded = with_options(reader.load(cell), channel, bitrate, option)
+    if loaded.bus.interface == SIMULATED:
+        from axisbus.cli.shared.joining import require_none_runs
+
+        require_none_runs(cell)
+    return _stand_ins(stack, loaded)
 
 
 def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:

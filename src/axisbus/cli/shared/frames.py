@@ -153,6 +153,10 @@ def _live(
 
     assert loaded is not None  # ``Asked.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
+    if bus.bus.interface == SIMULATED:
+        from axisbus.cli.shared.joining import require_none_runs
+
+        require_none_runs(Path(loaded.file))
     return listen_to(bus, stack).frames(seconds)
 
 

@@ -90,8 +90,8 @@ def _value(text: str) -> Any:
         return text
 
 
-def parse_targets(pairs: tuple[str, ...]) -> dict[str, float]:
-    """Turn AXIS=POSITION texts into numbers."""
+def parse_targets(pairs: tuple[str, ...], what: str = "POSITION") -> dict[str, float]:
+    """Turn AXIS=POSITION texts into numbers; ``what`` they are, for people."""
     targets: dict[str, float] = {}
     for pair in pairs:
         name, sign, text = pair.partition("=")
@@ -100,6 +100,6 @@ def parse_targets(pairs: tuple[str, ...]) -> dict[str, float]:
         except ValueError:
             sign = ""
         if not sign:
-            raise click.UsageError(f"{pair!r}: write AXIS=POSITION, such as x=90")
+            raise click.UsageError(f"{pair!r}: write AXIS={what}, such as x=90")
     once(pair.partition("=")[0] for pair in pairs)
     return targets

@@ -38,6 +38,8 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"the call does not give it, and", "no option gives it, and"),
         (r"(?:then )?close the machine,? (?:and|which)[^;]*", "then give the command again"),
         (r"(?:close it, and )?open (?:the machine|it) again(?: to go on)?", "give the command again"),
+        (r"Machine\.attach\(cell, command=True, take=True\)", "--take"),
+        (r"; or open the cell in this program: Machine\.open", ""),
         (r"read it while the machine is open", "give the command again"),
     )
 )  # fmt: skip

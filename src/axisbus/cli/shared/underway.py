@@ -60,10 +60,10 @@ def follow(machine: Machine, ways: Sequence[Way]) -> None:
     if is_terminal():
         try:
             while any(handle.busy for handle in handles):
-                _draw("; ".join(way.text() for way in ways))
+                draw("; ".join(way.text() for way in ways))
                 machine.sleep(_REDRAW)
         finally:
-            _draw("")
+            draw("")
     wait(handles)
 
 
@@ -72,7 +72,19 @@ def is_terminal() -> bool:
     return sys.stderr.isatty()
 
 
-def _draw(text: str) -> None:
+def speed_text(axis: Axis) -> str:
+    """Return where an axis is and how fast it goes, as far as that is known."""
+    texts = []
+    for known, unit in (("position", axis.unit), ("velocity", f"{axis.unit}/s")):
+        with suppress(StaleError):
+            texts.append(f"{getattr(axis, known):.3f} {unit}")
+    return f"{axis.name} {', '.join(texts) or 'position unknown'}"
+
+
+def draw(text: str) -> None:
+    """Draw a line over the one before, where standard error is a terminal."""
+    if not is_terminal():
+        return
     room = shutil.get_terminal_size().columns - 1
     with suppress(OSError):  # a terminal that is gone must not end a motion
         click.echo(f"\r{text[:room]}\x1b[K", err=True, nl=False)

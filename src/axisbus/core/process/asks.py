@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from axisbus.core.node_parts import NodeParts
+from axisbus.errors import AxisbusError, ScanError, in_a_line
 from axisbus.session import Session
+from axisbus.wire.messages import Condition
 
 # Of the core itself; in the order of ``Session``.
 OF_CORE: Mapping[str, Callable[[Session], Any]] = {
@@ -36,6 +38,9 @@ OF_NODE: Mapping[str, Callable[..., Any]] = {
 }
 
 
+# Those that change something: for whoever has the command.
+COMMANDING = frozenset({"write", "write_unchecked", "download", "command"})
+
 # What is worth to be known of a node when its core has ended.
 _KEPT = ("nmt", "reports", "emcy", "incidents", "pdo_events", "events")
 
@@ -50,3 +55,21 @@ def last_words(session: Session, nodes: Mapping[int, NodeParts]) -> dict[tuple[i
 
 def _command(parts: NodeParts, command: object, timeout: float) -> None:
     parts.node.command(command, timeout)
+
+
+def condition_of(session: Session) -> Condition:
+    """Return how a core is now."""
+    return Condition(session.dead, session.ended, session.failed, session.left)
+
+
+def told(error: BaseException) -> AxisbusError:
+    """Return an error that can cross: what is none of the tree becomes one, with what it was as its cause."""
+    if isinstance(error, AxisbusError):
+        return error
+    made = ScanError(
+        "the core broke off",
+        observed=in_a_line(error),
+        remedy="this is a mistake in axisbus: please report it",
+    )
+    made.__cause__ = error
+    return made

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import socket
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -14,23 +16,24 @@ from axisbus.core.node_parts import NodeParts
 from axisbus.core.process.calls import Calls, gone
 from axisbus.core.process.far import Control
 from axisbus.core.process.feeding import Feeder
-from axisbus.core.process.launch import Processes, path_of
+from axisbus.core.process.launch import Processes
 from axisbus.core.process.nodes import RemoteEvents, RemoteNode, RemoteObjects
 from axisbus.core.process.session import Errors, RemoteSession
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
-from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader
 from axisbus.wire.stream import Stream
 
 if TYPE_CHECKING:
     from axisbus.core.owner import Joined
+    from axisbus.core.process.door import Visit
 
 _SLICE = 0.1  # seconds; a wait in slices lets signal handlers run on every platform
 _CLOSE_MARGIN = 5.0  # seconds beyond the stop ladders that leaving may take
 _RESCUE = 10.0  # seconds until a warden has stopped every drive
 _FAREWELL = 1.0
+_JOINING = 30.0  # seconds until a core has halted what moves, where the command is taken, and has answered
 
 
 class RemoteCore:
@@ -39,11 +42,14 @@ class RemoteCore:
     realtime = True
     degree = ""
     process = 0  # the core's ID
+    commanded_by = ""  # who has the command, as it was when this program came
     in_cycle: Callable[[], bool] | None = None
 
-    def __init__(self, cell: CellConfig, process: Processes) -> None:
-        """Let ``process`` open ``cell``; blocks until it has. Raises what ``Machine.open`` does."""
+    def __init__(self, cell: CellConfig, process: Processes | Visit, wanted: m.Open | m.Attach) -> None:
+        """Let ``process`` open ``cell``, or join it where it is open; blocks until that is done. Raises as ``Machine.open``."""
         self._cell = cell
+        self._wanted = wanted
+        self.joined = isinstance(wanted, m.Attach)
         self._process = process
         self._dictionaries: Mapping[int, Eds] = {}
         self._opened: m.Opened | m.NotOpened | None = None
@@ -59,10 +65,8 @@ class RemoteCore:
         image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
         self.session = RemoteSession(self._calls, image, self._errors, {}, cell.bus.scan_period)
         self._calls.start()
-        warden = Stream(process.warden, m.CODEC.pack, "axisbus asks warden")
-        self._warden = Calls(warden, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
         self._warden_over = threading.Event()
-        self._warden.start()
+        self._warden = self._watch_warden(process.warden)
         control = process.control
         self._control = None if control is None else Control(control)
         self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
@@ -91,9 +95,11 @@ class RemoteCore:
         self._end()
         if interruption is not None:
             raise interruption
-        if self._left is None:
-            return [gone("the machine was closed", self.session.rescued)]
-        return list(self._left.failures)
+        if self._left is not None:
+            return list(self._left.failures)
+        if self.joined and not self.session.failed:
+            return []  # whoever opened it has left it meanwhile
+        return [gone("the machine was closed", self.session.rescued)]
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
         """Wait until something has happened; return what interrupts that, to be raised once everything stands."""
@@ -108,7 +114,7 @@ class RemoteCore:
 
     def disown(self) -> None:
         """As ``Owner.disown``."""
-        for calls in (self._calls, self._warden):
+        for calls in self._lines:
             calls.disown()
         if self._control is not None:
             self._control.disown()
@@ -121,16 +127,31 @@ class RemoteCore:
 
     def _end(self) -> None:
         self._feeder.close()
-        for calls in (self._calls, self._warden):
+        for calls in self._lines:
             calls.close(_FAREWELL)
         self._process.end()
+
+    def _watch_warden(self, line: socket.socket | None) -> Calls | None:
+        """Hear what the warden tells; a guest has none, and learns only that the core is gone."""
+        if line is None:
+            self._warden_over.set()
+            return None
+        stream = Stream(line, m.CODEC.pack, "axisbus asks warden")
+        warden = Calls(stream, {m.Rescued: self._take_rescued}, {}, self._warden_gone)
+        warden.start()
+        return warden
+
+    @property
+    def _lines(self) -> list[Calls]:
+        return [self._calls] if self._warden is None else [self._calls, self._warden]
 
     # -- opening -------------------------------------------------------------------------------------------------------
 
     def _open(self) -> None:
-        self._calls.send(m.Open(__version__, path_of(self._cell), self._cell.bus.beside))
+        self._calls.send(self._wanted)
         self._dictionaries = load_dictionaries(self._cell)  # meanwhile
-        while self._opened is None and not self._calls.over:
+        until = time.monotonic() + (_JOINING if self.joined else math.inf)
+        while self._opened is None and not self._calls.over and time.monotonic() < until:
             self._news.wait(_SLICE)
         if self._opened is None:
             raise gone("the machine was opened")
@@ -140,6 +161,7 @@ class RemoteCore:
             self._take_node(node_id, facts)
         self.session.join(self._opened.axes)
         self.degree, self.process = self._opened.degree, self._opened.process
+        self.commanded_by = self._opened.commanded_by if self.joined else ""
         self._news.clear()
 
     def _take_node(self, node_id: int, facts: m.NodeFacts) -> None:

@@ -1,4 +1,4 @@
-"""What a core tells its program after each cycle: the image, the ends of commands, and all images where they are recorded."""
+"""What a core tells after each cycle: the image for all, to each client the ends of its commands, and all images if it records."""
 
 from __future__ import annotations
 
@@ -18,31 +18,23 @@ _EVERY = 0.02  # seconds between two messages with images
 _MOST = 2000  # messages that wait: then images are left out, and counted
 
 
-class Outlet:
-    """Writes the images; holds which errors have been told, and the events that wait for the image of their cycle.
+class Reader:
+    """One client as the outlet sees it; holds the events that wait for the image of their cycle, and images for a recording.
 
     An event that the scan tells is sent once the image of its cycle can be read: who waits for a command's end then sees what it
-    has come to. ``after_cycle`` belongs to the scan's thread.
+    has come to.
     """
 
-    def __init__(self, stream: Stream, memory: mmap.mmap, names: Sequence[str]) -> None:
-        """``names``: of all axes of the cell."""
-        self.observed = False
-        self._stream = stream
-        self._image = ImageWriter(memory, names)
+    def __init__(self, stream: Stream) -> None:
+        self.observed = False  # whether images of all cycles are wanted
+        self.stream = stream
         self._events: deque[CommandEvent] = deque()
-        self._scan: int | None = None
-        self._numbers: dict[str, int] = {}
-        self._told: dict[str, tuple[AxisbusError, str]] = {}
-        self._last = 0
         self._images: list[tuple[float, bytes]] = []
         self._lost = 0
 
-    def hear(self, event: CommandEvent) -> None:
-        """Take how a command goes on; in the scan's thread it waits for the end of the cycle."""
+    def add(self, event: CommandEvent) -> None:
+        """Let an event wait for ``flush``."""
         self._events.append(event)
-        if threading.get_ident() != self._scan:
-            self.flush()
 
     def flush(self) -> None:
         """Send the events that wait."""
@@ -50,7 +42,71 @@ class Outlet:
         while self._events:
             events.append(self._events.popleft())
         if events:
-            self._stream.send(Told(tuple(events)))
+            self.stream.send(Told(tuple(events)))
+
+    def after_cycle(self, now: float, outlet: Outlet) -> None:
+        """Send what waited for the image that is there now; does not block."""
+        if self._events:
+            self.flush()
+        if self.observed:
+            self._keep(now, outlet)
+        elif self._images:
+            self._send_images()
+
+    def _keep(self, now: float, outlet: Outlet) -> None:
+        if self.stream.waiting > _MOST:
+            self._lost += 1
+            return
+        self._images.append((now, outlet.newest))
+        if now - self._images[0][0] >= _EVERY:
+            self._send_images()
+
+    def _send_images(self) -> None:
+        self.stream.send(Cycles(tuple(self._images), self._lost))
+        self._images, self._lost = [], 0
+
+
+class Outlet:
+    """Writes the images; holds who reads, and which errors they were told. ``after_cycle`` belongs to the scan's thread."""
+
+    def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
+        """``names``: of all axes of the cell."""
+        self._image = ImageWriter(memory, names)
+        self._readers: tuple[Reader, ...] = ()
+        self._scan: int | None = None
+        self._numbers: dict[str, int] = {}
+        self._told: dict[str, tuple[AxisbusError, str]] = {}
+        self._last = 0
+
+    @property
+    def newest(self) -> bytes:
+        """The newest image as bytes."""
+        return self._image.newest
+
+    def admit(self, stream: Stream) -> Reader:
+        """Take in a client, and tell it the errors that images call by their numbers now."""
+        reader = Reader(stream)
+        self._readers = (*self._readers, reader)
+        for name, number in list(self._numbers.items()):
+            told = self._told.get(name)
+            if told is not None:  # the scan goes on meanwhile
+                stream.send(ErrorTold(number, told[0]))
+        return reader
+
+    def dismiss(self, reader: Reader) -> None:
+        """Tell a client nothing more."""
+        self._readers = tuple(one for one in self._readers if one is not reader)
+
+    def hear(self, reader: Reader, event: CommandEvent) -> None:
+        """Take how a command of this client goes on; in the scan's thread it waits for the end of the cycle."""
+        reader.add(event)
+        if threading.get_ident() != self._scan:
+            reader.flush()
+
+    def flush(self) -> None:
+        """Send all events that wait: no cycle will come any more."""
+        for reader in self._readers:
+            reader.flush()
 
     def after_cycle(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         """Publish the image of this cycle, and what waited for it; does not block."""
@@ -59,14 +115,10 @@ class Outlet:
             if snapshot.error is not None:
                 self._tell(name, snapshot.error)
             elif name in self._numbers:
-                del self._numbers[name], self._told[name]
+                del self._told[name], self._numbers[name]
         self._image.write(now, snapshots, self._numbers)
-        if self._events:
-            self.flush()
-        if self.observed:
-            self._keep(now)
-        elif self._images:
-            self._send_images()
+        for reader in self._readers:
+            reader.after_cycle(now, self)
 
     def _tell(self, name: str, error: AxisbusError) -> None:
         """Tell an error once, and again where something was added to it."""
@@ -75,16 +127,5 @@ class Outlet:
             return
         self._last += 1
         self._numbers[name], self._told[name] = self._last, (error, error.observed + error.remedy)
-        self._stream.send(ErrorTold(self._last, error))
-
-    def _keep(self, now: float) -> None:
-        if self._stream.waiting > _MOST:
-            self._lost += 1
-            return
-        self._images.append((now, self._image.newest))
-        if now - self._images[0][0] >= _EVERY:
-            self._send_images()
-
-    def _send_images(self) -> None:
-        self._stream.send(Cycles(tuple(self._images), self._lost))
-        self._images, self._lost = [], 0
+        for reader in self._readers:
+            reader.stream.send(ErrorTold(self._last, error))

@@ -1,11 +1,11 @@
-"""The core in a process of its own: it opens a cell for one program, does what that asks for, and stops when it is gone.
+"""The core in a process of its own: it opens a cell for a program, does what that and its guests ask for, and stops without it.
 
 Theory of operation
 -------------------
 The main thread reads the program's messages. Commands go to the scan at once; what takes its time (SDO, NMT) is done in threads of
-a pool. Three things end the process, each by the stop ladder: ``Leave``, the end of the connection (the program has ended, by
-whatever way, or closed it), and SIGTERM or SIGHUP. A program that is stopped, or busy for long, ends nothing: the axes go on with
-what they were commanded.
+a pool. Guests, who come in at the door, have threads of their own (``clients``). Three things end the process, each by the stop
+ladder: ``Leave``, the end of the connection (the program has ended, by whatever way, or closed it), and SIGTERM or SIGHUP. A
+program that is stopped, or busy for long, ends nothing: the axes go on with what they were commanded.
 """
 
 from __future__ import annotations
@@ -23,28 +23,27 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
-from typing import Any
 
 from axisbus.boot.booted import Booted
+from axisbus.bus.link.ownership import described
 from axisbus.cell.model import CellConfig
 from axisbus.core.canlink import CanLink
 from axisbus.core.files import read_once
 from axisbus.core.owner import Core
-from axisbus.core.process.asks import OF_CORE, OF_NODE, last_words
+from axisbus.core.process.asks import condition_of, last_words, told
+from axisbus.core.process.clients import Clients, Guests
+from axisbus.core.process.desk import Desk
+from axisbus.core.process.door import Door, text_of
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.ear import STOPPING, Ear
 from axisbus.core.process.journal import journal
 from axisbus.core.process.lifeline import Lifeline
-from axisbus.core.process.merging import Merging
 from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach
-from axisbus.core.process.streams import Streams
 from axisbus.core.runtime import Runtime
 from axisbus.core.tuning import OWN_PROCESS, IdleCollector, take_priority, take_processor
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
-from axisbus.motion.ticket import Status
-from axisbus.session import CommandEvent
 from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.image import size_of
@@ -66,28 +65,34 @@ class Server:
         self,
         stream: Stream,
         memory: mmap.mmap,
+        image: int,
         axes: int,
         warden: socket.socket,
         drives: socket.socket | None = None,
+        who: str = "the program that opened it",
     ) -> None:
         """``stream`` and ``warden`` lead to the program and to the warden, ``drives`` to simulated drives, where there are such.
+        ``who`` the program is, for people.
 
-        ``memory`` is for the images and the lifeline, of so many ``axes``.
+        ``memory`` (its descriptor: ``image``) is for the images and the lifeline, of so many ``axes``.
         """
         self._stream = stream
         self._memory = memory
+        self._image = image
+        self._degree = ""
         self._axes = axes
         self._warden = warden
         self._drives = drives
+        self._who = who
         self._ear: Ear | None = None
         self._lifeline: Lifeline | None = None
         self._core: Core | None = None
-        self._outlet: Outlet | None = None
+        self._clients: Clients | None = None
+        self._guests: Guests | None = None
+        self._program: Desk | None = None
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
         self._leaving = threading.Lock()
         self._left = threading.Event()
-        self._streams = Streams(stream.send)
-        self._merging = Merging()
         self._condition = m.Condition()
 
     def run(self) -> None:
@@ -131,35 +136,37 @@ class Server:
         try:
             self._require_same(wanted.version)
             cell, dictionaries = read_once(wanted.cell)  # it has been checked by the program
-            self._begin(cell.beside(wanted.beside), dictionaries)
+            self._begin(cell.beside(wanted.beside), dictionaries, wanted)
         except BaseExceptionGroup as group:
-            self._stream.send(m.NotOpened(tuple(map(_told, group.exceptions)), group.message))
+            self._stream.send(m.NotOpened(tuple(map(told, group.exceptions)), group.message))
             return False
         except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
-            self._stream.send(m.NotOpened((_told(error),)))
+            self._stream.send(m.NotOpened((told(error),)))
             return False
         return True
 
-    def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds]) -> None:
+    def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.Open) -> None:
         self._await_warden()
         gc.collect()  # now: from the boot-up on, drives and master expect each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell.bus, self._drives))
         runtime = Runtime(link, dictionaries, link.stand_ins)
         core = runtime.use(lambda booted: Core(cell, booted, realtime=True))
         names = tuple(cell.axes)
-        self._core, self._outlet = core, Outlet(self._stream, self._memory, names)
+        self._core, outlet = core, Outlet(self._memory, names)
+        self._clients = Clients(core, outlet, self._asked)
+        self._program = self._clients.admit(self._stream, self._who)
+        self._clients.open_for(self._program, wanted.shared)
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
         self._take_signals()
-        degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
-        core.session.listen(self._hear)
-        core.session.observe(self._outlet.after_cycle)
+        self._degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
+        core.session.observe(outlet.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
         self._lifeline.stage(Stage.RUNNING)
-        nodes = {node_id: self._facts(node_id, booted) for node_id, booted in core.booted.items()}
-        self._stream.send(m.Opened(nodes, dict(core.session.axes), degree, os.getpid()))
+        self._let_in(wanted.cell)
+        self._stream.send(self._opened())
         threading.Thread(target=self._watch_condition, name="axisbus condition", daemon=True).start()
 
     def _await_warden(self) -> None:
@@ -183,6 +190,24 @@ class Server:
                 remedy="let both run the same installation: look at PYTHONPATH and the virtual environment",
             )
 
+    def _opened(self) -> m.Opened:
+        assert self._core is not None
+        assert self._clients is not None
+        nodes = {node_id: self._facts(node_id, booted) for node_id, booted in self._core.booted.items()}
+        axes, holder = dict(self._core.session.axes), self._clients.commanded_by
+        return m.Opened(nodes, axes, self._degree, os.getpid(), holder)
+
+    def _let_in(self, cell: str) -> None:
+        """Open the door for guests; where it cannot be, the core does without."""
+        assert self._clients is not None
+        try:
+            door = Door(cell)
+        except (OSError, AxisbusError) as error:
+            log.info("no other program can join: %s", in_a_line(error))
+            return
+        self._guests = Guests(door, self._clients, self._image, self._opened, text_of(cell))
+        self._guests.start()
+
     def _facts(self, node_id: int, booted: Booted) -> m.NodeFacts:
         assert self._core is not None
         parts = self._core.nodes[node_id]
@@ -196,78 +221,28 @@ class Server:
     # -- serving -------------------------------------------------------------------------------------------------------
 
     def _serve(self, messages: Iterator[object]) -> None:
+        assert self._program is not None
         for message in messages:
-            try:
-                _TAKES[type(message)](self, message)
-            except Exception:  # a mistake in one: the others, a stop among them, are taken all the same
-                log.exception("a message of the program could not be taken: %s", type(message).__name__)
-
-    def _submit(self, message: m.Submit) -> None:
-        assert self._core is not None
-        session, number = self._core.session, message.number
-        try:
-            command = self._streams.take(message)
-        except AxisbusError as error:
-            self._hear(CommandEvent(number, Status.ERROR, error, ""))
-            return
-        kept = session.submit(number, message.target, command, message.name)
-        over = None if kept == number else self._merging.join(number, kept)
-        if over is not None:
-            self._hear(over)
-
-    def _add_group(self, message: m.AddGroup) -> None:
-        assert self._core is not None
-        self._core.session.add_group(message.key, message.members)
-
-    def _request_stop(self, message: m.RequestStop) -> None:
-        assert self._core is not None
-        self._core.session.request_stop(message.reason, message.quick)
-
-    def _observe(self, message: m.Observe) -> None:
-        assert self._outlet is not None
-        self._outlet.observed = message.wanted
-
-    def _ask(self, message: m.Ask) -> None:
-        self._asked.submit(self._answer, message)
-
-    def _answer(self, message: m.Ask) -> None:
-        try:
-            answer = m.CODEC.pack(m.Answer(message.number, self._find(message)))
-        except BaseException as error:  # noqa: BLE001  # whatever it was, somebody waits for it
-            self._stream.send(m.Answer(message.number, None, _told(error)))
-        else:
-            self._stream.send(answer)
-
-    def _find(self, message: m.Ask) -> object:
-        core = self._core
-        assert core is not None
-        if not message.node:
-            return OF_CORE[message.what](core.session)
-        parts = core.nodes[message.node]
-        if message.what == "watch":
-            assert parts.events is not None
-            parts.events.hear(lambda event: self._stream.send(m.NodeTold(event)))
-            return None
-        return OF_NODE[message.what](parts, *message.arguments)
+            if isinstance(message, m.Leave):
+                self._leave(message.reason)
+            else:
+                self._program.take(message)
 
     # -- telling -------------------------------------------------------------------------------------------------------
 
-    def _hear(self, event: CommandEvent) -> None:
-        assert self._outlet is not None
-        for each in self._merging.all_of(event):
-            self._outlet.hear(each)
-
     def _joined(self, booted: Booted) -> None:
         assert self._core is not None
+        assert self._clients is not None
         axes = {name: facts for name, facts in self._core.session.axes.items() if name in booted.parameters}
         node_id = booted.report.node_id
-        self._stream.send(m.Joined(node_id, self._facts(node_id, booted), axes))
+        self._clients.tell(m.Joined(node_id, self._facts(node_id, booted), axes))
 
     def _watch_condition(self) -> None:
         """Tell when the scan has ended, failed, or been asked to stop; and what it told when it did."""
+        assert self._clients is not None
         while not self._left.wait(_ROUND):
             self._tell_condition()
-            self._streams.look()
+            self._clients.look()
             self._hear_signals()
         self._tell_condition()
 
@@ -279,14 +254,14 @@ class Server:
 
     def _tell_condition(self) -> None:
         assert self._core is not None
-        assert self._outlet is not None
+        assert self._clients is not None
         session = self._core.session
-        now = m.Condition(session.dead, session.ended, session.failed, session.left)
+        now = condition_of(session)
         if session.ended:
-            self._outlet.flush()
+            self._clients.outlet.flush()
         if now != self._condition:
             self._condition = now
-            self._stream.send(now)
+            self._clients.tell(now)
 
     # -- leaving -------------------------------------------------------------------------------------------------------
 
@@ -308,8 +283,10 @@ class Server:
         try:
             failures = tuple(self._core.leave(reason))
         except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
-            failures = (_told(error),)
+            failures = (told(error),)
         self._stage(Stage.LEFT)
+        if self._guests is not None:
+            self._guests.close()
         for failure in failures:
             log.info("left, and this went wrong: %s", failure)
         try:
@@ -323,37 +300,14 @@ class Server:
             self._stream.close(_FAREWELL)
 
 
-_TAKES: dict[type, Any] = {
-    m.Submit: Server._submit,
-    m.AddGroup: Server._add_group,
-    m.RequestStop: Server._request_stop,
-    m.Observe: Server._observe,
-    m.Ask: Server._ask,
-    m.Samples: lambda server, message: server._streams.feed(message),
-    m.NoSamples: lambda server, message: server._streams.fail(message),
-    m.Leave: lambda server, message: server._leave(message.reason),
-}
-
-
-def _told(error: BaseException) -> AxisbusError:
-    """Return an error that can cross: what is none of the tree becomes one, with what it was as its cause."""
-    if isinstance(error, AxisbusError):
-        return error
-    made = ScanError(
-        "the core broke off",
-        observed=in_a_line(error),
-        remedy="this is a mistake in axisbus: please report it",
-    )
-    made.__cause__ = error
-    return made
-
-
 def serve(duty: Duty, warden: socket.socket) -> None:
     """Be the core of a program until one of both is gone; blocks. ``warden`` leads to who watches."""
     stream = Stream(socket.socket(fileno=duty.line), m.CODEC.pack, "axisbus answers")
     log.addHandler(StreamHandler(stream))
     line = socket.socket(fileno=duty.drives) if duty.simulates else None
-    server = Server(stream, mmap.mmap(duty.memory, 0), duty.axes, warden, line)
+    server = Server(
+        stream, mmap.mmap(duty.memory, 0), duty.memory, duty.axes, warden, line, described(duty.program)
+    )
     with suppress(OSError):  # it is gone already, which the connection tells
         server.watch(os.pidfd_open(duty.program))
     server.listen(socket.socket(fileno=duty.signals))

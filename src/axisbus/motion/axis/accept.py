@@ -106,7 +106,7 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     if _runs(core, Coast):
         core.join(ticket)
         return
-    path, switch = accept_motion.leading_path(core), accept_motion.leaving_switch(core)
+    path, switch = core.leading_path, accept_motion.leaving_switch(core)
     core.coast(Coast(core.parameters, path, switch), ticket)
 
 
@@ -202,9 +202,17 @@ def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> N
 
 
 def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate) -> None:
+    _stop_ours(core, StopKind.POLICY, command.reason, ticket)
+
+
+def _hand_over(core: AxisCore, command: c.HandOver, ticket: Ticket, __: Gate) -> None:
+    _stop_ours(core, StopKind.HALT, command.reason, ticket)
+
+
+def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket) -> None:
     ours = core.touched and core.state in MOVING
     if ours or isinstance(core.activity, Enable):
-        core.stop_because(StopKind.POLICY, Then.HOLD, Rung.HALT, command.reason, ticket)
+        core.stop_because(kind, Then.HOLD, Rung.HALT, reason, ticket)
     else:
         core.finish(ticket)
 
@@ -225,4 +233,5 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.FollowTrajectory: accept_motion.follow,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
+    c.HandOver: _hand_over,
 }

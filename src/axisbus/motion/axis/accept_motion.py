@@ -37,7 +37,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     require_watch(core.parameters, command.profile, ticket)
     target = _target(core, command, ticket)
     profile = command.profile
-    leading = leading_path(core) if leaving_switch(core) is None else None
+    leading = core.leading_path if leaving_switch(core) is None else None
     if leading is not None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), ticket)
         core.aim(target)
@@ -230,7 +230,7 @@ def require_cyclic(core: AxisCore, ticket: Ticket) -> None:
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
-    leading, before = leading_path(core), leaving_switch(core)
+    leading, before = core.leading_path, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
     transfers = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
     return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, gate, leading, before)
@@ -245,13 +245,6 @@ def _lead(core: AxisCore, leading: Follow) -> Lead:
         order.target_velocity = units.velocity.to_increments(leading.last_step.velocity)
 
     return lead
-
-
-def leading_path(core: AxisCore) -> Follow | None:
-    """Return the trajectory that the axis is on: followed, or being braked along by a halt that is to be interrupted."""
-    running = None if core.activity is None else core.activity.leading
-    follow = running if core.ladder is None else core.ladder.follow
-    return follow if isinstance(follow, Follow) and not follow.at_rest else None
 
 
 def leaving_switch(core: AxisCore) -> ModeSwitch | None:

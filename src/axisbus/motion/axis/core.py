@@ -111,6 +111,13 @@ class AxisCore:
         return self.stopping.ladder
 
     @property
+    def leading_path(self) -> Follow | None:
+        """The trajectory that the axis is on: followed, or being braked along by a halt that may be interrupted."""
+        running = None if self.activity is None else self.activity.leading
+        follow = running if self.ladder is None else self.ladder.follow
+        return follow if isinstance(follow, Follow) and not follow.at_rest else None
+
+    @property
     def rests(self) -> bool:
         """Whether the drive may be left alone: it never was commanded, is not driven, or is known to have been stopped."""
         return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
@@ -206,7 +213,7 @@ class AxisCore:
             self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
-        if self._rest_waits.waiting:
+        if self._rest_waits.waiting and self.leading_path is None:
             self._rest_waits.step(image, self.finish)
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
@@ -431,13 +438,14 @@ class AxisCore:
             self.finish(ticket, error)
 
     def at_rest(self, ticket: Ticket, then: Callable[[], None]) -> None:
-        """Let something be done at rest: now, where the axis is seen to stand now, else as soon as it is."""
+        """Let something be done at rest: now, where the axis is seen to stand and no path leads it, else as soon as that is so."""
         image = self.image
-        if image.standstill and image.now - image.position_stamp <= _NOW and not self.run_down.under_way:
+        stands = image.standstill and image.now - image.position_stamp <= _NOW
+        if stands and not self.run_down.under_way and self.leading_path is None:
             then()
             self.finish(ticket)
         else:
-            self._rest_waits.add(ticket, then, image.now)
+            self._rest_waits.add(ticket, then)
 
     def finish(self, ticket: Ticket, error: AxisbusError | None = None) -> None:
         """End a ticket, well (no error) or with the reason."""
@@ -544,8 +552,7 @@ class AxisCore:
         led_by: Activity | None = None,
     ) -> None:
         """``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked."""
-        follow, leaving = (None, None) if led_by is None else (led_by.leading, led_by.leaving)
-        self.stopping.ask(kind, then, rung, reason, ticket, follow, leaving)
+        self.stopping.ask(kind, then, rung, reason, ticket, led_by)
         self.touched = True
 
     def _step_ladder(self, ladder: StopLadder, image: Image, order: Order) -> None:

@@ -42,7 +42,8 @@ class Jog(Activity):
             self.expired = True
             raise Stopped("jog was not renewed")
         reached = self._move.step(image, order)
-        self.behind, self.led_speed = self._move.behind, self._move.led_speed
+        move = self._move
+        self.behind, self.led_speed, self.resisted_since = move.behind, move.led_speed, move.resisted_since
         return reached
 
     @property

@@ -58,7 +58,18 @@ class VelocityMove(Prepared):
         if not self.reached:
             self.reached = self._in_velocity(image)
             self._watch(image)
+        if not self._is_resisted(image):
+            self.resisted_since = math.inf
+        elif self.resisted_since == math.inf:
+            self.resisted_since = image.now
         return self.reached
+
+    def _is_resisted(self, image: Image) -> bool:
+        if image.pull is not None or abs(self._profile.velocity) <= _VELOCITY_FLOOR:
+            return False
+        if image.position is not None:
+            return image.standstill
+        return image.velocity is not None and abs(image.velocity) <= _VELOCITY_FLOOR
 
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.

@@ -16,6 +16,7 @@ was asked for: for them the ladder ends at *quick stop*.
 
 from __future__ import annotations
 
+import math
 from enum import Enum, IntEnum
 
 from axisbus.cia402 import controlword as cw
@@ -76,20 +77,23 @@ class StopLadder:
         start: Rung = Rung.HALT,
         follow: Leading | None = None,
         leaving: ModeSwitch | None = None,
+        resisted_since: float = math.inf,
     ) -> None:
         """``follow``: the trajectory that is being followed, if any; it is braked along its path.
 
         ``leaving``: a change out of its mode that the drive has been asked for. The drive may have taken it already, and to be
-        called back for a cycle would be a jolt: it is seen through, along the path.
+        called back for a cycle would be a jolt: it is seen through, along the path. ``resisted_since``: see ``Activity``.
         """
         self._parameters = parameters
         self._then = then
         self._follow = follow
         self._leaving = leaving
+        self._resisted_since = resisted_since
         self._deadline: float | None = None
         self._standing: Standing  # since the present rung began, the first one with the first step
         self._relief: Relief | None = None
         self._disabling = False
+        self._was_off = False  # or is being led there: whatever enables it now is no wish of ours
         self._rest_by: float | None = None  # until when a motor without power may turn
         self._by_sdo = SdoPath(parameters)
         self._stands_now = False
@@ -139,6 +143,7 @@ class StopLadder:
         ``run_down``: whether the motor may still turn without power.
         """
         if self._deadline is None:
+            self._was_off = order.goal is State.SWITCH_ON_DISABLED
             self._blind_hold = len(self.path) == 1 and self._is_held_unseen(image)
             self._begin_rung(image)
         self._stands_now = self._standing.seen(image)
@@ -155,6 +160,8 @@ class StopLadder:
         return ended
 
     def _is_held_unseen(self, image: Image) -> bool:
+        if image.now > self._resisted_since + _STARTS and image.pull is None:
+            return True
         led = image.led
         began = led.searching_since if image.mode == ModeOfOperation.HOMING else led.set_point_at
         return image.standstill and image.now > began + _STARTS and is_blind(image, self._parameters)
@@ -176,6 +183,7 @@ class StopLadder:
         return _STEPS[self.rung](self, image, order)
 
     def _unpowered(self, image: Image, order: Order, run_down: RunDown) -> bool:
+        self._was_off = True
         order.goal = State.SWITCH_ON_DISABLED
         if run_down.under_way or (image.state is State.UNKNOWN and self._by_sdo.may_turn):
             self.running_down = f"its power is off, {run_down.why_not(image) or 'and its position (6064h) was not seen to stand'}"
@@ -198,6 +206,8 @@ class StopLadder:
             self._go(Rung.QUICK_STOP, image)
             return self._quick_stop(image, order)
         if image.state is State.OPERATION_ENABLED:
+            if self._was_off:  # a word that holds it there would enable it anew where it is just leaving
+                return self._disable(image, order)
             order.goal = State.OPERATION_ENABLED
             if self._halt_in_mode(image, order) and self._relieved(image, order):
                 return self._stands(image, order)
@@ -285,6 +295,9 @@ class StopLadder:
         self.confirmed = True
         if self._then is Then.HOLD:
             return True
+        return self._disable(image, order)
+
+    def _disable(self, image: Image, order: Order) -> bool:
         self._disabling = True
         self._deadline = image.now + self._parameters.stop_times.disable
         return self._take_down(image, order)

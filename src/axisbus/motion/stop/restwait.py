@@ -12,17 +12,18 @@ from axisbus.motion.ticket import Ticket
 
 
 class RestWait:
-    """One command that takes effect at rest; holds its look for standstill, and until when it may take."""
+    """One command that takes effect at rest; holds its look for standstill, and until when it may take.
+
+    Both begin with the first step: a path along which the axis is still being braked comes before.
+    """
 
     __slots__ = ("_deadline", "_parameters", "_standing", "then", "ticket")
 
-    def __init__(
-        self, parameters: AxisParameters, ticket: Ticket, then: Callable[[], None], now: float
-    ) -> None:
+    def __init__(self, parameters: AxisParameters, ticket: Ticket, then: Callable[[], None]) -> None:
         """``then`` is done once the axis stands."""
         self._parameters = parameters
-        self._standing = Standing(parameters, now)
-        self._deadline = now + parameters.timing.transition
+        self._standing: Standing | None = None
+        self._deadline = 0.0
         self.ticket = ticket
         self.then = then
 
@@ -32,6 +33,9 @@ class RestWait:
         Raises:
             StateError: it goes on moving.
         """
+        if self._standing is None:
+            self._standing = Standing(self._parameters, image.now)
+            self._deadline = image.now + self._parameters.timing.transition
         if self._standing.seen(image):
             return True
         if image.now > self._deadline:
@@ -52,9 +56,9 @@ class RestWaits:
         self._parameters = parameters
         self.waiting: list[RestWait] = []
 
-    def add(self, ticket: Ticket, then: Callable[[], None], now: float) -> None:
+    def add(self, ticket: Ticket, then: Callable[[], None]) -> None:
         """Let ``then`` be done once the axis stands; its ticket ends with that."""
-        self.waiting.append(RestWait(self._parameters, ticket, then, now))
+        self.waiting.append(RestWait(self._parameters, ticket, then))
         ticket.begin()
 
     def step(self, image: Image, finish: Callable[[Ticket, AxisbusError | None], None]) -> None:

@@ -6,8 +6,7 @@ from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveError
-from axisbus.motion.leading import Leading
-from axisbus.motion.moves.activity import ModeSwitch
+from axisbus.motion.moves.activity import Activity
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.ticket import Ticket
@@ -69,23 +68,34 @@ class Stopping:
         rung: Rung,
         reason: str,
         ticket: Ticket | None,
-        follow: Leading | None,
-        leaving: ModeSwitch | None = None,
+        led_by: Activity | None = None,
     ) -> None:
         """Begin to stop, or let the stop that runs become as hard as this one; its time runs on.
 
-        ``follow`` is the trajectory to be braked along, ``leaving`` the change out of its mode that has been asked for.
+        ``led_by``: the command that has just ended; along the trajectory on which it had the axis it is braked.
         """
         if ticket is not None:
             self.join(ticket)
         self.locks = self.locks or kind is StopKind.STOP
         if self.ladder is None:
-            self.ladder = StopLadder(self._parameters, then, start=rung, follow=follow, leaving=leaving)
+            self.ladder = self._ladder(then, rung, led_by)
             self.kind, self.reason = kind, reason
             return
         self.ladder.harden(then, rung)
         if kind >= self.kind:
             self.kind, self.reason = kind, reason
+
+    def _ladder(self, then: Then, rung: Rung, led_by: Activity | None) -> StopLadder:
+        if led_by is None:
+            return StopLadder(self._parameters, then, start=rung)
+        return StopLadder(
+            self._parameters,
+            then,
+            start=rung,
+            follow=led_by.leading,
+            leaving=led_by.leaving,
+            resisted_since=led_by.resisted_since,
+        )
 
     def join(self, ticket: Ticket) -> None:
         """Let ``ticket`` end when the stop ends."""

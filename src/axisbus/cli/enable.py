@@ -1,0 +1,32 @@
+"""``axisbus enable``: enable axes of a machine that runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.check.checked import checked
+from axisbus.cli import move
+from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.common import OK, say_next
+from axisbus.cli.shared.completion import complete_axes
+from axisbus.cli.shared.joining import running, take_option
+from axisbus.cli.shared.paths import PATH
+
+
+@click.command("enable")
+@click.argument("cell", type=PATH)
+@click.argument("axes", nargs=-1, shell_complete=complete_axes)
+@take_option
+def command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
+    """Enable the axes of CELL (or those named, by themselves or by a group) in the machine that runs; they stay so.
+
+    ENERGISES MOTORS. It needs a machine that goes on: axisbus run CELL, or a program of yours.
+    """
+    names = named.chosen(checked(cell), axes)
+    why, remedy = "lasts no longer than a machine does", f"start one in another terminal: axisbus run {cell}"
+    with running(cell, "enable", why, remedy, command=True, take=take) as machine:
+        move.enable([machine[name] for name in names])
+    say_next(f"axisbus move {cell} {names[0]}=..., or axisbus disable {cell}")
+    return OK

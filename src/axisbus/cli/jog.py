@@ -1,0 +1,105 @@
+"""``axisbus jog``: move an axis by the arrow keys, for as long as one is held."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.check.checked import checked
+from axisbus.cli import move
+from axisbus.cli.shared.common import OK
+from axisbus.cli.shared.completion import complete_axes
+from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.keys import Key, Keyboard, keyboard
+from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.underway import draw, speed_text
+from axisbus.errors import Stopped
+from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
+from axisbus.machine.rehearsal import Rehearsal
+from axisbus.motion.states import AxisState
+
+_LOOK = 0.05  # seconds between two looks at the keys: a jog lives 0.2 s
+_SIGN = {Key.FORWARD: 1.0, Key.BACK: -1.0}
+
+
+@click.command("jog")
+@click.argument("cell", type=PATH)
+@click.argument("axis", shell_complete=complete_axes)
+@click.option(
+    "--velocity", type=float, help="Velocity in unit/s, instead of that of [axes.NAME.defaults] in CELL."
+)
+@click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axis's default.")
+@beside_option
+@take_option
+def command(
+    cell: Path, axis: str, velocity: float | None, acceleration: float | None, beside: bool, take: bool
+) -> int:
+    """Enable AXIS of CELL and move it by the arrow keys; each key moves it for 0.2 s, one that is held goes on.
+
+    MOVES REAL MOTORS. Right and up are forward, left and down back, the space bar halts, q ends: then the axis is stopped and
+    disabled. Position limits hold where the axis is homed. Keys need a terminal, also over ssh; where it is held up or gone, the
+    axis stands within 0.2 s and its ramp.
+    """
+    config = checked(cell)
+    rehearsal = Rehearsal(config)
+    if axis in config.axes and velocity is None:
+        velocity = config.axes[axis].defaults.velocity
+    if axis in config.axes and not velocity:
+        raise click.UsageError(f"how fast? give --velocity, or velocity in [axes.{axis}.defaults] of {cell}")
+    speed = abs(velocity or 0.0)
+
+    def rehearse() -> None:  # what cannot be is told before the bus is opened
+        rehearsal[axis].jog(speed, acceleration=acceleration)
+
+    rehearse()
+    with (
+        keyboard() as keys,
+        machine_of(cell, command=True, take=take, beside=beside) as machine,
+    ):
+        moved = machine[axis]
+        found = move.off([moved])
+        move.enable([moved])
+        click.echo(f"{axis}: arrow keys move it at {speed:g} {moved.unit}/s, space halts, q ends", err=True)
+        _Jogging(moved, speed, acceleration).run(keys)
+        moved.halt().wait()
+        move.say_position(moved, "stands at")
+        move.leave(machine, found)
+    return OK
+
+
+class _Jogging:
+    """An axis that keys move; holds the last jog, whose failure is told."""
+
+    def __init__(self, axis: Axis, speed: float, acceleration: float | None) -> None:
+        self._axis, self._speed, self._acceleration = axis, speed, acceleration
+        self._last: Handle | None = None
+
+    def run(self, keys: Keyboard) -> None:
+        """Do as the keys say until *quit*.
+
+        Raises:
+            AxisbusError: the axis is in ErrorStop, and why.
+        """
+        try:
+            while (key := keys.read(_LOOK)) is not Key.QUIT:
+                told = self._look()
+                if key is Key.HALT:
+                    self._axis.halt().wait()
+                elif key is not None:
+                    self._jog(_SIGN[key] * self._speed)
+                draw(f"{speed_text(self._axis)}  {told}")
+        finally:
+            draw("")
+
+    def _jog(self, velocity: float) -> None:
+        self._last = self._axis.jog(velocity, acceleration=self._acceleration)
+
+    def _look(self) -> str:
+        """Return why the last jog did not go on, if it was not for want of a key: at a position limit the way back is free."""
+        error = None if self._last is None else self._last.error
+        if self._axis.state is AxisState.ERRORSTOP and (error := self._axis.error or error) is not None:
+            raise error
+        return "" if error is None or isinstance(error, Stopped) else error.message

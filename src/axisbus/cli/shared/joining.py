@@ -1,0 +1,85 @@
+"""The machine of a cell for a command: joined where one runs on this computer, else opened for the time of the command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from axisbus.errors import StateError
+from axisbus.machine.machine import Machine
+from axisbus.machine.opening import runs
+
+
+def take_option(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --take: take the command of a machine that runs from whoever has it."""
+    return click.option(
+        "--take",
+        is_flag=True,
+        help="Where the machine runs already, take its command from the program that has it: all that moves halts first.",
+    )(function)
+
+
+def machine_of(
+    cell: Path,
+    *,
+    command: bool,
+    take: bool = False,
+    beside: bool = False,
+    before: Callable[[], object] = lambda: None,
+) -> Machine:
+    """Return the machine of a cell: joined where it runs already, which is said, else opened, after ``before``.
+
+    Raises:
+        OwnershipError: it is to be commanded, and another program does.
+        And what ``Machine.open`` raises.
+    """
+    machine = join(cell, command, take)
+    if machine is not None:
+        return machine
+    before()
+    return Machine.open(cell, beside=beside)
+
+
+def require_none_runs(cell: Path) -> None:
+    """Check that no machine of a simulated cell runs: its drives are its own, and those of this command would be others.
+
+    Raises:
+        StateError: one does.
+    """
+    if runs(cell):
+        raise StateError(
+            f"a machine of {cell} runs on this computer, and this command cannot join it",
+            observed="its drives are simulated, on a bus of its own, which no other program can be on",
+            remedy=f"end that machine first; or use what joins it: axisbus monitor {cell}, axisbus od, axisbus nmt",
+        )
+
+
+def running(cell: Path, verb: str, why: str, remedy: str, *, command: bool, take: bool = False) -> Machine:
+    """Return the machine of a cell that runs already.
+
+    Raises:
+        StateError: none does, and ``why`` the command then makes no sense; ``remedy``: what does.
+    """
+    machine = join(cell, command, take)
+    if machine is None:
+        raise StateError(
+            f"no machine of {cell} runs on this computer, and {verb} {why}",
+            remedy=remedy,
+        )
+    return machine
+
+
+def join(cell: Path, command: bool, take: bool) -> Machine | None:
+    """Return the machine of a cell that runs already, which is said; None where none does.
+
+    Raises:
+        OwnershipError: it is to be commanded, and another program does.
+    """
+    machine = Machine.join(cell, command=command, take=take)
+    if machine is not None:
+        has = "this command has" if command else f"{machine.commanded_by or 'nobody'} has"
+        click.echo(f"joined the machine that runs already; {has} its command", err=True)
+    return machine

@@ -1,0 +1,106 @@
+"""Keys of a terminal, as they are pressed: read without an echo and without waiting for a line."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import Enum
+
+from axisbus.errors import StateError
+
+
+class Key(Enum):
+    """A key that means something."""
+
+    FORWARD = "forward"
+    BACK = "back"
+    HALT = "halt"
+    QUIT = "quit"
+
+
+_KEYS = {
+    b"\x1b[C": Key.FORWARD,
+    b"\x1bOC": Key.FORWARD,
+    b"\x1b[A": Key.FORWARD,
+    b"\x1bOA": Key.FORWARD,
+    b"\x1b[D": Key.BACK,
+    b"\x1bOD": Key.BACK,
+    b"\x1b[B": Key.BACK,
+    b"\x1bOB": Key.BACK,
+    b" ": Key.HALT,
+    b"q": Key.QUIT,
+    b"\x04": Key.QUIT,  # Ctrl-D
+}
+_LEADS = (b"\x1b", b"\x1b[", b"\x1bO")  # the rest of such a key is still to come
+
+
+class Keys:
+    """The keys that come in by a terminal; holds the part of one that has come so far."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> Key | None:
+        """Return what the bytes come to: the last key counts, except that nothing outdoes *quit*, and only *quit* outdoes *halt*.
+
+        A terminal that was held up brings many repeats at once: they are of the past, and count as one.
+        """
+        data, self._rest = self._rest + data, b""
+        found: list[Key] = []
+        while data:
+            known = next((keys for keys in _KEYS if data.startswith(keys)), None)
+            if known is None and data in _LEADS:
+                self._rest = data
+                break
+            if known is not None:
+                found.append(_KEYS[known])
+            data = data[len(known or b"?") :]
+        urgent = [key for key in (Key.QUIT, Key.HALT) if key in found]
+        return (urgent or found[-1:] or [None])[0]
+
+
+class Keyboard:
+    """The terminal of this command, whose keys come one by one."""
+
+    def __init__(self, terminal: int) -> None:
+        self._terminal = terminal
+        self._keys = Keys()
+
+    def read(self, patience: float) -> Key | None:
+        """Return the key that was pressed within ``patience`` s, None where none was; *quit* where the terminal is gone."""
+        if not select.select([self._terminal], [], [], patience)[0]:
+            return None
+        try:
+            data = os.read(self._terminal, 4096)
+        except OSError:
+            return Key.QUIT
+        return self._keys.feed(data) if data else Key.QUIT
+
+
+@contextmanager
+def keyboard() -> Iterator[Keyboard]:
+    """Let keys come one by one, until the block is left.
+
+    Raises:
+        StateError: standard input is no terminal, or of a kind that cannot do this.
+    """
+    try:
+        import termios
+        import tty
+
+        terminal = sys.stdin.fileno()
+        before = termios.tcgetattr(terminal)
+    except (ImportError, OSError, ValueError, termios.error) as error:
+        raise StateError(
+            "keys are needed, and standard input is no terminal that could give them one by one",
+            observed=str(error),
+            remedy="run it in a terminal (on Linux or macOS; ssh needs -t)",
+        ) from error
+    try:
+        tty.setcbreak(terminal)
+        yield Keyboard(terminal)
+    finally:
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)

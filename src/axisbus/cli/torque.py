@@ -1,0 +1,35 @@
+"""``axisbus torque``: enable axes and let them press with torques."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.shared.completion import complete_targets
+from axisbus.cli.shared.joining import take_option
+from axisbus.cli.shared.options import beside_option, parse_targets
+from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.turning import Turning, for_option
+
+
+@click.command("torque")
+@click.argument("cell", type=PATH)
+@click.argument("targets", nargs=-1, required=True, metavar="AXIS=TORQUE...", shell_complete=complete_targets)
+@click.option("--slope", type=float, help="Slope in N·m/s, instead of the axes' defaults.")
+@for_option
+@beside_option
+@take_option
+def command(
+    cell: Path, targets: tuple[str, ...], slope: float | None, seconds: float | None, beside: bool, take: bool
+) -> int:
+    """Enable axes of CELL and let them press in profile torque mode: axisbus torque cell.toml x=0.5 --for 2s
+
+    MOVES REAL MOTORS: an axis that nothing holds runs up to the drive's velocity limit. It ends when the time is over, or at
+    Ctrl-C; then the axes are stopped and disabled. Torques in N·m; the axis needs rated_torque in CELL.
+    """
+    return Turning(
+        parse_targets(targets, "TORQUE"),
+        lambda axis, value: axis.torque_control(value, slope=slope),
+        lambda _: "N·m",
+    ).run(cell, seconds, beside=beside, take=take)

@@ -1,0 +1,41 @@
+"""``axisbus velocity``: enable axes and let them turn at velocities."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from axisbus.cli.shared.completion import complete_targets
+from axisbus.cli.shared.joining import take_option
+from axisbus.cli.shared.options import beside_option, parse_targets
+from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.turning import Turning, for_option
+
+
+@click.command("velocity")
+@click.argument("cell", type=PATH)
+@click.argument(
+    "targets", nargs=-1, required=True, metavar="AXIS=VELOCITY...", shell_complete=complete_targets
+)
+@click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
+@for_option
+@beside_option
+@take_option
+def command(
+    cell: Path,
+    targets: tuple[str, ...],
+    acceleration: float | None,
+    seconds: float | None,
+    beside: bool,
+    take: bool,
+) -> int:
+    """Enable axes of CELL and let them turn in profile velocity mode: axisbus velocity cell.toml x=30 y=-15 --for 5s
+
+    MOVES REAL MOTORS until the time is over, or until Ctrl-C; then they are stopped and disabled. Velocities in unit/s.
+    """
+    return Turning(
+        parse_targets(targets, "VELOCITY"),
+        lambda axis, value: axis.move_velocity(value, acceleration=acceleration),
+        lambda axis: f"{axis.unit}/s",
+    ).run(cell, seconds, beside=beside, take=take)

@@ -1,0 +1,307 @@
+"""The clients of a core: the program that opened it, and guests that have joined. One of them has the command; all may stop.
+
+Theory of operation
+-------------------
+Each client has a ``Desk``. Its commands are known to the scan by its own numbers and its place, so that their ends find back to it.
+The command belongs to whoever opened the cell, or to nobody where that shares it; a guest gets it where it is free, or takes it.
+When it changes hands, or its holder is gone, everything that moves halts before anybody else may command.
+
+A guest can be slow, mad or malicious without disturbing the scan: its messages are short and counted, what it does not read is
+dropped with it, and there are few of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+from axisbus.bus.link.ownership import described
+from axisbus.core.owner import Core
+from axisbus.core.process.asks import condition_of
+from axisbus.core.process.desk import NUMBERS, Command, Desk, not_commanding
+from axisbus.core.process.door import Door
+from axisbus.core.process.merging import Merging
+from axisbus.core.process.outlet import Outlet
+from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.motion.commands import HandOver, QuickStop
+from axisbus.motion.states import MOVING, AxisState
+from axisbus.motion.ticket import ENDED
+from axisbus.session import CommandEvent, Target
+from axisbus.version import __version__
+from axisbus.wire import messages as m
+from axisbus.wire.stream import Stream
+
+log = logging.getLogger("axisbus")
+_MOST = 16  # guests
+_HOUSE = 1 << 20  # the place of commands that no client has given
+_LARGEST = 1 << 18  # bytes of a guest's message
+_FEWEST = 0.002  # seconds between two messages of a guest, once it has sent many at a time
+_BURST = 200  # messages
+_SHAKE = struct.pack("ll", 5, 0)  # 5 s for the first message, and for what is sent to it
+_FOR_EVER = struct.pack("ll", 0, 0)
+_MARGIN = 2.0  # seconds beyond the stop ladders
+_FAREWELL = 1.0  # seconds
+
+
+class Clients:
+    """Holds the desks, who has the command, and the questions that are being answered; for any thread."""
+
+    def __init__(self, core: Core, outlet: Outlet, pool: ThreadPoolExecutor) -> None:
+        self.core = core
+        self.outlet = outlet
+        self.pool = pool
+        self._lock = threading.Lock()  # of who is there; what goes through them takes the last whole list
+        self._merging = Merging()
+        self._desks: dict[int, Desk] = {}
+        self._places = itertools.count()
+        self._numbers = itertools.count(1)
+        self._waits: dict[int, threading.Event] = {}
+        self._watched: set[int] = set()
+        self._passing = threading.Lock()  # of the command from one to another
+        self.giving = (
+            threading.Lock()
+        )  # of a command: held from the look whether its client may until the scan has it
+        self._opener: Desk | None = None
+        self._holder: Desk | None = None
+        core.session.listen(self._hear)
+
+    # -- who is there --------------------------------------------------------------------------------------------------
+
+    def admit(self, stream: Stream, who: str) -> Desk:
+        """Take in a client."""
+        with self._lock:
+            desk = Desk(self, next(self._places), stream, self.outlet.admit(stream), who)
+            self._desks = {**self._desks, desk.place: desk}
+        return desk
+
+    def open_for(self, program: Desk, shared: bool) -> None:
+        """Let the program that opened the cell have the command, unless it shares it."""
+        self._opener = self._holder = None if shared else program
+
+    def dismiss(self, desk: Desk) -> None:
+        """A client is gone: if it had the command, what moves halts. Blocks until that is done."""
+        self.give_up(desk, f"{desk.name}, which had the command, is gone")
+        with self._lock:
+            self.outlet.dismiss(desk.reader)
+            self._desks = {place: one for place, one in self._desks.items() if one is not desk}
+
+    def tell(self, message: m.Message) -> None:
+        """Tell every client something."""
+        for desk in self._desks.values():
+            desk.stream.send(message)
+
+    def look(self) -> None:
+        """What must be done every few milliseconds."""
+        for desk in self._desks.values():
+            desk.look()
+
+    def watch(self, node_id: int) -> None:
+        """Let who asked for them have the events of a node."""
+        if node_id in self._watched:
+            return
+        self._watched.add(node_id)
+        events = self.core.nodes[node_id].events
+        assert events is not None
+        events.hear(lambda event: self._tell_event(node_id, m.NodeTold(event)))
+
+    def _tell_event(self, node_id: int, message: m.NodeTold) -> None:
+        for desk in self._desks.values():
+            if node_id in desk.watched:
+                desk.stream.send(message)
+
+    # -- who commands --------------------------------------------------------------------------------------------------
+
+    @property
+    def commanded_by(self) -> str:
+        """Who has the command, for people; empty where nobody has."""
+        return "" if self._holder is None else self._holder.name
+
+    def refusal(self, desk: Desk, name: str) -> OwnershipError | None:
+        """Return why a client may not command, None where it may."""
+        if desk is self._holder:
+            return None
+        return not_commanding(name, self.commanded_by, guest=desk.place != 0, passing=self._passing.locked())
+
+    def give_command(self, desk: Desk, take: bool) -> None:
+        """Let a guest have the command; where it is taken from another, what moves halts first. Blocks until that is done.
+
+        Raises:
+            OwnershipError: another has it, and it is not to be taken.
+            StateError: an axis does not come to rest.
+        """
+        with self._passing:
+            if self._holder is not None and not take:
+                raise not_commanding("the command is wanted", self.commanded_by, guest=True)
+            if self._holder is not None:
+                self._holder.warn(f"{desk.name} took the command of the machine: what moved halts")
+            self._take_away()
+            stands = self.halt(f"{desk.name} took the command of the machine")
+            self._holder = desk if stands else self._opener
+        if not stands:
+            raise StateError(
+                "the command was not taken: an axis does not come to rest",
+                remedy="stop the machine: axisbus stop CELL",
+            )
+
+    def give_up(self, desk: Desk, reason: str, quick: bool = False) -> None:
+        """Take the command from whoever has it no more; what moves halts first. Blocks until that is done."""
+        with self._passing:
+            if desk is not self._holder or desk is self._opener:
+                return
+            self._take_away()
+            self.halt(reason, quick)
+            self._holder = self._opener
+
+    def _take_away(self) -> None:
+        with self.giving:
+            self._holder = None
+
+    def halt(self, reason: str, quick: bool = False) -> bool:
+        """Halt (or quick-stop) every axis that was set going; return whether all of them ended well. Blocks."""
+        ends = []
+        for name, snapshot in self.core.session.snapshots.items():
+            moves = snapshot.state in MOVING or snapshot.state is AxisState.STOPPING
+            number, ended = next(self._numbers), threading.Event()
+            self._waits[number] = ended
+            command = QuickStop() if quick and moves else HandOver(reason)
+            self.core.session.submit(_HOUSE * NUMBERS + number, name, command, f"{name}.halt")
+            ends.append(ended)
+        times = [facts.parameters.stop_times.ladder for facts in self.core.session.axes.values()]
+        until = time.monotonic() + max(times, default=0.0) + _MARGIN
+        return all(ended.wait(max(0.0, until - time.monotonic())) for ended in ends)
+
+    def request_stop(self, desk: Desk, reason: str, quick: bool) -> None:
+        """A client has been told to stop all that it has commanded, and commands nothing more."""
+        if desk.place == 0:
+            self.core.session.request_stop(reason, quick)
+            return
+        desk.leaving = reason
+        if desk is self._holder:
+            threading.Thread(target=self.halt, args=(f"{desk.name}: {reason}", quick), name="halting").start()
+
+    # -- commands ------------------------------------------------------------------------------------------------------
+
+    def submit(self, number: int, target: Target, command: Command, name: str) -> CommandEvent | None:
+        """Let a command wait for the scan; return how it has ended, where it is one with another that has."""
+        kept = self.core.session.submit(number, target, command, name)
+        return None if kept == number else self._merging.join(number, kept)
+
+    def _hear(self, event: CommandEvent) -> None:
+        for each in self._merging.all_of(event):
+            place, number = divmod(each.number, NUMBERS)
+            if place == _HOUSE:
+                self._halted(number, each)
+            elif (desk := self._desks.get(place)) is not None:
+                desk.hear(each if not place else each._replace(number=number))
+
+    def _halted(self, number: int, event: CommandEvent) -> None:
+        if event.status in ENDED:
+            ended = self._waits.pop(number, None)
+            if ended is not None:
+                ended.set()
+
+
+class Guests:
+    """Lets guests in at the door, each with a thread of its own."""
+
+    def __init__(
+        self, door: Door, clients: Clients, image: int, opened: Callable[[], m.Opened], text: str
+    ) -> None:
+        """``image``: the descriptor of the images; ``opened``: what guests are told; ``text``: of the file (``m.Attach``)."""
+        self._door = door
+        self._clients = clients
+        self._image = image
+        self._opened = opened
+        self._text = text
+        self._there = threading.Semaphore(_MOST)
+        self._open = True
+
+    def start(self) -> None:
+        """Begin to let them in."""
+        threading.Thread(target=self._run, name="axisbus door", daemon=True).start()
+
+    def close(self) -> None:
+        """Let nobody in any more."""
+        self._open = False
+        self._door.close()
+
+    def _run(self) -> None:
+        while self._open:
+            admitted = self._door.admit(self._image)
+            if admitted is None:
+                time.sleep(_FEWEST)
+            elif not self._there.acquire(blocking=False):
+                admitted[0].close()
+                time.sleep(_FEWEST)
+            else:
+                threading.Thread(target=self._serve, args=admitted, name="axisbus guest", daemon=True).start()
+
+    def _serve(self, line: socket.socket, process: int) -> None:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _SHAKE)
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
+        stream = Stream(line, m.CODEC.pack, "axisbus guest's", _LARGEST)
+        try:
+            self._talk(line, stream, described(process))
+        except Exception as error:  # noqa: BLE001  # whatever it sent: it is gone, and nobody else is
+            log.info("the connection of process %d is given up: %s", process, error)
+        finally:
+            stream.close(_FAREWELL)
+            stream.finish()
+            self._there.release()
+
+    def _talk(self, line: socket.socket, stream: Stream, who: str) -> None:
+        messages = map(m.CODEC.unpack, stream.messages())
+        wanted = next(messages, None)
+        if not isinstance(wanted, m.Attach):
+            return
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _FOR_EVER)
+        desk = self._clients.admit(stream, who)
+        log.info("joined by %s", who)
+        try:
+            if self._welcome(desk, wanted):
+                _read(desk, messages)
+        finally:
+            self._clients.dismiss(desk)
+            log.info("left by %s", who)
+
+    def _welcome(self, desk: Desk, wanted: m.Attach) -> bool:
+        try:
+            self._require_same(wanted)
+            if wanted.command:
+                self._clients.give_command(desk, wanted.take)
+        except AxisbusError as error:
+            desk.stream.send(m.NotOpened((error,)))
+            return False
+        desk.stream.send(self._opened())
+        desk.stream.send(condition_of(self._clients.core.session))
+        return True
+
+    def _require_same(self, wanted: m.Attach) -> None:
+        if wanted.version != __version__:
+            raise StateError(
+                f"this program has axisbus {wanted.version}, the machine that it would join {__version__}",
+                remedy="let both run the same installation: look at PYTHONPATH and the virtual environment",
+            )
+        if wanted.text != self._text:
+            raise StateError(
+                "the cell's file is no longer what the machine was opened with",
+                remedy="end the machine and open it again; or take back what was changed in the file",
+            )
+
+
+def _read(desk: Desk, messages: map[object]) -> None:
+    """Take a guest's messages, not too many in too short a time, until it leaves or sends what no guest has to say."""
+    free, before = float(_BURST), time.monotonic()
+    for message in messages:
+        now = time.monotonic()
+        free, before = min(_BURST, free + (now - before) / _FEWEST) - 1.0, now
+        if not desk.take(message) or isinstance(message, m.Leave):
+            return
+        if free < 0:
+            time.sleep(_FEWEST)

@@ -1,0 +1,372 @@
+"""Programs that join a machine: one commands, all look on and may halt, and nobody disturbs the cycle or is locked out."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from axisbus.core.process import door
+from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
+from axisbus.record.recorder import Recorder
+from axisbus.version import __version__
+from axisbus.wire import messages as m
+from kit.stories.own import own_cell, turns, under_way
+
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
+    pytest.mark.timeout(120),
+]
+_LENGTH = struct.Struct("<I")
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return own_cell(tmp_path_factory.mktemp("joined"))
+
+
+@pytest.fixture(scope="module")
+def opened(file):
+    with Machine.open(file) as machine:
+        yield machine
+
+
+@pytest.fixture
+def machine(opened):
+    """The machine of the program that opened it, with its axes enabled and at rest."""
+    for axis in opened:
+        axis.enable().wait(20)
+    yield opened
+    for axis in opened:
+        axis.halt().wait(10)
+
+
+def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machine, file):
+    handle = under_way(machine["x"])
+    with Machine.attach(file) as guest:
+        assert guest.is_joined
+        assert f"process {os.getpid()} " in guest.commanded_by
+        assert list(guest.axes) == ["x", "y"]
+        assert guest["x"].state is AxisState.DISCRETE_MOTION
+        assert guest["x"].position == pytest.approx(machine["x"].position, abs=5.0)
+        assert guest.node(1).sdo[0x1000] == machine.node(1).sdo[0x1000]
+        assert guest.reports == machine.reports
+    time.sleep(0.2)
+    assert handle.active
+    assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
+    assert not machine.is_joined
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        lambda x: x.move_relative(1.0),
+        lambda x: x.move_velocity(1.0),
+        lambda x: x.jog(1.0),
+        lambda x: x.enable(),
+        lambda x: x.disable(),
+        lambda x: x.disable(coast=True),
+        lambda x: x.reset(),
+        lambda x: x.home(),
+        lambda x: x.stop(),
+        lambda x: x.release(),
+        lambda x: x.set_position(0.0),
+        lambda x: x.follow(Trapezoid(0.0, 10.0, 10.0, 100.0)),
+    ],
+)
+def test_a_guest_without_the_command_is_refused_and_the_motion_goes_on(machine, file, command):
+    handle = under_way(machine["y"])
+    with Machine.attach(file) as guest:
+        with pytest.raises(OwnershipError) as caught:
+            command(guest["y"]).wait(10)
+        assert f"process {os.getpid()} " in caught.value.observed
+        with pytest.raises(OwnershipError):
+            guest.node(2).sdo[0x6081] = 77
+    assert handle.active
+    assert abs(turns(machine, 2)) == pytest.approx(30.0, abs=1.0)
+    assert machine.node(2).sdo[0x6081] != 77
+
+
+@pytest.mark.parametrize("stop", ["halt", "quick_stop"])
+def test_any_guest_may_stop_an_axis_who_did_is_told_and_nobody_is_locked_out(machine, file, stop):
+    handle = under_way(machine["x"])
+    with Machine.attach(file) as guest:
+        getattr(guest["x"], stop)().wait(10)
+    assert turns(machine) == pytest.approx(0.0, abs=0.1)
+    with pytest.raises(Stopped, match=rf"x\.{stop}\(\) by process {os.getpid()} "):
+        handle.wait(5)
+    machine["x"].enable().wait(20)
+    machine["x"].move_relative(1.0).wait(20)
+
+
+def test_a_guest_that_stops_a_whole_group_is_no_one_who_commands(machine, file):
+    handles = [under_way(axis) for axis in machine]
+    with Machine.attach(file) as guest:
+        guest.group("x", "y").halt().wait(10)
+    assert not any(handle.active for handle in handles)
+
+
+def test_the_command_is_not_given_to_two_and_comes_back_when_its_holder_leaves(machine, file):
+    with pytest.raises(OwnershipError):
+        Machine.attach(file, command=True)
+    handle = under_way(machine["x"])
+    with Machine.attach(file, command=True, take=True) as guest:
+        assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before anybody else commands
+        with pytest.raises(Stopped, match="took the command"):
+            handle.wait(5)
+        with pytest.raises(OwnershipError, match="only look on"):
+            machine["x"].move_relative(1.0).wait(5)
+        guest["x"].move_relative(1.0).wait(20)
+        left = under_way(guest["y"])
+    assert not left.active
+    assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
+    assert machine["y"].state is AxisState.STANDSTILL
+    machine["x"].move_relative(1.0).wait(20)
+
+
+def ended(handle):
+    """A command that has ended, well or not."""
+    until = time.monotonic() + 20.0
+    while handle.busy:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    return handle
+
+
+def is_passing(handle):
+    """Whether the command of the machine is just on its way back, until the halt is known to have ended."""
+    return isinstance(handle.error, OwnershipError) and "changes hands" in handle.error.observed
+
+
+KILLED = """
+import sys, time
+from axisbus import Machine
+from axisbus import Trapezoid
+machine = Machine.attach(sys.argv[1], command=True, take=True)
+y = machine["y"]
+handle = y.follow(Trapezoid(y.position, y.position + 1000.0, 30.0, 300.0)) if sys.argv[2] == "follow" else y.move_velocity(30.0)
+time.sleep(0.5)
+print("moves", flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("way", ["follow", "velocity"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+def test_a_guest_that_is_gone_while_it_commands_leaves_nothing_in_motion(machine, file, way, number):
+    with subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(file), way],
+        stdout=subprocess.PIPE,
+        text=True,
+        stderr=subprocess.DEVNULL,
+    ) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "moves\n"
+        assert turns(machine, 2) == pytest.approx(30.0, abs=1.0)
+        program.send_signal(number)
+        program.wait(20)
+    until = time.monotonic() + 10.0
+    while abs(turns(machine, 2)) > 0.1 and time.monotonic() < until:
+        time.sleep(0.01)
+    assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
+    while is_passing(handle := ended(machine["y"].enable())):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    assert handle.error is None
+    machine["y"].move_relative(-1.0).wait(20)
+
+
+def test_a_guest_records_every_cycle_as_the_owner_does(machine, file):
+    with Machine.attach(file) as guest, Recorder(guest) as recorder:
+        machine["x"].move_relative(1.0).wait(20)
+        time.sleep(0.1)
+    times = sorted({float(row[0]) for row in recorder.rows()})
+    steps = [after - before for before, after in itertools.pairwise(times)]
+    assert steps
+    assert sorted(steps)[len(steps) // 2] == pytest.approx(0.02, abs=0.01)
+
+
+def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, tmp_path):
+    other = tmp_path / "cell.toml"
+    other.write_text(file.read_text(), encoding="utf-8")
+    with pytest.raises(StateError, match="no machine of "):
+        Machine.attach(other)
+    assert Machine.join(other) is None
+    before = file.read_text()
+    try:
+        file.write_text(before + "\n# changed\n")
+        with pytest.raises(StateError, match="no longer what the machine was opened with"):
+            Machine.attach(file)
+    finally:
+        file.write_text(before)
+
+
+# The door.
+
+
+def enter(file):
+    """Go in as a guest does, and say nothing yet."""
+    admitted = door.knock(str(file))
+    assert admitted is not None
+    line, image = admitted
+    os.close(image)
+    return line
+
+
+def framed(data):
+    return _LENGTH.pack(len(data)) + data
+
+
+def attach(file, version=__version__):
+    return framed(m.CODEC.pack(m.Attach(version, door.text_of(str(file)))))
+
+
+def never_reads(file):
+    line = enter(file)
+    line.sendall(attach(file))
+    questions = b"".join(framed(m.CODEC.pack(m.Ask(number, "node_events"))) for number in range(1, 3000))
+    line.settimeout(0.5)
+    with suppress(TimeoutError):
+        line.sendall(questions + framed(m.CODEC.pack(m.Observe(True))))
+    return line
+
+
+def says(*parts):
+    def attack(file):
+        line = enter(file)
+        with suppress(OSError):  # it has been sent away already
+            for part in parts:
+                line.sendall(part(file) if callable(part) else part)
+        return line
+
+    return attack
+
+
+def crowd(file):
+    """Many at a time; who is too many is sent away."""
+    lines = []
+    for _ in range(300):
+        line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        line.settimeout(0.2)
+        try:
+            line.connect(str(door._place(str(file))))
+        except OSError:
+            line.close()
+            continue
+        lines.append(line)
+    return lines
+
+
+ATTACKS = {
+    "nothing": says(),
+    "junk": says(os.urandom(4096)),
+    "half a message": says(lambda file: attach(file)[:-3]),
+    "a huge length": says(_LENGTH.pack(0xFFFFFFFF), b"x" * 65536),
+    "another version": says(lambda file: attach(file, "0.0.0")),
+    "a message that is no first one": says(framed(m.CODEC.pack(m.Leave("")))),
+    "deep lists": says(attach, framed(b"\x91" * 100_000 + b"\xc0")),
+    "messages of the program's alone": says(
+        attach,
+        *(
+            framed(m.CODEC.pack(one))
+            for one in (m.Open("", ""), m.Opened({}, {}, "", 0), m.RequestStop("me"))
+        ),
+        framed(m.CODEC.pack(m.Answer(1))),
+    ),
+    "a mad number": says(attach, framed(m.CODEC.pack(m.AddGroup("xy", ("nobody",)))), framed(b"\x01")),
+    "one who never reads": never_reads,
+    "a crowd": crowd,
+}
+
+
+def skipped_in_a_second(machine):
+    """How many cycles are skipped from now on, in a second in which most of them are done."""
+    start = machine.lateness
+    time.sleep(1.0)
+    end = machine.lateness
+    assert end.cycles - start.cycles > 20
+    return end.skipped - start.skipped
+
+
+@pytest.mark.parametrize("attack", list(ATTACKS))
+def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, file, attack):
+    handle = under_way(machine["x"])
+    # A busy computer skips some by itself, and not evenly; an attack that disturbs does it each time.
+    for _ in range(3):
+        before = skipped_in_a_second(machine)
+        lines = ATTACKS[attack](file)
+        meanwhile = skipped_in_a_second(machine)
+        assert handle.active
+        assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
+        for line in lines if isinstance(lines, list) else [lines]:
+            line.close()
+        if meanwhile <= 2 * before + 3:
+            break
+    assert meanwhile <= 2 * before + 3
+    until = time.monotonic() + 10.0
+    while True:  # who was there is gone, and others may come
+        try:
+            guest = Machine.attach(file)
+            break
+        except ScanError:
+            assert time.monotonic() < until
+            time.sleep(0.1)
+    with guest:
+        assert guest["x"].state is AxisState.DISCRETE_MOTION
+
+
+@pytest.fixture
+def runtime(monkeypatch):
+    """A user's runtime directory, whose path is short enough for a socket."""
+    with tempfile.TemporaryDirectory() as folder:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        yield Path(folder)
+
+
+def test_a_place_that_others_may_enter_is_not_used(runtime):
+    (runtime / "axisbus").mkdir(mode=0o755)
+    with pytest.raises(StateError, match="not a folder of this user alone"):
+        door.Door(str(runtime / "cell.toml"))
+
+
+def test_the_door_is_this_users_alone_and_one_for_each_cell(runtime):
+    cell = str(runtime / "cell.toml")
+    first = door.Door(cell)
+    place = door._place(cell)
+    assert place.stat().st_mode & 0o777 == 0o600
+    assert place.parent.stat().st_mode & 0o777 == 0o700
+    with pytest.raises(OSError):
+        door.Door(cell)
+    first.close()
+    assert door.knock(cell) is None
+    door.Door(cell).close()
+
+
+def test_a_door_that_a_killed_core_has_left_behind_is_opened_anew(runtime):
+    cell = str(runtime / "cell.toml")
+    door.Door(cell).close()
+    door._place(cell).touch()
+    assert door.knock(cell) is None
+    door.Door(cell).close()
+
+
+def test_a_runtime_directory_whose_path_is_too_long_for_a_socket_is_passed_over(runtime, monkeypatch):
+    deep = runtime / ("d" * 90)
+    deep.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(deep))
+    cell = str(runtime / "cell.toml")
+    door.Door(cell).close()
+    assert not list(deep.iterdir())

@@ -1,0 +1,35 @@
+"""A cell whose core has a process of its own, and its axes under way for as long as a story takes."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from axisbus.machine.axis import Axis
+from axisbus.machine.handle import Handle
+from axisbus.machine.machine import Machine
+from kit.cell import SCALE, cell_text
+
+
+def own_cell(folder: Path, names: str = "xy", more: str = "") -> Path:
+    """Write the file of a cell with an axis for each letter of ``names``, and return it."""
+    path = folder / "cell.toml"
+    text = cell_text(names, period="20ms", heartbeat="1s", bus='process = "own"', more=more)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def under_way(axis: Axis) -> Handle:
+    """A move that goes on for longer than any story, to the other side; it turns already."""
+    handle = axis.move_relative(1000.0 if axis.position < 0 else -1000.0, velocity=30.0)
+    until = time.monotonic() + 10.0
+    while abs(axis.velocity) < 29.0:
+        assert time.monotonic() < until, axis
+        time.sleep(0.01)
+    return handle
+
+
+def turns(machine: Machine, node_id: int = 1) -> float:
+    """How fast the plant turns, in deg/s."""
+    velocity: float = machine.stand_in(node_id).drive().axis.motor.velocity
+    return velocity / SCALE
