@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -341,6 +342,44 @@ def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgot
         assert resting.error(drive.cycle(position=5000, velocity=7)[0]) is None
     resting.error(drive.cycle(position=0)[0])
     assert "now at 0.007 deg/s" in resting.error(drive.cycle(position=0)[0]).observed
+
+
+@pytest.mark.parametrize(
+    ("velocities", "told"),
+    [
+        ([0, 0, 0, 0], False),
+        ([7999] * 1000, False),  # about 4000 within the time that counts
+        ([8100] * 1000, True),
+        ([-8100] * 1000, True),
+        ([200_000, -200_000] * 500, False),  # noise
+        ([500_000] * 3, True),
+        ([500_000] * 2 + [0], False),  # two in a row
+        ([0, 500_000, *[10] * 50], False),
+    ],
+)
+def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, told):
+    drive = Drive()
+    resting = Resting(drive.parameters)
+    errors = [resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=each)[0]) for each in velocities]
+    found = [error for error in errors if error is not None]
+    assert bool(found) == told
+    if told:
+        assert "moves by itself" in found[0].message
+        assert "it went by about " in found[0].observed
+
+
+def test_by_velocity_a_rest_begins_anew_too_and_counts_no_time_in_which_nothing_was_known():
+    drive = Drive()
+    resting = Resting(drive.parameters)
+    for _ in range(2):
+        assert resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=500_000)[0]) is None
+    resting.forget()
+    assert resting.error(drive.cycle(velocity=500_000)[0]) is None
+    drive.now += 10.0
+    assert resting.error(drive.cycle(velocity=500_000)[0]) is None
+    unscaled = replace(drive.parameters, units=replace(drive.parameters.units, ratio_known=False))
+    blind = Resting(unscaled)
+    assert [blind.error(drive.cycle(velocity=500_000)[0]) for _ in range(50)] == [None] * 50
 
 
 # The mode of a motion.

@@ -18,6 +18,24 @@ from kit.campaign.scripts import script
 SEEDS = 300
 
 FOUND: Mapping[str, Script] = {
+    "a long way to a place where the drive never says that it is there": Script(
+        "lagging",
+        (
+            Event(0.01, "move_relative", "x", 0.8),
+            Event(0.02, "slips_to_csp", "x", -0.51),
+            Event(0.2, "halt", "x", -0.85),
+            Event(0.0, "slips_no_more", "x"),
+            Event(1.0, "release", "x"),
+            Event(0.5, "enable", "x"),
+            Event(0.5, "halt", "x"),
+            Event(1.0, "release", "x"),
+            Event(0.1, "reset", "x"),
+            Event(0.5, "enable", "x"),
+            Event(0.0, "never_there", "x", 0.48),
+            Event(0.8, "move_absolute", "x", 0.27),
+        ),
+        "free-running",
+    ),
     "a halt of an axis that coasts without power": Script(
         "coasting",
         (

@@ -57,6 +57,18 @@ def without(port, *samples: int) -> None:
     port.advance = less
 
 
+@pytest.mark.parametrize("creep", [15.0, -15.0])
+def test_an_axis_at_rest_that_creeps_is_told_and_stopped_where_only_its_velocity_is_known(story, creep):
+    cell = story.simulated("x").enabled()
+    without(cell.port(), 2, 5)
+    cell.run(1.0)
+    cell.drive().dials.creep = creep * cell.scale_of("x")
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 0.8)
+    assert "moves by itself" in str(cell.x.error)
+    assert "it went by about" in str(cell.x.error)
+    cell.until(lambda: cell.speed() == 0.0 and cell.stage() in OFF)
+
+
 # -- jams ----------------------------------------------------------------------------------------------------------------
 
 

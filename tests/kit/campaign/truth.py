@@ -55,10 +55,15 @@ class Truth:
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
 
     def _has_far_to_go(self, asked: Asked) -> bool:
-        """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there."""
+        """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there.
+
+        Where the drive does not say that it has come there, the time for that whole way must be over.
+        """
         far = asked.what.startswith("move_") and self._facts.now - asked.since < _FARTHEST
         return far and any(
-            self._facts.now - self._moved.get(name, -_FARTHEST) < _ARRIVES for name in asked.names
+            self._facts.now - self._moved.get(name, -_FARTHEST) < _ARRIVES
+            or self._facts.drive[name].dials.target_reached_never
+            for name in asked.names
         )
 
     def ended(self, asked: Asked) -> None:

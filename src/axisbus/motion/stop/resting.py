@@ -1,6 +1,12 @@
-"""What an axis does that nobody commands: enabled and at rest it must stay where it is, with nothing that pulls it."""
+"""What an axis does that nobody commands: enabled and at rest it must stay where it is, with nothing that pulls it.
+
+Where the drive tells no position it is watched by its velocity: by about how far that led it within the last ``_MEMORY`` s, so that
+a velocity which is off by a little adds up to nothing.
+"""
 
 from __future__ import annotations
+
+import math
 
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
@@ -9,12 +15,13 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.parameters import AxisParameters
 
 _TWICE = 2  # samples in a row
+_MEMORY = 0.5  # seconds
 
 
 class Resting:
     """Watches an axis that is enabled and at rest; holds the ``place`` where its rest began (None: it has not)."""
 
-    __slots__ = ("_allowed", "_misses", "_parameters", "_stamp", "place")
+    __slots__ = ("_allowed", "_misses", "_parameters", "_per_velocity", "_stamp", "_way", "place")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
@@ -22,16 +29,22 @@ class Resting:
         self.place: int | None = None
         self._stamp = 0.0
         self._misses = 0
+        units = parameters.units
+        self._per_velocity = units.position.factor / units.velocity.factor if units.ratio_known else None
+        self._way = 0.0  # by velocity
 
     def forget(self) -> None:
         """Something commands the axis, or its power is off: its next rest begins anew."""
         self.place = None
         self._misses = 0
+        self._way = 0.0
 
     def error(self, image: Image) -> UncommandedMotion | None:
         """Return that the axis moves by itself, or is being pulled; None while it rests."""
         position = image.position
-        if position is None or image.position_stamp == self._stamp:
+        if position is None:
+            return self._turns(image)
+        if image.position_stamp == self._stamp:
             return None
         self._stamp = image.position_stamp
         if self.place is None:
@@ -48,9 +61,34 @@ class Resting:
             return self._pulled(image, position, pull)
         return self._moves(image, position, self.place)
 
+    def _turns(self, image: Image) -> UncommandedMotion | None:
+        """Return what the velocity tells of an axis whose position is not known."""
+        gap = image.velocity_stamp - self._stamp
+        if image.velocity is None or self._per_velocity is None or not gap:
+            return None
+        self._stamp = image.velocity_stamp
+        speed = image.velocity * self._per_velocity
+        # What was longer ago than _MEMORY is of no account, nor is a gap in which nobody knows how it went.
+        self._way = self._way + speed * gap - self._way * gap / _MEMORY if gap < _MEMORY else 0.0
+        goes_on = math.copysign(speed, speed * self._way) * _MEMORY > self._allowed
+        if abs(self._way) <= self._allowed or not goes_on:
+            self._misses = 0
+            return None
+        self._misses += 1
+        units = self._parameters.units.position
+        return (
+            None
+            if self._misses < _TWICE
+            else self._restless(image, f"it went by about {units.to_units(self._way):g} {units.unit}")
+        )
+
     def _moves(self, image: Image, position: int, place: int) -> UncommandedMotion:
-        name, units = self._parameters.name, self._parameters.units.position
-        speed = self._parameters.units.velocity
+        units = self._parameters.units.position
+        went = f"it went from {units.to_units(place - image.origin):g} to {units.to_units(position - image.origin):g} {units.unit}"
+        return self._restless(image, went)
+
+    def _restless(self, image: Image, went: str) -> UncommandedMotion:
+        name, speed = self._parameters.name, self._parameters.units.velocity
         moving = "" if image.velocity is None else f", now at {speed.to_units(image.velocity):g} {speed.unit}"
         mode = (
             ""
@@ -60,8 +98,7 @@ class Resting:
         return UncommandedMotion(
             f"{name}: moves by itself",
             axis=name,
-            observed=f"no command runs, and it went from {units.to_units(place - image.origin):g} to "
-            f"{units.to_units(position - image.origin):g} {units.unit}{moving}{mode}",
+            observed=f"no command runs, and {went}{moving}{mode}",
             remedy="look for another master or tool that commands it, a drive that goes on with an old target, or a load that the "
             f"motor cannot hold; how far it may give way is standstill_window and following_error in [axes.{name}]",
         )
