@@ -18,6 +18,23 @@ from kit.campaign.scripts import script
 SEEDS = 300
 
 FOUND: Mapping[str, Script] = {
+    "a home where a set_position had moved the origin far": Script(
+        "stiff",
+        (
+            Event(0.2, "move_fast", "x", -0.71),
+            Event(0.4, "frames_late", "x", 0.9),
+            Event(0.8, "slips_to_pp", "x", 0.96),
+            Event(0.0, "set_position", "x", -0.01),
+            Event(0.0, "slips_no_more", "x"),
+            Event(0.0, "frames_prompt", "x"),
+            Event(1.0, "release", "x"),
+            Event(0.1, "reset", "x"),
+            Event(0.5, "enable", "x"),
+            Event(0.5, "halt", "x"),
+            Event(0.01, "home", "x", 0.45),
+        ),
+        "ranged",
+    ),
     "a long way to a place where the drive never says that it is there": Script(
         "lagging",
         (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from axisbus.motion.states import AxisState
 from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
 from kit.campaign.orders import PATHS
 from kit.probe import ENABLED, OFF, PlantSample
@@ -88,7 +89,8 @@ class Travel:
         facts = self._facts
         core = facts.core[name]
         limits = core.parameters.limits.position
-        if limits is None or not core.bounded or facts.stage(name) in OFF:
+        homes = core.state is AxisState.HOMING  # the drive counts anew before its master knows
+        if limits is None or not core.bounded or homes or facts.stage(name) in OFF:
             self._outside.pop(name, None)
             return
         if self._origin.get(name) != facts.origin(name):  # another name for where it stands is no motion
