@@ -18,6 +18,38 @@ from kit.campaign.scripts import script
 SEEDS = 300
 
 FOUND: Mapping[str, Script] = {
+    "a drive that slips into csp and leaps to an old target, faster than it can": Script(
+        "stiff",
+        (
+            Event(0.1, "move_relative", "y", 0.75),
+            Event(0.05, "slips_to_csp", "y", 0.11),
+            Event(0.0, "stop", "y", 0.2),
+        ),
+        "two-axes",
+        "closed-twice",
+    ),
+    "a load that sinks a little whenever its brake closes": Script(
+        "braked",
+        (
+            Event(0.2, "stop", "x", -0.11),
+            Event(0.4, "coast", "x", 0.66),
+            Event(0.4, "reset", "x", -0.11),
+            Event(0.02, "group_enable", "", -0.04),
+            Event(0.8, "coast", "x", 0.82),
+        ),
+        "held-by-brake",
+    ),
+    "a halt that is done in the moment in which the axis comes free": Script(
+        "compliant",
+        (
+            Event(0.5, "halt", "x"),
+            Event(0.1, "move_absolute", "x", 0.81),
+            Event(0.05, "jam", "x", 0.24),
+            Event(0.02, "halt", "x", -0.35),
+            Event(0.1, "free", "x", 0.87),
+        ),
+        "held-by-torque",
+    ),
     "a home where a set_position had moved the origin far": Script(
         "stiff",
         (

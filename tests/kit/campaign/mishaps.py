@@ -140,7 +140,7 @@ MISHAPS: Mapping[str, Mishap] = {
     "sdo_silent": Mishap(_node_dial(sdo_silent=True), _SDO, "sdo_well"),
     "slips_to_pp": Mishap(_dial(mode_slips_to=1), _MODE, "slips_no_more", moves=True),
     "slips_to_pv": Mishap(_dial(mode_slips_to=3), _MODE, "slips_no_more", moves=True),
-    "slips_to_csp": Mishap(_dial(mode_slips_to=8), _MODE, "slips_no_more", moves=True),
+    "slips_to_csp": Mishap(_dial(mode_slips_to=8), (*_MODE, "not follow"), "slips_no_more", moves=True),
     "resumes": Mishap(_dial(resumes_on_enable=True), (*_BY_ITSELF, *_STANDS), "resumes_no_more", moves=True),
     "ignores_halt": Mishap(  # one that was halted goes on with its move
         _dial(ignore_halt=True), (*_NO_STOP, *_BY_ITSELF), "hears_halt", moves=True, deaf=True

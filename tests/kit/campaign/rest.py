@@ -37,10 +37,11 @@ class Rest:
     def asked(self, asked: Asked) -> None:
         """A command was given: by some of them nothing moves."""
         for name in asked.names:
-            resumes = self._facts.cell.drive(name).dials.resumes_on_enable
+            drive = self._facts.drive[name]
             if (
                 asked.what not in QUIET
-                or (asked.what == "enable" and resumes)
+                or (asked.what == "enable" and drive.dials.resumes_on_enable)
+                or (asked.what == "coast" and drive.params.load)  # it sinks until its brake has closed
                 or self._facts.is_dropped(name)
             ):
                 self._forget(name)
@@ -89,7 +90,7 @@ class Rest:
 
     def _promised(self, name: str, stop: Asked) -> None:
         facts = self._facts
-        recent = facts.troubled(name, _JUST)
+        recent = list(facts.troubled(name, _JUST))
         moved = any(trouble.kind.moves and trouble.what not in _AT_REST for trouble in recent)
         restless = moved or facts.has_a_will(name) or facts.may_fall(name) or facts.turns_unseen(name)
         restless = restless or facts.is_caught_unseen(name, stop)
@@ -97,7 +98,11 @@ class Rest:
             return
         said = "done" if stop.error is None else f"ended by {stop.error}"
         told = f"{stop.handle.name} was {said} at {facts.now:.2f} s"
-        facts.must(not facts.moves(name), "a stop that is done stands", f"{told}: {facts.cell.told(name)}")
+        freed = any(trouble.what == "jam" and trouble.until > facts.now - _JUST for trouble in recent)
+        stands = freed or not facts.moves(
+            name
+        )  # one that comes free moves by what pulled it, which is judged by its way
+        facts.must(stands, "a stop that is done stands", f"{told}: {facts.cell.told(name)}")
         self._stood.setdefault(name, (facts.cell.where(name), told))
 
     def _stays_where_it_was_stopped(self, name: str) -> None:
