@@ -18,6 +18,26 @@ from kit.campaign.scripts import script
 SEEDS = 300
 
 FOUND: Mapping[str, Script] = {
+    "a position that is set in the cycle in which a trajectory was refused": Script(
+        "coasting",
+        (
+            Event(0.1, "follow_on", "x", -0.53),
+            Event(0.2, "torque", "x", 0.25),
+            Event(0.1, "late_feedback", "x", -0.58),
+            Event(0.1, "free", "x", -0.01),
+            Event(0.1, "other_sets_point", "x", -0.97),
+            Event(1.5, "group_stop", "", -0.77),
+            Event(0.0, "prompt_feedback", "x"),
+            Event(1.0, "release", "x"),
+            Event(0.1, "reset", "x"),
+            Event(0.5, "enable", "x"),
+            Event(0.5, "halt", "x"),
+            Event(0.0, "follow_on", "x", 0.31),
+            Event(0.1, "set_position", "x", -0.2),
+        ),
+        "ranged",
+        "ctrl-c",
+    ),
     "a drive that slips into csp and leaps to an old target, faster than it can": Script(
         "stiff",
         (

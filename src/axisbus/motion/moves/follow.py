@@ -65,6 +65,7 @@ class Follow(Activity):
         self._prepared = False
         self._running = False
         self._last: int | None = None
+        self._origin = 0  # from when it began: what is counted anew meanwhile must move nothing
         self._arrive_by: float | None = None
         self._limits: tuple[float, float] | None = None  # those of the axis, widened to where it starts
         self._is_known = False  # in advance, and checked as a whole
@@ -94,7 +95,7 @@ class Follow(Activity):
                 self._look_ahead(trajectory)
             clock.advance(self._period)
         order.halt = False
-        order.target_position = self._target(image, trajectory)
+        order.target_position = self._target(trajectory)
         if clock.t < trajectory.duration or clock.braking:
             self.rests_from = image.now
             return False
@@ -127,6 +128,7 @@ class Follow(Activity):
         assert self._told is not None
         self._prepared = self._running = True
         self._last, self._step, self._limits = before._last, before._step, before._limits
+        self._origin = before._origin
         self._pace = pace_of(self._parameters, self._told)
 
     @property
@@ -191,7 +193,7 @@ class Follow(Activity):
                 remedy="begin it at axis.position",
             )
         self._running = True
-        self._last = reference
+        self._last, self._origin = reference, image.origin
         self._is_known = isinstance(self._told, Known)
         self._pace = pace_of(self._parameters, self._told)
         if self._parameters.limits.position is not None:
@@ -246,7 +248,7 @@ class Follow(Activity):
         )
         raise self._too_much(found, t)
 
-    def _target(self, image: Image, trajectory: Trajectory) -> int:
+    def _target(self, trajectory: Trajectory) -> int:
         limits, ahead, t = self._limits, self._ahead, self.clock.t
         self._ahead = None  # it counts once
         known = ahead[1] if ahead is not None and ahead[0] == t else None
@@ -257,7 +259,7 @@ class Follow(Activity):
             self._go_to(value)
         else:
             self._step = known
-        self._last = last = self._units.to_increments(value) + image.origin
+        self._last = last = self._units.to_increments(value) + self._origin
         return last
 
     def _go_to(self, value: float) -> None:
@@ -315,7 +317,7 @@ class Follow(Activity):
         name, units = self._parameters.name, self._parameters.units.position
         hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
         return MotionTimeout(
-            f"{name}: does not come up with the end of its trajectory, {units.to_units(self._last - image.origin):g} {units.unit}",
+            f"{name}: does not come up with the end of its trajectory, {units.to_units(self._last - self._origin):g} {units.unit}",
             axis=name,
             observed=f"position {where_text(image, self._parameters)} after {_ARRIVAL:g} s; within "
             f"{abs(units.to_units(window)):g} {units.unit} was expected"
