@@ -57,7 +57,7 @@ format: $(READY)
 
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,plot,record]'
 	touch $(READY)
 
 clean:

@@ -40,6 +40,19 @@ class CommandEvent(NamedTuple):
     note: str
 
 
+class CommandSeen(NamedTuple):
+    """A command that a core was given, by whatever program; times in seconds of the monotonic clock, ``ended`` None while it runs.
+
+    ``name`` says what was asked, ``error`` what ended it, both for people.
+    """
+
+    given: float
+    name: str
+    status: Status
+    ended: float | None = None
+    error: str = ""
+
+
 class AxisFacts(NamedTuple):
     """What is known of an axis before anything moves: its parameters, and how its values travel."""
 
@@ -149,6 +162,10 @@ class Session(AxisSession, Protocol):
     @property
     def bus_events(self) -> list[ControllerEvent]:
         """What the CAN controller has told, oldest first; empty without a bus."""
+
+    @property
+    def commands(self) -> list[CommandSeen]:
+        """The last 256 commands that were given, by whatever program, oldest first."""
 
     @property
     def drops(self) -> tuple[Drop, ...]:

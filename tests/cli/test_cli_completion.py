@@ -47,7 +47,7 @@ def test_what_is_offered(words, names):
         (("backup",), "there is no command 'backup'; did you mean axisbus config backup?"),
         (("od", "raed"), "did you mean axisbus od read?"),
         (("eds", "chekc"), "did you mean axisbus eds check?"),
-        (("diff",), "did you mean axisbus eds diff or axisbus config diff?"),
+        (("diff",), "did you mean axisbus eds diff or axisbus config diff or axisbus record diff?"),
         (("qqq",), "there is no command 'qqq'; axisbus -h lists all"),
         (("move", commands.CELL, "x=1", "--velocty", "3"), "--velocity"),
     ],

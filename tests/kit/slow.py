@@ -49,6 +49,7 @@ SLOW = {
         "cli/test_cli_joined.py",
         "cli/test_cli_lss.py",
         "cli/test_cli_od.py",
+        "cli/test_cli_record.py",
         "cli/test_cli_save.py",
         "sim/test_sim_network.py",
         "mutation/test_mutation_trial.py",

@@ -21,19 +21,24 @@ samples = st.builds(
     st.none() | LONG,
     st.none() | LONG,
     st.none() | LONG,
+    st.none() | LONG,
     LONG,
+    st.none() | st.integers(-128, 127),
+    st.none() | st.integers(0, 0xFFFF),
     st.sampled_from(AxisState),
+    st.sampled_from(State),
+    st.booleans(),
 )
 
 
 def snapshot(sample: AxisSample) -> Snapshot:
-    position, velocity, torque, target, origin, state = sample
+    position, velocity, torque, target, demand, origin, mode, word, state, power, homed = sample
     return Snapshot(
-        0.0, state, State.SWITCHED_ON, 0x23, 1, position, 0.0, 7, velocity, torque, target, origin, False, True, None
+        0.0, state, power, word, mode, position, 0.0, demand, velocity, torque, target, origin, homed, True, None
     )  # fmt: skip
 
 
-PLAIN = AxisSample(1, 2, 3, 4, 5, AxisState.STANDSTILL)
+PLAIN = AxisSample(1, 2, 3, 4, 5, 6, 7, 0x0237, AxisState.STANDSTILL, State.SWITCHED_ON, True)
 
 
 @given(st.lists(st.tuples(st.floats(0, 1e9), samples, samples), max_size=20))

@@ -14,6 +14,7 @@ from axisbus.check.checked import checked
 from axisbus.cli.shared.common import FAILURE, OK, say, say_next
 from axisbus.cli.shared.output import output_option, require_writable
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.speech import in_commands
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
@@ -41,7 +42,8 @@ class Tally:
 @click.argument("cell", type=PATH, required=False)
 @output_option("The folder to write into.", default=Path("demo-output"), show_default=True)
 @click.option("--plot/--no-plot", default=True, help="Draw motion.png (needs matplotlib).")
-def command(cell: Path | None, output: Path, plot: bool) -> int:
+@record_option
+def command(cell: Path | None, output: Path, plot: bool, record: Path | None) -> int:
     """Run the main job on the simulated cell of examples/cell.toml: boot, enable, home, move, move together, fault, reset, stop.
 
     Everything is simulated: no hardware is needed or touched. Writes recording.csv and motion.png.
@@ -54,7 +56,8 @@ def command(cell: Path | None, output: Path, plot: bool) -> int:
     tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder sees the stop, too
-        _job(machine, tally)
+        with recorded(machine, record):
+            _job(machine, tally)
         lateness = machine.lateness
     tally.say("every axis was halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")

@@ -14,15 +14,17 @@ from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.machine.rehearsal import Rehearsal
 
 
 @click.command("home")
 @click.argument("cell", type=PATH)
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
+@record_option
 @beside_option
 @take_option
-def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
+def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool, take: bool) -> int:
     """Boot CELL, enable its axes (or those named, by themselves or by a group), home them as [axes.NAME.homing] says, stop and
     disable them.
 
@@ -39,8 +41,9 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
     with machine_of(cell, command=True, take=take, beside=beside, before=rehearse) as machine:
         chosen = [machine[name] for name in names]
         found = move.off(chosen)
-        move.enable(chosen)
-        move.home(machine, chosen)
-        move.leave(machine, found)
+        with recorded(machine, record):
+            move.enable(chosen)
+            move.home(machine, chosen)
+            move.leave(machine, found)
     say_next(f"axisbus move {cell} {names[0]}=... --home")
     return OK

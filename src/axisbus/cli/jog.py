@@ -14,6 +14,7 @@ from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.keys import Key, Keyboard, keyboard
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.underway import draw, speed_text
 from axisbus.errors import Stopped
 from axisbus.machine.axis import Axis
@@ -32,10 +33,17 @@ _SIGN = {Key.FORWARD: 1.0, Key.BACK: -1.0}
     "--velocity", type=float, help="Velocity in unit/s, instead of that of [axes.NAME.defaults] in CELL."
 )
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axis's default.")
+@record_option
 @beside_option
 @take_option
 def command(
-    cell: Path, axis: str, velocity: float | None, acceleration: float | None, beside: bool, take: bool
+    cell: Path,
+    axis: str,
+    velocity: float | None,
+    acceleration: float | None,
+    record: Path | None,
+    beside: bool,
+    take: bool,
 ) -> int:
     """Enable AXIS of CELL and move it by the arrow keys; each key moves it for 0.2 s, one that is held goes on.
 
@@ -58,6 +66,7 @@ def command(
     with (
         keyboard() as keys,
         machine_of(cell, command=True, take=take, beside=beside) as machine,
+        recorded(machine, record),
     ):
         moved = machine[axis]
         found = move.off([moved])

@@ -31,6 +31,11 @@ COMMANDS = {
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
+    "record": (
+        "axisbus.cli.record.group",
+        "Record what the axes of a cell do; compare and export recordings.",
+    ),
+    "plot": ("axisbus.cli.record.plot", "Draw a recording."),
     "trace": ("axisbus.cli.trace", "Show the frames of a bus or a recording in words."),
     "load": ("axisbus.cli.load", "Show how full a bus is, planned and measured."),
     "enable": ("axisbus.cli.enable", "Enable axes of a machine that runs."),

@@ -17,6 +17,7 @@ from axisbus.cli.shared.joining import machine_of, take_option
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.underway import Way, follow
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
@@ -40,6 +41,7 @@ _FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 @click.option(
     "--timeout", type=Seconds(), help="Seconds that each move may take, instead of the worked-out time."
 )
+@record_option
 @beside_option
 @take_option
 def command(
@@ -50,6 +52,7 @@ def command(
     relative: bool,
     home_first: bool,
     timeout: float | None,
+    record: Path | None,
     beside: bool,
     take: bool,
 ) -> int:
@@ -71,13 +74,14 @@ def command(
         for axis in axes:
             rehearsal.see(axis.name, axis.snapshot)
         rehearse()  # once more, by where the axes are, before any is enabled
-        enable(axes)
-        if home_first:
-            home(machine, axes)
-        follow(machine, [Way(axis, course.start(axis)) for axis in axes])
-        for axis in axes:
-            say_position(axis, "at")
-        leave(machine, found)
+        with recorded(machine, record):
+            enable(axes)
+            if home_first:
+                home(machine, axes)
+            follow(machine, [Way(axis, course.start(axis)) for axis in axes])
+            for axis in axes:
+                say_position(axis, "at")
+            leave(machine, found)
     say_next(f"axisbus monitor {cell}")
     return OK
 

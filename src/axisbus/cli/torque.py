@@ -10,6 +10,7 @@ from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import record_option
 from axisbus.cli.shared.turning import Turning, for_option
 
 
@@ -18,10 +19,17 @@ from axisbus.cli.shared.turning import Turning, for_option
 @click.argument("targets", nargs=-1, required=True, metavar="AXIS=TORQUE...", shell_complete=complete_targets)
 @click.option("--slope", type=float, help="Slope in N·m/s, instead of the axes' defaults.")
 @for_option
+@record_option
 @beside_option
 @take_option
 def command(
-    cell: Path, targets: tuple[str, ...], slope: float | None, seconds: float | None, beside: bool, take: bool
+    cell: Path,
+    targets: tuple[str, ...],
+    slope: float | None,
+    seconds: float | None,
+    record: Path | None,
+    beside: bool,
+    take: bool,
 ) -> int:
     """Enable axes of CELL and let them press in profile torque mode: axisbus torque cell.toml x=0.5 --for 2s
 
@@ -32,4 +40,4 @@ def command(
         parse_targets(targets, "TORQUE"),
         lambda axis, value: axis.torque_control(value, slope=slope),
         lambda _: "N·m",
-    ).run(cell, seconds, beside=beside, take=take)
+    ).run(cell, seconds, record=record, beside=beside, take=take)

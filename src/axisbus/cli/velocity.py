@@ -10,6 +10,7 @@ from axisbus.cli.shared.completion import complete_targets
 from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import record_option
 from axisbus.cli.shared.turning import Turning, for_option
 
 
@@ -20,6 +21,7 @@ from axisbus.cli.shared.turning import Turning, for_option
 )
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
 @for_option
+@record_option
 @beside_option
 @take_option
 def command(
@@ -27,6 +29,7 @@ def command(
     targets: tuple[str, ...],
     acceleration: float | None,
     seconds: float | None,
+    record: Path | None,
     beside: bool,
     take: bool,
 ) -> int:
@@ -38,4 +41,4 @@ def command(
         parse_targets(targets, "VELOCITY"),
         lambda axis, value: axis.move_velocity(value, acceleration=acceleration),
         lambda axis: f"{axis.unit}/s",
-    ).run(cell, seconds, beside=beside, take=take)
+    ).run(cell, seconds, record=record, beside=beside, take=take)

@@ -10,13 +10,14 @@ from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
 from axisbus.cia402.port import Waiter
+from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Ticket
-from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, Target
+from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Observer, Target
 
 
 class InProcess:
@@ -28,6 +29,7 @@ class InProcess:
         self._runtime = runtime
         self._waiter = waiter
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
+        self._ledger = Ledger(lambda: scan.cycle.now())
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
@@ -82,6 +84,11 @@ class InProcess:
         return list(self._runtime.link.incidents())
 
     @property
+    def commands(self) -> list[CommandSeen]:
+        """As ``Session.commands``."""
+        return self._ledger.seen
+
+    @property
     def drops(self) -> tuple[Drop, ...]:
         """As ``Session.drops``."""
         return tuple(self._runtime.link.drops())
@@ -103,7 +110,11 @@ class InProcess:
 
     def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
         """As ``Session.submit``."""
-        return self._scan.submit(target, command, Ticket(name, self._tell, number)).number
+        self._ledger.give(number, name)  # before it may end
+        kept = self._scan.submit(target, command, Ticket(name, self._tell, number)).number
+        if kept != number:
+            self._ledger.retract(number)
+        return kept
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
         """As ``Session.listen``."""
@@ -127,5 +138,6 @@ class InProcess:
 
     def _tell(self, ticket: Ticket) -> None:
         event = CommandEvent(ticket.number, ticket.status, ticket.error, ticket.note)
+        self._ledger.hear(event)
         for hear in self._listeners:
             hear(event)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import atexit
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.core.owner import Owner
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.node_access import NodeAccess
+    from axisbus.record.recording import Recording
     from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
@@ -51,6 +52,7 @@ class Machine:
         self._nodes: dict[int, NodeAccess] = {}
         self._roster = Roster(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
+        self._recordings: list[Recording] = []
         self._inherited = False  # by a forked child
 
     @property
@@ -262,6 +264,26 @@ class Machine:
         """Let ``seconds`` pass: real ones, or virtual ones in a simulated machine."""
         self.session.waiter.wait(lambda: False, seconds)
 
+    def recording(
+        self, path: str | Path, *, axes: Iterable[str] | None = None, objects: Iterable[str] = ()
+    ) -> Recording:
+        """Record into an MCAP file, for a ``with`` block: each cycle of the axes, and what happens; ``axisbus plot`` draws it.
+
+        ``axes``: all, if None. ``objects``: read beside them by SDO, in turn, such as ``"x:6074"`` or ``"3:1001"``. The file grows
+        while it runs, and can be read however the program ends, up to its last second. What cannot be written in time is left out,
+        and a disk that takes no more ends the recording, never the motion; both are told. Where an error ends the block, the stop
+        of the axes is still recorded, until the machine is closed.
+
+        Raises:
+            StateError, ArgumentError: no such axis, node or object.
+            UserError (entering it): the package mcap is not installed, or the file cannot be written.
+        """
+        from axisbus.record.recording import Recording
+
+        made = Recording(self, path, axes=axes, objects=objects, realtime=self._core.realtime)
+        self._recordings.append(made)
+        return made
+
     def _joined(self, booted: Booted) -> None:
         self._roster.join(booted)
 
@@ -336,6 +358,8 @@ class Machine:
         try:
             return self._core.leave(reason)
         finally:
+            for recording in self._recordings:
+                recording.close()
             atexit.unregister(self._at_exit)
             EXIT.part(self.session)
 

@@ -1,4 +1,4 @@
-"""What was seen of some axes, cycle by cycle, packed into blocks of bytes.
+"""What was seen of some axes, cycle by cycle, packed into bytes.
 
 However many there are, they are nothing that Python's collector has to look at: a recording of an hour pauses no cycle. One thread
 appends, others may read meanwhile what was there when they began.
@@ -10,13 +10,17 @@ from collections.abc import Iterator, Sequence
 from struct import Struct
 from typing import NamedTuple
 
+from axisbus.cia402.state import State
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 
 BLOCK = 4096  # rows
-_AXIS = "qqqqqBB"  # position, velocity, torque, target, origin; which of the first four are known; the state
-_STATES = tuple(AxisState)
-_NUMBERS = {state: number for number, state in enumerate(_STATES)}
+_AXIS = "qqqqqqhHBBB"  # the values in the order of AxisSample; then the state, the power, and the bits of what is known
+_STATES, _POWERS = tuple(AxisState), tuple(State)
+_STATE_AT = {state: number for number, state in enumerate(_STATES)}
+_POWER_AT = {power: number for number, power in enumerate(_POWERS)}
+# Of what may be unknown, a bit each; beside them whether the axis is homed.
+_POSITION, _VELOCITY, _TORQUE, _TARGET, _DEMAND, _MODE, _STATUSWORD, _HOMED = (1 << bit for bit in range(8))
 
 
 class AxisSample(NamedTuple):
@@ -26,15 +30,40 @@ class AxisSample(NamedTuple):
     velocity: int | None
     torque: int | None
     target: int | None
+    demand: int | None
     origin: int
+    mode: int | None
+    statusword: int | None
     state: AxisState
+    power: State
+    homed: bool
+
+
+class RowForm:
+    """How a row of one time and the samples of so many axes is packed."""
+
+    def __init__(self, axes: int) -> None:
+        self.struct = Struct("<d" + _AXIS * axes)
+
+    def values(self, now: float, snapshots: Sequence[Snapshot]) -> list[float]:
+        """Return what ``struct`` packs of a cycle."""
+        values: list[float] = [now]
+        for snapshot in snapshots:
+            values += _packed(snapshot)
+        return values
+
+    def rows(self, data: bytes | memoryview) -> Iterator[tuple[float, list[AxisSample]]]:
+        """Yield the rows that these bytes are."""
+        for row in self.struct.iter_unpack(data):
+            yield row[0], [_sample(*row[at : at + len(_AXIS)]) for at in range(1, len(row), len(_AXIS))]
 
 
 class PackedRows:
-    """Rows of one time and the samples of ``axes`` axes each; holds ``limit`` rows, and up to a block more."""
+    """Rows of ``axes`` axes each; holds ``limit`` rows, and up to a block more."""
 
     def __init__(self, axes: int, limit: int) -> None:
-        self._row = Struct("<d" + _AXIS * axes)
+        self._form = RowForm(axes)
+        self._size = self._form.struct.size
         self._most = -(-limit // BLOCK) + 1
         self._blocks: dict[int, bytearray] = {}
         self._end = 0  # rows so far, with those that have gone
@@ -46,12 +75,11 @@ class PackedRows:
         """Keep a row; the oldest block goes where there are too many."""
         block, place = divmod(self._end, BLOCK)
         if not place:
-            self._blocks[block] = bytearray(BLOCK * self._row.size)
+            self._blocks[block] = bytearray(BLOCK * self._size)
             self._blocks.pop(block - self._most, None)
-        values: list[float] = [now]
-        for snapshot in snapshots:
-            values += _packed(snapshot)
-        self._row.pack_into(self._blocks[block], place * self._row.size, *values)
+        self._form.struct.pack_into(
+            self._blocks[block], place * self._size, *self._form.values(now, snapshots)
+        )
         self._end += 1
 
     def __iter__(self) -> Iterator[tuple[float, list[AxisSample]]]:
@@ -59,35 +87,59 @@ class PackedRows:
         end, blocks = self._end, self._blocks.copy()
         for number, block in blocks.items():
             used = min(BLOCK, end - number * BLOCK)
-            for row in self._row.iter_unpack(memoryview(block)[: max(0, used) * self._row.size]):
-                yield row[0], [_sample(*row[at : at + len(_AXIS)]) for at in range(1, len(row), len(_AXIS))]
+            yield from self._form.rows(memoryview(block)[: max(0, used) * self._size])
 
 
 def _packed(snapshot: Snapshot) -> tuple[int, ...]:
-    position, velocity, torque, target = (
-        snapshot.position,
-        snapshot.velocity,
-        snapshot.torque,
-        snapshot.target,
-    )
+    _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, _, _ = snapshot
     known = (
-        (position is not None)
-        | (velocity is not None) << 1
-        | (torque is not None) << 2
-        | (target is not None) << 3
+        (position is not None and _POSITION)
+        | (velocity is not None and _VELOCITY)
+        | (torque is not None and _TORQUE)
+        | (target is not None and _TARGET)
+        | (demand is not None and _DEMAND)
+        | (mode is not None and _MODE)
+        | (word is not None and _STATUSWORD)
+        | (homed and _HOMED)
     )
-    state = _NUMBERS[snapshot.state]
-    return position or 0, velocity or 0, torque or 0, target or 0, snapshot.origin, known, state
+    return (
+        position or 0,
+        velocity or 0,
+        torque or 0,
+        target or 0,
+        demand or 0,
+        origin,
+        mode or 0,
+        word or 0,
+        _STATE_AT[state],
+        _POWER_AT[power],
+        known,
+    )
 
 
 def _sample(
-    position: int, velocity: int, torque: int, target: int, origin: int, known: int, state: int
+    position: int,
+    velocity: int,
+    torque: int,
+    target: int,
+    demand: int,
+    origin: int,
+    mode: int,
+    word: int,
+    state: int,
+    power: int,
+    known: int,
 ) -> AxisSample:
     return AxisSample(
-        position if known & 1 else None,
-        velocity if known & 2 else None,
-        torque if known & 4 else None,
-        target if known & 8 else None,
+        position if known & _POSITION else None,
+        velocity if known & _VELOCITY else None,
+        torque if known & _TORQUE else None,
+        target if known & _TARGET else None,
+        demand if known & _DEMAND else None,
         origin,
+        mode if known & _MODE else None,
+        word if known & _STATUSWORD else None,
         _STATES[state],
+        _POWERS[power],
+        bool(known & _HOMED),
     )

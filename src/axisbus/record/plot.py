@@ -1,54 +1,88 @@
-"""A picture of a recording: position and target, velocity and state of each axis over time (needs the ``plot`` extra)."""
+"""A picture of a recording (needs the ``plot`` extra): what each axis did, its states, and what happened, with words."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from axisbus.errors import UserError
+from axisbus.record.flags import Flag, flags, lines
+from axisbus.record.mcap_reader import load
+from axisbus.record.recorded import Recorded, Track
 from axisbus.record.recorder import Recorder
 
-_STATE_COLOURS = {
+STATE_COLOURS = {
     "Disabled": "#d9d9d9",
-    "Standstill": "#e8f1e4",
-    "Homing": "#fbe3b5",
-    "Stopping": "#f3c3a0",
-    "DiscreteMotion": "#cfe3f5",
-    "ContinuousMotion": "#c7d7f0",
-    "SynchronizedMotion": "#dccdf0",
-    "ErrorStop": "#f5b5b5",
+    "Standstill": "#cfe6c5",
+    "Homing": "#fbdb9c",
+    "Stopping": "#f0a878",
+    "DiscreteMotion": "#a9cdee",
+    "ContinuousMotion": "#93b1e0",
+    "SynchronizedMotion": "#c3a9e6",
+    "ErrorStop": "#ec7f7f",
 }
 _LINES = ("#1f6fb4", "#c8553d", "#3a7d44", "#7a4fa3", "#8a6d1d", "#1d7f86")
+_COMMANDED = "#555555"
+_SUFFIXES = (".png", ".svg")
+_WIDTH = 11.0  # inches
+_LEFT, _RIGHT = 0.1, 0.985  # of the width
+_POINTS = 4000  # of a line: of more, the lowest and the highest of each piece are drawn
 
 
-def plot(recorder: Recorder, path: Path | str, title: str = "") -> Path:
-    """Draw the recording as a PNG at ``path`` and return it; the folder is made if needed.
+class _Panel(NamedTuple):
+    """One panel of an axis: its height in inches, and the columns that it draws."""
+
+    height: float
+    columns: tuple[str, ...]
+    label: str
+
+
+_PANELS = (
+    _Panel(1.9, ("demand", "target", "position"), "position"),
+    _Panel(0.95, ("velocity",), "velocity"),
+    _Panel(0.95, ("torque",), "torque"),
+    _Panel(0.95, ("following_error",), "following\nerror"),
+)
+_BAND, _FLAGS, _GAP, _BETWEEN, _LINE = 0.16, 0.28, 0.09, 0.34, 0.155  # inches
+
+
+def plot(
+    recording: Recorder | Recorded | Path | str,
+    path: Path | str,
+    title: str = "",
+    *,
+    begin: float = -math.inf,
+    end: float = math.inf,
+) -> Path:
+    """Draw a recording, or an MCAP file, as a PNG or SVG at ``path`` and return it; the folder is made if needed. Blocks for it.
+
+    ``begin`` and ``end``: what is shown of it, in seconds since it began.
 
     Raises:
-        UserError: matplotlib is not installed, or nothing was recorded.
+        UserError: matplotlib is not installed, nothing was recorded (within these times), or ``path`` is of another kind.
     """
-    pyplot = _pyplot()
-    rows = list(recorder.rows())
-    if not rows:
-        raise UserError("nothing was recorded, so there is nothing to draw")
-    figure, panels = pyplot.subplots(
-        2 * len(recorder.axes), 1, sharex=True, figsize=(11, 2.6 * len(recorder.axes) + 1.2),
-        gridspec_kw={"height_ratios": [3, 1.3] * len(recorder.axes), "hspace": 0.18},
-    )  # fmt: skip
-    figure.suptitle(title, fontsize=12, x=0.125, y=0.935, ha="left")
-    figure.subplots_adjust(top=0.9)
-    columns = list(zip(*rows, strict=True))
-    for number, axis in enumerate(recorder.axes):
-        values = [columns[0], *columns[1 + 5 * number : 6 + 5 * number]]
-        colour = _LINES[number % len(_LINES)]
-        _draw_axis(panels[2 * number], panels[2 * number + 1], axis, recorder.unit(axis), values, colour)
-    panels[-1].set_xlabel("time in s")
-    _legend_of_states(figure, pyplot, {state for column in columns[5::5] for state in column})
     path = Path(path)
+    if path.suffix.lower() not in _SUFFIXES:
+        raise UserError(
+            f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
+        )
+    pyplot = _pyplot()
+    shown = _recorded(recording).within(begin, end)
+    if not any(track.times for track in shown.tracks.values()):
+        raise UserError("nothing was recorded, so there is nothing to draw")
+    figure = _Figure(pyplot, shown, title).drawn()
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110, bbox_inches="tight")
+    figure.savefig(path, dpi=110)
     pyplot.close(figure)
     return path
+
+
+def _recorded(recording: Recorder | Recorded | Path | str) -> Recorded:
+    if isinstance(recording, Recorder):
+        return recording.recorded()
+    return recording if isinstance(recording, Recorded) else load(recording)
 
 
 def _pyplot() -> Any:
@@ -64,50 +98,192 @@ def _pyplot() -> Any:
     return pyplot
 
 
-def _draw_axis(upper: Any, lower: Any, axis: str, unit: str, values: list[Any], colour: str) -> None:
-    time, position, velocity, _, target, state = values
-    _shade_states((upper, lower), time, state)
-    upper.step(
-        time, _gaps(target), where="post", color="#555555", linewidth=0.9, linestyle="--", label="commanded"
-    )
-    upper.plot(time, _gaps(position), color=colour, linewidth=1.5, label="actual")
-    upper.set_ylabel(f"{axis}\n{unit}")
-    upper.legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
-    lower.plot(time, _gaps(velocity), color=colour, linewidth=1.0)
-    lower.set_ylabel(f"{unit}/s", fontsize=8)
-    for panel in (upper, lower):
-        panel.spines[["top", "right"]].set_visible(False)
-        panel.tick_params(labelsize=8)
-        panel.margins(x=0)
+class _Figure:
+    """One picture under work: its panels from the top down, measured in inches; holds how far down it is."""
+
+    def __init__(self, pyplot: Any, shown: Recorded, title: str) -> None:
+        self._tracks = [track for track in shown.tracks.values() if track.times]
+        times = [time for track in self._tracks for time in (track.times[0], track.times[-1])]
+        self._span = min(times), max(max(times), min(times) + 1e-3)
+        self._flags = flags(shown.events, *self._span)
+        self._words = lines(self._flags)
+        self._panels = [_panels_of(track) for track in self._tracks]
+        self._states = {state for track in self._tracks for state in track.columns["state"]}
+        self._height = self._needed(bool(title) + bool(shown.lacks))
+        self._figure = pyplot.figure(figsize=(_WIDTH, self._height))
+        self._top = 0.12
+        for text, size, colour in ((title, 12, "black"), (shown.lacks, 8, "#b02020")):
+            if text:
+                self._text(text, size, colour)
+                self._top += 0.26
+
+    def _needed(self, heads: int) -> float:
+        axes = sum(
+            _BAND + _GAP + sum(panel.height + _GAP for panel in panels) + _BETWEEN for panels in self._panels
+        )
+        words = _LINE * (len(self._words) + 1) if self._words else 0.0
+        return 0.2 + 0.26 * heads + (_FLAGS if self._flags else 0.0) + axes + 0.5 + words
+
+    def drawn(self) -> Any:
+        """Draw all of it and return the figure."""
+        if self._flags:
+            self._draw_flags(self._place(_FLAGS))
+        for number, (track, panels) in enumerate(zip(self._tracks, self._panels, strict=True)):
+            self._draw_axis(track, panels, _LINES[number % len(_LINES)])
+        self._top += 0.02
+        self._legend()
+        self._top += 0.42
+        for line in self._words:
+            self._text(line, 7.5, "#222222", mono=True)
+            self._top += _LINE
+        return self._figure
+
+    def _place(self, height: float) -> Any:
+        """Return axes of so many inches beneath what is there."""
+        bottom = 1.0 - (self._top + height) / self._height
+        axes = self._figure.add_axes((_LEFT, bottom, _RIGHT - _LEFT, height / self._height))
+        axes.set_xlim(*self._span)
+        self._top += height + _GAP
+        return axes
+
+    def _text(self, text: str, size: float, colour: str, *, mono: bool = False) -> None:
+        self._figure.text(
+            _LEFT if not mono else 0.012,
+            1.0 - self._top / self._height,
+            text,
+            fontsize=size,
+            color=colour,
+            va="top",
+            ha="left",
+            family="monospace" if mono else None,
+            parse_math=False,
+        )
+
+    def _draw_axis(self, track: Track, panels: Sequence[_Panel], colour: str) -> None:
+        band = self._place(_BAND)
+        _draw_band(band, track, track.name)
+        drawn = [self._place(panel.height) for panel in panels]
+        for axes, panel in zip(drawn, panels, strict=True):
+            _draw_panel(axes, panel, track, colour)
+            for flag in self._flags:
+                axes.axvline(flag.time, color="#999999", linewidth=0.5, linestyle=":")
+        for axes in drawn[:-1]:
+            axes.tick_params(labelbottom=False)
+        if drawn:
+            drawn[-1].set_xlabel("time in s", fontsize=8, labelpad=1)
+        self._top += _BETWEEN - _GAP / 2
+
+    def _draw_flags(self, axes: Any) -> None:
+        axes.set_axis_off()
+        axes.set_ylim(0, 1)
+        for flag in self._flags:
+            _draw_flag(axes, flag)
+
+    def _legend(self) -> None:
+        from matplotlib.patches import Patch
+
+        patches = [
+            Patch(color=colour, label=state)
+            for state, colour in STATE_COLOURS.items()
+            if state in self._states
+        ]
+        self._figure.legend(
+            handles=patches,
+            loc="upper left",
+            bbox_to_anchor=(_LEFT - 0.006, 1.0 - self._top / self._height),
+            ncols=len(patches),
+            fontsize=8,
+            frameon=False,
+            borderaxespad=0.0,
+            columnspacing=1.4,
+            handlelength=1.2,
+        )
 
 
-def _gaps(values: Any) -> list[float]:
-    return [float("nan") if value is None else value for value in values]
+def _panels_of(track: Track) -> list[_Panel]:
+    """Return the panels that have something to show; that of the position always is there."""
+    return [
+        panel
+        for panel in _PANELS
+        if panel is _PANELS[0] or any(not math.isnan(value) for value in track.columns[panel.columns[0]])
+    ]
 
 
-def _shade_states(panels: Any, time: Any, states: Any) -> None:
+def _draw_panel(axes: Any, panel: _Panel, track: Track, colour: str) -> None:
+    name = panel.columns[-1]
+    if name == "position":
+        led, label = _led(track)
+        axes.step(
+            *_thinned(track.times, led),
+            where="post",
+            color=_COMMANDED,
+            linewidth=0.9,
+            linestyle="--",
+            label=label,
+        )
+    axes.plot(*_thinned(track.times, track.columns[name]), color=colour, linewidth=1.4 if name == "position" else 1.0,
+              label="actual")  # fmt: skip
+    if name == "position":
+        axes.legend(loc="upper right", fontsize=7.5, frameon=True, framealpha=0.7, edgecolor="none", ncols=2)
+    axes.set_ylabel(f"{panel.label}\n{track.units[name]}", fontsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=7.5)
+    axes.margins(y=0.12)
+    if name == "position":  # room for the legend
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, high + 0.22 * (high - low))
+    axes.locator_params(axis="y", nbins=6 if name == "position" else 3)
+    axes.yaxis.set_label_coords(-0.055, 0.5)
+
+
+def _led(track: Track) -> tuple[Sequence[float], str]:
+    """Return what the axis was led by, and what that is: the drive's own demand, where it tells it."""
+    demand = track.columns["demand"]
+    if any(not math.isnan(value) for value in demand):
+        return demand, "commanded (demand of the drive)"
+    return track.columns["target"], "commanded (target)"
+
+
+def _draw_band(axes: Any, track: Track, name: str) -> None:
+    axes.set_ylim(0, 1)
+    axes.set_yticks([])
+    axes.tick_params(bottom=False, labelbottom=False)
+    axes.spines[:].set_visible(False)
+    axes.text(-0.008, 0.5, name, transform=axes.transAxes, ha="right", va="center", fontsize=11, fontweight="bold",
+              parse_math=False)  # fmt: skip
+    for begin, end, state in _runs(track):
+        axes.axvspan(begin, end, color=STATE_COLOURS.get(state, "#ffffff"), linewidth=0)
+
+
+def _runs(track: Track) -> Iterator[tuple[float, float, str]]:
+    times, states = track.times, track.columns["state"]
     start = 0
     for index in range(1, len(states) + 1):
         if index == len(states) or states[index] != states[start]:
-            end = time[min(index, len(time) - 1)]
-            for panel in panels:
-                panel.axvspan(
-                    time[start], end, color=_STATE_COLOURS.get(states[start], "#ffffff"), linewidth=0
-                )
+            yield times[start], times[min(index, len(times) - 1)], states[start]
             start = index
 
 
-def _legend_of_states(figure: Any, pyplot: Any, states: set[str]) -> None:
-    patches = [
-        pyplot.Rectangle((0, 0), 1, 1, color=colour, label=state)
-        for state, colour in _STATE_COLOURS.items()
-        if state in states
-    ]
-    figure.legend(
-        handles=patches,
-        loc="lower center",
-        bbox_to_anchor=(0.5, 0.02),
-        ncols=len(patches),
-        fontsize=8,
-        frameon=False,
+def _draw_flag(axes: Any, flag: Flag) -> None:
+    axes.text(
+        flag.time,
+        0.35,
+        str(flag.number),
+        fontsize=7,
+        ha="center",
+        va="center",
+        bbox={"boxstyle": "round,pad=0.18", "facecolor": "#fff6d6", "edgecolor": "#999999", "linewidth": 0.6},
     )
+
+
+def _thinned(times: Sequence[float], values: Sequence[float]) -> tuple[Sequence[float], Sequence[float]]:
+    """Return a line of not too many points: of each piece the lowest and the highest, in their order."""
+    size = len(times) // (_POINTS // 2)
+    if size < 2:
+        return times, values
+    kept: list[int] = []
+    for start in range(0, len(times), size):
+        piece = range(start, min(start + size, len(times)))
+        known = [index for index in piece if not math.isnan(values[index])] or [start]
+        kept += sorted({min(known, key=values.__getitem__), max(known, key=values.__getitem__)})
+    return [times[index] for index in kept], [values[index] for index in kept]

@@ -26,7 +26,7 @@ from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.moves.streamed import StreamHead
 from axisbus.motion.parameters import AxisParameters
-from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Target
+from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Target
 from axisbus.wire.values import Codec
 
 
@@ -284,6 +284,7 @@ Message = (
 # What else an answer, or the argument of a question, may hold.
 _ASKED = (
     LatenessReport,
+    CommandSeen,
     NodeEvent,
     ControllerEvent,
     Drop,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import click
@@ -11,8 +12,12 @@ _LONGEST = 1e8  # seconds, some years: what the system's clock functions still t
 _SLOWEST, _FASTEST = 5_000, 1_000_000  # bit/s of classic CAN
 
 
+_UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}
+_TIME = re.compile(r"(?P<number>.*?\d\.?)\s*(?P<unit>ms|s|min|h)")
+
+
 class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A time in seconds, finite and from ``least`` on."""
+    """A time, finite and from ``least`` on, in seconds or with its unit: 0.5, 500ms, 10s, 5min, 1h."""
 
     name = "seconds"
 
@@ -21,12 +26,18 @@ class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Turn text into seconds."""
+        parts = _TIME.fullmatch(str(value).strip())
+        number, unit = (value, "s") if parts is None else (parts["number"], parts["unit"])
         try:
-            found = float(value)
+            found = float(number) * _UNITS[unit]
         except ValueError:
             found = math.nan
         if not self._least <= found <= _LONGEST:
-            self.fail(f"{value!r} is no time to wait: give seconds, {self._least:g} or more", param, ctx)
+            self.fail(
+                f"{value!r} is no time to wait: give seconds, {self._least:g} or more, or a time such as 500ms or 10s",
+                param,
+                ctx,
+            )
         return found
 
 

@@ -16,6 +16,7 @@ from axisbus.cli import move
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.recordings import recorded
 from axisbus.cli.shared.underway import Way, draw, follow, speed_text
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
@@ -43,7 +44,7 @@ class Turning:
     begin: Callable[[Axis, float], Handle]
     unit: Callable[[Axis], str]
 
-    def run(self, cell: Path, seconds: float | None, *, beside: bool, take: bool) -> int:
+    def run(self, cell: Path, seconds: float | None, *, record: Path | None, beside: bool, take: bool) -> int:
         """Enable the axes, let them turn, halt them, and leave them as they were found."""
         rehearsal = Rehearsal(checked(cell))
         for name, value in self.wanted.items():  # what cannot be is told before the bus is opened
@@ -51,15 +52,16 @@ class Turning:
         with machine_of(cell, command=True, take=take, beside=beside) as machine:
             axes = [machine[name] for name in self.wanted]
             found = move.off(axes)
-            move.enable(axes)
-            follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
-            for axis in axes:
-                say(f"{axis.name}: has {self.wanted[axis.name]:g} {self.unit(axis)}")
-            _keep(machine, axes, seconds)
-            wait([axis.halt() for axis in axes])
-            for axis in axes:
-                move.say_position(axis, "stands at")
-            move.leave(machine, found)
+            with recorded(machine, record):
+                move.enable(axes)
+                follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
+                for axis in axes:
+                    say(f"{axis.name}: has {self.wanted[axis.name]:g} {self.unit(axis)}")
+                _keep(machine, axes, seconds)
+                wait([axis.halt() for axis in axes])
+                for axis in axes:
+                    move.say_position(axis, "stands at")
+                move.leave(machine, found)
         return OK
 
 

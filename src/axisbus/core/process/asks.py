@@ -15,6 +15,7 @@ OF_CORE: Mapping[str, Callable[[Session], Any]] = {
     "lateness": lambda session: session.lateness,
     "node_events": lambda session: session.node_events,
     "bus_events": lambda session: session.bus_events,
+    "commands": lambda session: session.commands,
     "drops": lambda session: session.drops,
     "bus_time": lambda session: session.bus_time,
 }

@@ -22,7 +22,7 @@ from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import ENDED, Status
-from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, Target
+from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Observer, Target
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader
 
@@ -147,6 +147,11 @@ class RemoteSession:
     def bus_events(self) -> list[ControllerEvent]:
         """As ``Session.bus_events``; blocks for an answer of the core."""
         return list(self._calls.ask("bus_events"))
+
+    @property
+    def commands(self) -> list[CommandSeen]:
+        """As ``Session.commands``; blocks for an answer of the core."""
+        return list(self._calls.ask("commands"))
 
     @property
     def drops(self) -> tuple[Drop, ...]:

@@ -1,0 +1,33 @@
+"""``axisbus record``: recordings of a cell; without a subcommand one is made."""
+
+from __future__ import annotations
+
+import click
+
+from axisbus.cli.shared.lazy import LazyGroup
+
+_START = "start"
+COMMANDS = {
+    _START: ("axisbus.cli.record.start", "Record the machine of a cell; the word start may be left out."),
+    "export": ("axisbus.cli.record.export", "Write a recording as CSV or Parquet."),
+    "diff": ("axisbus.cli.record.diff", "Lay two recordings of one job over each other."),
+}
+_HELP = ("-h", "--help")
+
+
+class _Group(LazyGroup):
+    """What begins with none of its subcommands is a recording to be made."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put the word in that was left out."""
+        if args and args[0] not in COMMANDS and args[0] not in _HELP:
+            args = [_START, *args]
+        return super().parse_args(ctx, args)
+
+
+@click.group(cls=_Group, table=COMMANDS, context_settings={"help_option_names": list(_HELP)})
+def command() -> None:
+    """Record each cycle of a cell's axes into an MCAP file: axisbus record cell.toml -o run.mcap
+
+    Joins the machine of the cell where it runs already. See axisbus record start -h.
+    """

@@ -1,0 +1,37 @@
+"""``axisbus plot``: a picture of a recording."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from axisbus.cli.record.reading import read
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.output import output_option, require_writable
+from axisbus.cli.shared.paths import PATH
+from axisbus.record.plot import plot
+
+
+@click.command("plot")
+@click.argument("recording", type=PATH)
+@output_option("The picture to write, .png or .svg; without, beside the recording.")
+@click.option(
+    "--from", "begin", type=float, default=-math.inf, help="Seconds of the recording to begin with."
+)
+@click.option("--to", "end", type=float, default=math.inf, help="Seconds of the recording to end with.")
+@click.option("--title", default="", help="A title, instead of the file's name and the time.")
+def command(recording: Path, output: Path | None, begin: float, end: float, title: str) -> int:
+    """Draw RECORDING: of each axis position and command, velocity, torque, following error and state; what happened, with words."""
+    if not begin < end:
+        raise click.UsageError("--from must be less than --to")
+    picture = output or recording.with_suffix(".png")
+    require_writable(picture)
+    recorded = read(recording)
+    when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"
+    drives = f"{recorded.facts.get('drives', '')} drives"
+    say(
+        f"written: {plot(recorded, picture, title or f'{recording.name}, {when}, {drives}', begin=begin, end=end)}"
+    )
+    return OK

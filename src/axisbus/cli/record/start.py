@@ -1,0 +1,85 @@
+"""``axisbus record``: a recording of a cell's machine, which is joined where it runs."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from axisbus.cli.shared.common import FAILURE, OK, say, say_next
+from axisbus.cli.shared.joining import machine_of
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.output import force_option, output_option, require_free
+from axisbus.cli.shared.paths import PATH
+from axisbus.cli.shared.recordings import told
+from axisbus.cli.shared.underway import draw
+from axisbus.machine.machine import Machine
+from axisbus.record.mcap_writer import library
+from axisbus.record.recording import Recording
+
+_LOOK = 0.2  # seconds
+
+
+@click.command("start")
+@click.argument("cell", type=PATH)
+@output_option("The MCAP file to write.", required=True)
+@force_option
+@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
+@click.option("--axes", metavar="AXIS,...", help="Only these axes; without, all of them.")
+@click.option(
+    "--objects",
+    metavar="AXIS:OBJECT,...",
+    help="Read these objects meanwhile, in turn, by SDO: x:6074, x:6099:01, 3:1001 (3: a node).",
+)
+@beside_option
+def command(
+    cell: Path,
+    output: Path,
+    force: bool,
+    seconds: float | None,
+    axes: str | None,
+    objects: str | None,
+    beside: bool,
+) -> int:
+    """Record CELL into an MCAP file: each cycle of its axes, commands with their ends, faults, nodes that come and go.
+
+    Joins the machine of the cell where it runs already, and else boots the cell; energises nothing. The file can be read however
+    this ends, up to its last second.
+    """
+    library()
+    require_free(output, force=force)
+    recording = None
+    try:
+        with (
+            machine_of(cell, command=False, beside=beside) as machine,
+            machine.recording(output, axes=_names(axes), objects=_names(objects) or ()) as recording,
+        ):
+            _look_on(machine, recording, seconds)
+    except KeyboardInterrupt:  # the usual end
+        if recording is None:
+            raise
+    say(told(recording))
+    say_next(f"axisbus plot {output} -o {output.with_suffix('.png')}")
+    return FAILURE if recording.failed else OK
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _look_on(machine: Machine, recording: Recording, seconds: float | None) -> None:
+    """Wait until the time is over, the machine is closed by whoever opened it, or the file takes no more."""
+    until = None if seconds is None else time.monotonic() + seconds
+    try:
+        while not recording.failed and not machine.session.ended:
+            left = _LOOK if until is None else min(_LOOK, until - time.monotonic())
+            if left <= 0.0:
+                return
+            machine.sleep(left)
+            draw(f"{recording.seconds:.1f} s, {recording.cycles} cycles, {recording.size / 1e6:.1f} MB")
+    finally:
+        draw("")
+    if not recording.failed:
+        say("the machine was closed by whoever opened it")

@@ -1,0 +1,63 @@
+"""``--record``: a command that moves axes is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from axisbus.cli.shared.common import say
+from axisbus.cli.shared.output import require_writable
+from axisbus.cli.shared.paths import PATH
+from axisbus.machine.machine import Machine
+from axisbus.record.recording import Recording
+from axisbus.wording import counted
+
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def record_option(function: _Function) -> _Function:
+    """Add --record: the MCAP file that the command is recorded into."""
+    return click.option(
+        "--record", type=PATH, callback=_checked, help="Record it into this MCAP file, which is replaced."
+    )(function)
+
+
+def _checked(ctx: click.Context, parameter: click.Parameter, path: Path | None) -> Path | None:  # noqa: ARG001  # click's shape
+    """Find out before anything is opened whether there can be a recording."""
+    if path is not None:
+        from axisbus.record.mcap_writer import library
+
+        library()
+        require_writable(path)
+    return path
+
+
+@contextmanager
+def recorded(machine: Machine, path: Path | None) -> Iterator[None]:
+    """Record what the block does with a machine, where there is a ``path``; says where the recording is, also after an error."""
+    if path is None:
+        yield
+        return
+    recording = machine.recording(path)
+    try:
+        with recording:
+            yield
+    finally:
+        say(told(recording))
+
+
+def told(recording: Recording) -> str:
+    """Return what a recording has come to."""
+    text = f"recorded: {recording.path}, {recording.seconds:.1f} s, {counted(recording.cycles, 'cycle')}"
+    text += f", {recording.size / 1e6:.2f} MB"
+    if recording.lost:
+        text += f"; {counted(recording.lost, 'cycle')} not taken in time"
+    for label, reads in recording.reads.items():
+        text += (
+            f"; {label} read {counted(reads, 'time')} ({reads / max(recording.seconds, 1e-3):.0f} a second)"
+        )
+    return f"{text}; then it could not be written: {recording.failed}" if recording.failed else text

@@ -1,0 +1,110 @@
+"""What a recording holds of an axis in each cycle: its columns, their units, and how a sample becomes their values."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from axisbus.cia402.modes import ModeOfOperation, short
+from axisbus.motion.parameters import AxisParameters
+from axisbus.record.packed import AxisSample
+from axisbus.units import Scale
+
+
+class Column(NamedTuple):
+    """One column: of which quantity it is (its unit), its type in JSON, and what it says."""
+
+    name: str
+    quantity: str
+    type: str
+    text: str
+
+
+COLUMNS = (
+    Column("position", "position", "number", "actual position, counted from the axis's zero"),
+    Column("velocity", "velocity", "number", "actual velocity"),
+    Column("torque", "torque", "number", "actual torque"),
+    Column("target", "position", "number", "the position that the master commands, in whatever mode it does"),
+    Column("demand", "position", "number", "the position that the drive's own trajectory demands (6062h)"),
+    Column(
+        "following_error", "position", "number", "demand, or target of a cyclic position mode, minus position"
+    ),
+    Column("state", "", "string", "state of the axis, by PLCopen"),
+    Column("power", "", "string", "state of the power stage, by CiA 402"),
+    Column("mode", "", "string", "mode of operation that the drive shows (6061h)"),
+    Column("statusword", "", "integer", "statusword (6041h)"),
+    Column("homed", "", "boolean", "whether the zero of the axis is known"),
+)
+NAMES = tuple(column.name for column in COLUMNS)
+# In these the target of a cycle is what the drive has to follow; the drive's number, as samples have it.
+_LED = frozenset({int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.INTERPOLATED_POSITION)})
+_OF_RATED = "of rated torque"
+
+
+class AxisForm:
+    """How the samples of one axis become the values of ``COLUMNS``: in its units, with as many digits as its increments tell."""
+
+    def __init__(self, parameters: AxisParameters) -> None:
+        units = parameters.units
+        self._position, self._velocity, self._torque = (
+            units.position.factor,
+            units.velocity.factor,
+            units.torque,
+        )
+        self._digits = (_digits(units.position), _digits(units.velocity), _torque_digits(units.torque(1)))
+        self.units = {
+            "position": units.position.unit,
+            "velocity": units.velocity.unit,
+            "torque": _OF_RATED if units.rated_torque is None else "N·m",
+            "": "",
+        }
+
+    def unit(self, column: str) -> str:
+        """Return the unit of a column, empty where it has none."""
+        return self.units[next(each.quantity for each in COLUMNS if each.name == column)]
+
+    def values(self, sample: AxisSample) -> tuple[float | str | bool | None, ...]:
+        """Return a sample in units, in the order of ``COLUMNS``; None is unknown."""
+        position, velocity, torque, target, demand, origin, mode, word, state, power, homed = sample
+        factor, (fine, finer, finest) = self._position, self._digits
+        led = demand if demand is not None else target if mode in _LED else None
+        return (
+            None if position is None else round((position - origin) / factor, fine),
+            None if velocity is None else round(velocity / self._velocity, finer),
+            None if torque is None else round(self._torque(torque), finest),
+            None if target is None else round((target - origin) / factor, fine),
+            None if demand is None else round((demand - origin) / factor, fine),
+            None if led is None or position is None else round((led - position) / factor, fine),
+            state.value,
+            power.value,
+            None if mode is None else _short(mode),
+            word,
+            homed,
+        )
+
+    def schema(self, axis: str) -> dict[str, Any]:
+        """Return the JSON schema of a sample of this axis, with the unit of each value."""
+        return {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": f"axis {axis}",
+            "type": "object",
+            "properties": {column.name: _property(column, self.units[column.quantity]) for column in COLUMNS},
+            "required": list(NAMES),
+        }
+
+
+def _property(column: Column, unit: str) -> dict[str, Any]:
+    return {"type": [column.type, "null"], "description": column.text, **({"unit": unit} if unit else {})}
+
+
+def _short(mode: int) -> str:
+    return short(ModeOfOperation(mode))
+
+
+def _digits(scale: Scale) -> int:
+    """Return how many digits behind the point tell one increment from the next."""
+    return max(0, math.ceil(math.log10(abs(scale.factor))) + 1)
+
+
+def _torque_digits(step: float) -> int:
+    return max(0, math.ceil(-math.log10(abs(step))) + 1)

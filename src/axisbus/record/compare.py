@@ -1,0 +1,113 @@
+"""Two recordings of one job laid over each other: where, when and by how much each axis went another way."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from axisbus.errors import UserError
+from axisbus.record.recorded import Recorded, Track
+
+COMPARED = ("position", "velocity", "torque", "following_error")
+
+
+class Deviation(NamedTuple):
+    """The largest difference of one column of an axis: ``time`` in s after each began to move, both values, in ``unit``."""
+
+    axis: str
+    column: str
+    unit: str
+    time: float
+    first: float
+    second: float
+
+    @property
+    def by(self) -> float:
+        """The second minus the first."""
+        return self.second - self.first
+
+
+class Compared(NamedTuple):
+    """What comparing came to; ``shift``: seconds that the second began to move later; ``only``: axes that only one of them has."""
+
+    deviations: list[Deviation]
+    shift: float
+    only: list[str]
+    seconds: float  # that both have
+
+
+def compare(first: Recorded, second: Recorded) -> Compared:
+    """Return the largest deviations of each axis, the two laid over each other from when an axis first moved.
+
+    Raises:
+        UserError: they have no axis in common, or the same axis in different units.
+    """
+    common = [name for name in first.tracks if name in second.tracks]
+    if not common:
+        raise UserError(
+            "the two recordings have no axis in common",
+            observed=f"{', '.join(first.tracks) or 'none'}; {', '.join(second.tracks) or 'none'}",
+        )
+    begins = begin(first, common), begin(second, common)
+    seconds = min(first.seconds - begins[0], second.seconds - begins[1])
+    deviations = [
+        found
+        for name in common
+        for found in _of_axis(first.tracks[name], second.tracks[name], begins, seconds)
+    ]
+    only = sorted(set(first.tracks) ^ set(second.tracks))
+    return Compared(deviations, begins[1] - begins[0], only, seconds)
+
+
+def begin(recorded: Recorded, axes: Sequence[str]) -> float:
+    """Return when the first of some axes was first in a moving state; where none was, when the recording began."""
+    found = (
+        next(
+            (time for time, state in zip(track.times, track.columns["state"], strict=True) if _moves(state)),
+            math.inf,
+        )
+        for track in (recorded.tracks[name] for name in axes)
+    )
+    earliest = min(found)
+    return earliest if math.isfinite(earliest) else 0.0
+
+
+def _moves(state: str) -> bool:
+    return state.endswith("Motion") or state == "Homing"
+
+
+def _of_axis(first: Track, second: Track, begins: tuple[float, float], seconds: float) -> Iterator[Deviation]:
+    for column in COMPARED:
+        units = {first.units[column], second.units[column]}
+        if len(units) > 1:
+            raise UserError(f"axis {first.name}: {column} is in {' and '.join(sorted(units))}")
+        worst = _worst(first, second, column, begins, seconds)
+        if worst is not None:
+            yield Deviation(first.name, column, first.units[column], *worst)
+
+
+def _worst(
+    first: Track, second: Track, column: str, begins: tuple[float, float], seconds: float
+) -> tuple[float, float, float] | None:
+    worst: tuple[float, float, float] | None = None
+    others, times = second.columns[column], second.times
+    for time, value in zip(first.times, first.columns[column], strict=True):
+        after = time - begins[0]
+        if not 0.0 <= after <= seconds:
+            continue
+        other = _at(times, others, after + begins[1])
+        if not math.isnan(value - other) and (worst is None or abs(other - value) > abs(worst[2] - worst[1])):
+            worst = after, value, other
+    return worst
+
+
+def _at(times: Sequence[float], values: Sequence[float], time: float) -> float:
+    """Return a value between two samples; NaN where it is unknown."""
+    place = bisect_right(times, time)
+    if not 0 < place < len(times):
+        return values[min(place, len(times) - 1)] if times else math.nan
+    before, after = times[place - 1], times[place]
+    share = (time - before) / (after - before) if after > before else 0.0
+    return values[place - 1] + share * (values[place] - values[place - 1])

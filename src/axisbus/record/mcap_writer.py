@@ -1,0 +1,165 @@
+"""A recording as an MCAP file, written while it runs: whole chunks at a time, so that it can be read however it ends.
+
+A channel for each axis (``axis/x``) and object (``object/x:6074``), one for each sort of events (``events/nmt``), all in JSON with
+a schema that has the units. ``log_time`` is the time of day of a cycle, ``publish_time`` its time of the monotonic clock; the
+former is the latter moved by what the clocks differed in when the recording began, so that it never leaps.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from axisbus.errors import UserError
+from axisbus.record.recorded import SORTS, Happening
+from axisbus.version import __version__
+
+_NANO = 1_000_000_000
+_EVENT_SCHEMA = {
+    "$schema": "https://json-schema.org/draft/2020-12/schema",
+    "title": "event",
+    "type": "object",
+    "properties": {
+        "where": {"type": "string", "description": "a node, an axis or a command"},
+        "text": {"type": "string", "description": "what happened"},
+    },
+    "required": ["where", "text"],
+}
+_OBJECT_SCHEMA = {
+    "$schema": "https://json-schema.org/draft/2020-12/schema",
+    "title": "object",
+    "type": "object",
+    "properties": {
+        "value": {
+            "type": ["number", "string", "boolean", "null"],
+            "description": "null: the node did not answer",
+        }
+    },
+    "required": ["value"],
+}
+
+
+def library() -> Any:
+    """Return the module ``mcap.writer``.
+
+    Raises:
+        UserError: it is not installed.
+    """
+    try:
+        import mcap.writer
+    except ImportError:
+        raise UserError(
+            "recordings need the package mcap, which is not installed", remedy="pip install 'axisbus[record]'"
+        ) from None
+    return mcap.writer
+
+
+class McapWriter:
+    """One file that is being written; holds its channels. For one thread. Each method may raise OSError."""
+
+    def __init__(self, path: Path, facts: Mapping[str, str], now: float, chunk: int) -> None:
+        """Open ``path``, which is replaced; its folder is made if needed. ``now``: s, monotonic; ``chunk``: bytes of one.
+
+        Raises:
+            UserError: the package is not installed.
+        """
+        mcap = library()
+        self._offset = time.time_ns() - round(now * _NANO)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("wb", buffering=0)
+        self._stream = _Counted(self._file)
+        kinds = mcap.IndexType
+        # Where each message stands in its chunk is known only to who has read the chunk; it would be a third of the file.
+        self._writer = mcap.Writer(self._stream, chunk_size=chunk, index_types=kinds.ALL & ~kinds.MESSAGE)
+        self._channels: dict[str, int] = {}
+        self._counts: dict[int, int] = {}
+        begun = round(now * _NANO)
+        clocks = {"began_ns": str(begun + self._offset), "began_monotonic_ns": str(begun)}
+        try:
+            self._begin({**clocks, **facts})
+        except OSError:
+            self._file.close()
+            raise
+
+    def _begin(self, facts: dict[str, str]) -> None:
+        self._writer.start(profile="", library=f"axisbus {__version__}")
+        self._writer.add_metadata("axisbus", facts)
+        events = self._schema("axisbus/event", _EVENT_SCHEMA)
+        for sort, text in SORTS.items():
+            self._register(f"events/{sort}", events, {"about": text})
+
+    @property
+    def size(self) -> int:
+        """How many bytes are in the file."""
+        return self._stream.written
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Keep a whole file in it."""
+        stamp = time.time_ns()
+        self._writer.add_attachment(stamp, stamp, name, media_type, data)
+
+    def axis(self, name: str, schema: Mapping[str, Any]) -> int:
+        """Make the channel of an axis, and return its number."""
+        topic = f"axis/{name}"
+        return self._register(topic, self._schema(f"axisbus/{topic}", schema), {})
+
+    def objects(self, wanted: Iterable[tuple[str, str]]) -> dict[str, int]:
+        """Make the channels of objects, by label and name, and return their numbers by label."""
+        schema = self._schema("axisbus/object", _OBJECT_SCHEMA)
+        return {label: self._register(f"object/{label}", schema, {"name": name}) for label, name in wanted}
+
+    def write(self, channel: int, now: float, value: object) -> None:
+        """Write a value as of ``now`` (s, monotonic)."""
+        stamp = round(now * _NANO)
+        count = self._counts[channel] = self._counts.get(channel, 0) + 1
+        self._writer.add_message(channel, stamp + self._offset, msgspec.json.encode(value), stamp, count)
+
+    def tell(self, happening: Happening) -> None:
+        """Write an event; its time is that of the monotonic clock."""
+        values = {"where": happening.where, "text": happening.text}
+        self.write(self._channels[f"events/{happening.sort}"], happening.time, values)
+
+    def close(self) -> None:
+        """Write the summary, and close the file."""
+        self._writer.finish()
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is. Harmless when it is closed."""
+        self._file.close()
+
+    def _schema(self, name: str, schema: Mapping[str, Any]) -> int:
+        number: int = self._writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+        return number
+
+    def _register(self, topic: str, schema: int, about: dict[str, str]) -> int:
+        number: int = self._writer.register_channel(topic, "json", schema, about)
+        self._channels[topic] = number
+        return number
+
+
+class _Counted(io.BufferedIOBase):
+    """Counts what goes into a file, and writes all of it or raises."""
+
+    def __init__(self, file: io.FileIO) -> None:
+        self._file = file
+        self.written = 0
+
+    def write(self, data: Any) -> int:
+        """Write all bytes."""
+        left = memoryview(data)
+        while left:
+            done = self._file.write(left) or 0
+            left = left[done:]
+            self.written += done
+        return len(data)
+
+    def tell(self) -> int:
+        """Where the next byte goes; not the file's own answer, which a pipe does not have."""
+        return self.written

@@ -1,0 +1,227 @@
+"""``axisbus record``, ``axisbus plot`` and ``--record``: of a cell of their own, and of a machine that runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from axisbus.machine.machine import Machine
+from axisbus.record.mcap_reader import load
+from kit import commands
+from kit.cell import cell_text
+from kit.stories.own import own_cell, turns, under_way
+
+pytest.importorskip("mcap")
+pytestmark = [pytest.mark.timeout(120)]
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys) -> commands.Run:
+    return commands.runner(monkeypatch, capsys)
+
+
+@pytest.fixture
+def cell(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory):
+    """Two recordings of a move, made by a program."""
+    folder = tmp_path_factory.mktemp("moved")
+    file = folder / "cell.toml"
+    file.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    for name, goal in (("a", 10.0), ("b", 12.0)):
+        with Machine.simulated(file) as machine:
+            machine["x"].enable().wait()
+            with machine.recording(folder / f"{name}.mcap"):
+                machine["x"].move_absolute(goal).wait()
+    return folder
+
+
+# -- made ------------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_cell_is_booted_and_recorded_and_energised_by_nothing(axisbus, cell, tmp_path):
+    path = tmp_path / "run.mcap"
+    code, out, err = axisbus(
+        "record", cell, "-o", path, "--for", "1s", "--axes", "y", "--objects", "x:6061,2:1001"
+    )
+    assert code == 0, err
+    run = load(path)
+    assert list(run.tracks) == ["y"]
+    assert set(run.tracks["y"].columns["state"]) == {"Disabled"}
+    assert 0.8 < run.seconds < 3.0
+    assert set(run.objects) == {"x:6061", "2:1001"}
+    assert set(run.objects["2:1001"].columns["value"]) == {0}
+    assert f"recorded: {path}" in out
+    assert "x:6061 read " in out
+    assert f"next: axisbus plot {path}" in err + out
+
+
+@pytest.mark.parametrize(
+    ("command", "state"),
+    [
+        (("move", "CELL", "x=5", "--home"), "DiscreteMotion"),
+        (("home", "CELL", "x"), "Homing"),
+        (("velocity", "CELL", "x=30", "--for", "300ms"), "ContinuousMotion"),
+    ],
+)
+def test_a_command_that_moves_is_recorded(axisbus, cell, tmp_path, command, state):
+    path = tmp_path / "run.mcap"
+    code, out, err = axisbus(*(cell if word == "CELL" else word for word in command), "--record", path)
+    assert code == 0, err
+    run = load(path)
+    assert state in run.tracks["x"].columns["state"]
+    assert run.lacks == ""
+    assert any(event.sort == "command" and event.where.startswith("x.") for event in run.events)
+    assert f"recorded: {path}" in out
+
+
+def test_a_file_that_is_there_is_not_replaced_by_chance(axisbus, cell, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"precious")
+    code, _, err = axisbus("record", cell, "-o", path, "--for", "1")
+    assert (code, path.read_bytes()) == (1, b"precious")
+    assert "is there already" in err
+    assert "--force" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (("--axes", "w"), "no axis 'w'"),
+        (("--objects", "x:nothing"), "no object 'nothing'"),
+        (("--objects", "6064"), "names no object"),
+        (("--for", "2 weeks"), "is no time to wait"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_and_nothing_is_written(axisbus, cell, tmp_path, options, text):
+    path = tmp_path / "run.mcap"
+    code, _, err = axisbus("record", cell, "-o", path, *options)
+    assert code in (1, 2)
+    assert text in err
+    assert not path.exists()
+
+
+# -- beside a program ------------------------------------------------------------------------------------------------------------
+
+
+@LINUX
+def test_a_machine_that_runs_is_joined_and_what_its_program_does_is_recorded(axisbus, tmp_path):
+    file, path = own_cell(tmp_path), tmp_path / "run.mcap"
+    with Machine.open(file) as machine:
+        x = machine["x"]
+        x.enable().wait(20)
+        handle = under_way(x)
+        code, _, err = axisbus("record", file, "-o", path, "--for", "1.5")
+        assert code == 0, err
+        assert "joined the machine that runs already" in err
+        assert handle.active
+        assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
+        x.halt().wait(10)
+    run = load(path)
+    assert set(run.tracks["x"].columns["state"]) == {"DiscreteMotion"}
+    assert max(map(abs, run.tracks["x"].columns["velocity"])) == pytest.approx(30.0, abs=1.0)
+
+
+@LINUX
+def test_a_recording_whose_program_is_killed_is_there_up_to_its_last_second(tmp_path):
+    file, path = own_cell(tmp_path), tmp_path / "run.mcap"
+    recording = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)], stdout=subprocess.DEVNULL
+    )
+    try:
+        until = time.monotonic() + 60.0
+        while not (path.exists() and path.stat().st_size > 12_000) and time.monotonic() < until:
+            time.sleep(0.05)
+        time.sleep(3.0)
+    finally:
+        recording.kill()
+        recording.wait()
+    run = load(path)
+    assert "midst of a write" in run.lacks
+    assert run.seconds > 2.0
+    times = run.tracks["x"].times
+    assert len(times) > 0.9 * run.seconds / 0.02
+
+
+@LINUX
+def test_ctrl_c_is_the_usual_end(tmp_path):
+    file, path = own_cell(tmp_path), tmp_path / "run.mcap"
+    recording = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    until = time.monotonic() + 60.0
+    while not path.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(1.5)
+    os.kill(recording.pid, signal.SIGINT)
+    out, err = recording.communicate(timeout=60)
+    assert recording.returncode == 0, err
+    assert f"recorded: {path}" in out
+    assert load(path).lacks == ""
+
+
+# -- looked at -------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_recording_is_drawn(axisbus, moved, tmp_path):
+    pytest.importorskip("matplotlib")
+    code, out, err = axisbus(
+        "plot", moved / "a.mcap", "-o", tmp_path / "a.svg", "--from", "0.1", "--to", "0.4"
+    )
+    assert code == 0, err
+    assert f"written: {tmp_path / 'a.svg'}" in out
+    text = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert "a.mcap" in text
+    assert "simulated drives" in text
+    for options, error in (
+        (("--from", "3", "--to", "2"), "--from must be less than --to"),
+        (("-o", tmp_path / "a.bmp"), "no picture that can be drawn"),
+        (("--from", "300"), "nothing to draw"),
+    ):
+        code, _, err = axisbus("plot", moved / "a.mcap", *options)
+        assert code in (1, 2)
+        assert error in err
+
+
+def test_two_recordings_are_laid_over_each_other(axisbus, moved):
+    code, out, _ = axisbus("record", "diff", moved / "a.mcap", moved / "b.mcap")
+    assert code == 0
+    line = next(line for line in out.splitlines() if line.startswith("x       position"))
+    assert float(line.split()[2]) == pytest.approx(2.0, abs=0.05)
+    code, out, _ = axisbus("record", "diff", moved / "a.mcap", moved / "b.mcap", "--within", "1.5", "--json")
+    assert code == 1
+    first = json.loads(out)["deviations"][0]
+    assert (first["axis"], first["column"], first["unit"]) == ("x", "position", "deg")
+    assert axisbus("record", "diff", moved / "a.mcap", moved / "b.mcap", "--within", "2.5").code == 0
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
+    pandas = pytest.importorskip("pandas")
+    path = tmp_path / f"run.{kind}"
+    code, out, err = axisbus("record", "export", moved / "a.mcap", "-o", path)
+    assert (code, out) == (0, f"written: {path}\n"), err
+    table = pandas.read_csv(path) if kind == "csv" else pandas.read_parquet(path)
+    column = "x.position [deg]" if kind == "csv" else "x.position"
+    assert table[column].iloc[-1] == pytest.approx(10.0, abs=0.05)
+    code, _, err = axisbus("record", "export", moved / "a.mcap", "-o", path)
+    assert "is there already" in err
+    assert (
+        "end its name in .csv or .parquet"
+        in axisbus("record", "export", moved / "a.mcap", "-o", tmp_path / "a.xls").err
+    )
