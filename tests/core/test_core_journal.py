@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from axisbus.core.process.journal import journal, path_of
+from axisbus.core.process.kept.journal import journal, path_of
 
 LOG = logging.getLogger("axisbus")
 

@@ -189,7 +189,7 @@ def test_a_disk_that_is_full_ends_the_recording_and_never_the_motion(tmp_path, c
         with pytest.raises(UserError, match="cannot be written"), cell.recording("/dev/full"):
             pass
         with cell.recording(tmp_path / "run.mcap") as recording, open("/dev/full", "wb", buffering=0) as full:
-            recording._writer._stream._file = full  # after its head
+            recording._target._writer._stream._file = full  # after its head
             cell["x"].enable().wait()
             cell["x"].move_relative(300.0).wait()
         assert cell["x"].state is AxisState.STANDSTILL

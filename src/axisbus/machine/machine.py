@@ -31,7 +31,9 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.core.owner import Owner
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.node_access import NodeAccess
+    from axisbus.record.capture import Capture
     from axisbus.record.recording import Recording
+    from axisbus.record.trigger import Condition
     from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")
@@ -52,7 +54,7 @@ class Machine:
         self._nodes: dict[int, NodeAccess] = {}
         self._roster = Roster(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
-        self._recordings: list[Recording] = []
+        self._recordings: list[Recording | Capture] = []
         self._inherited = False  # by a forked child
 
     @property
@@ -284,6 +286,31 @@ class Machine:
         self._recordings.append(made)
         return made
 
+    def capture(
+        self,
+        path: str | Path,
+        when: str | Condition,
+        *,
+        before: float = 0.5,
+        after: float = 1.5,
+        axes: Iterable[str] | None = None,
+    ) -> Capture:
+        """Keep the cycles around a moment in an MCAP file, for a ``with`` block: ``before`` and ``after`` it, in seconds (0 to 60).
+
+        ``when``: ``"x.velocity > 100"``, ``"|x.following_error| > 0.5"``, ``"x.state = ErrorStop"`` or ``"fault"``, in the axes'
+        units; or a function of the values by axis and column, which is called in each cycle and must be quick. What becomes true
+        counts, once. Nothing is written where the moment does not come (``fired``); ``wait()`` waits until the file is there.
+
+        Raises:
+            StateError, ArgumentError: no such axis or value, no condition, or no such time.
+            UserError (entering it): the package mcap is not installed.
+        """
+        from axisbus.record.capture import Capture
+
+        made = Capture(self, path, when, before=before, after=after, axes=axes, realtime=self._core.realtime)
+        self._recordings.append(made)
+        return made
+
     def _joined(self, booted: Booted) -> None:
         self._roster.join(booted)
 
@@ -358,10 +385,17 @@ class Machine:
         try:
             return self._core.leave(reason)
         finally:
-            for recording in self._recordings:
-                recording.close()
+            self._end_recordings()
             atexit.unregister(self._at_exit)
             EXIT.part(self.session)
+
+    def _end_recordings(self) -> None:
+        """End those that were to hold the stop as well."""
+        for recording in self._recordings:
+            try:
+                recording.close()
+            except Exception:
+                log.exception("the recording %s was not ended", recording.path)
 
     def _raise(self, failures: list[AxisbusError]) -> None:
         """Raise what a signal left behind while the machine was being closed, else what went wrong."""

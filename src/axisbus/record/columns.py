@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.motion.parameters import AxisParameters
 from axisbus.record.packed import AxisSample
-from axisbus.units import Scale
 
 
 class Column(NamedTuple):
@@ -41,23 +43,29 @@ _LED = frozenset({int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation
 _OF_RATED = "of rated torque"
 
 
+@dataclass(frozen=True, slots=True)
 class AxisForm:
-    """How the samples of one axis become the values of ``COLUMNS``: in its units, with as many digits as its increments tell."""
+    """How the samples of one axis become the values of ``COLUMNS``: in its units, with as many digits as its increments tell.
 
-    def __init__(self, parameters: AxisParameters) -> None:
+    ``position`` and ``velocity``: increments of one unit; ``torque``: one per mille in the unit of torques.
+    """
+
+    position: float
+    velocity: float
+    torque: float
+    units: Mapping[str, str]  # by quantity
+
+    @classmethod
+    def of(cls, parameters: AxisParameters) -> AxisForm:
+        """Return the form of an axis."""
         units = parameters.units
-        self._position, self._velocity, self._torque = (
-            units.position.factor,
-            units.velocity.factor,
-            units.torque,
-        )
-        self._digits = (_digits(units.position), _digits(units.velocity), _torque_digits(units.torque(1)))
-        self.units = {
+        names = {
             "position": units.position.unit,
             "velocity": units.velocity.unit,
             "torque": _OF_RATED if units.rated_torque is None else "N·m",
             "": "",
         }
+        return cls(units.position.factor, units.velocity.factor, units.torque(1), names)
 
     def unit(self, column: str) -> str:
         """Return the unit of a column, empty where it has none."""
@@ -66,12 +74,12 @@ class AxisForm:
     def values(self, sample: AxisSample) -> tuple[float | str | bool | None, ...]:
         """Return a sample in units, in the order of ``COLUMNS``; None is unknown."""
         position, velocity, torque, target, demand, origin, mode, word, state, power, homed = sample
-        factor, (fine, finer, finest) = self._position, self._digits
+        factor, fine = self.position, digits(self.position)
         led = demand if demand is not None else target if mode in _LED else None
         return (
             None if position is None else round((position - origin) / factor, fine),
-            None if velocity is None else round(velocity / self._velocity, finer),
-            None if torque is None else round(self._torque(torque), finest),
+            None if velocity is None else round(velocity / self.velocity, digits(self.velocity)),
+            None if torque is None else round(torque * self.torque, digits(1.0 / self.torque)),
             None if target is None else round((target - origin) / factor, fine),
             None if demand is None else round((demand - origin) / factor, fine),
             None if led is None or position is None else round((led - position) / factor, fine),
@@ -101,10 +109,7 @@ def _short(mode: int) -> str:
     return short(ModeOfOperation(mode))
 
 
-def _digits(scale: Scale) -> int:
-    """Return how many digits behind the point tell one increment from the next."""
-    return max(0, math.ceil(math.log10(abs(scale.factor))) + 1)
-
-
-def _torque_digits(step: float) -> int:
-    return max(0, math.ceil(-math.log10(abs(step))) + 1)
+@cache
+def digits(increments: float) -> int:
+    """Return how many digits behind the point tell one increment from the next, of so many in a unit."""
+    return max(0, math.ceil(math.log10(abs(increments))) + 1)

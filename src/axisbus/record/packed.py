@@ -90,6 +90,12 @@ class PackedRows:
             yield from self._form.rows(memoryview(block)[: max(0, used) * self._size])
 
 
+def sample_of(snapshot: Snapshot) -> AxisSample:
+    """Return what a recording holds of an axis in a cycle."""
+    _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, _, _ = snapshot
+    return AxisSample(position, velocity, torque, target, demand, origin, mode, word, state, power, homed)
+
+
 def _packed(snapshot: Snapshot) -> tuple[int, ...]:
     _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, _, _ = snapshot
     known = (

@@ -35,7 +35,7 @@ class Recorder:
     def __init__(self, machine: Open, every: int = 1) -> None:
         """``machine`` is an open ``Machine``; ``every``: record each n-th cycle."""
         self._session = session = machine.session
-        self._forms = {name: AxisForm(facts.parameters) for name, facts in session.axes.items()}
+        self._forms = {name: AxisForm.of(facts.parameters) for name, facts in session.axes.items()}
         self._every = every
         self._count = 0
         self._cycles = PackedRows(len(self._forms), LIMIT)

@@ -21,7 +21,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.core.files import read_once
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.far import look, told
-from axisbus.core.process.history import History
+from axisbus.core.process.kept.history import History
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import take_priority
 from axisbus.sim.node.network import StandIns

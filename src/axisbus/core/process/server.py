@@ -36,7 +36,7 @@ from axisbus.core.process.desk import Desk
 from axisbus.core.process.door import Door, text_of
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.ear import STOPPING, Ear
-from axisbus.core.process.journal import journal
+from axisbus.core.process.kept.journal import journal
 from axisbus.core.process.lifeline import Lifeline
 from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach

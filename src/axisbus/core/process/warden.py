@@ -27,7 +27,7 @@ from contextlib import suppress
 from axisbus.core.files import read_once
 from axisbus.core.process import drives, server
 from axisbus.core.process.duty import Duty
-from axisbus.core.process.journal import journal
+from axisbus.core.process.kept.journal import journal
 from axisbus.core.process.rescue import Rescuer
 from axisbus.core.tuning import call_process, take_priority
 from axisbus.errors import AxisbusError

@@ -1,0 +1,144 @@
+"""A capture: the cycles around a moment, kept when it comes, with what was before it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+
+from axisbus.errors import ArgumentError, in_a_line
+from axisbus.motion.snapshot import Snapshot
+from axisbus.record.happenings import Watched
+from axisbus.record.mcap_writer import library
+from axisbus.record.target import Target
+from axisbus.record.trigger import Condition, Trigger
+
+log = logging.getLogger("axisbus")
+_LONGEST = 60.0  # seconds before and after
+_PATIENCE = 5.0  # seconds that the end waits for a slow disk
+
+
+class Capture:
+    """One capture of a machine, for a ``with`` block; holds the last cycles until its trigger fires, then those that follow."""
+
+    def __init__(
+        self,
+        machine: Watched,
+        path: Path | str,
+        when: str | Condition,
+        *,
+        before: float,
+        after: float,
+        axes: Iterable[str] | None = None,
+        realtime: bool = True,
+    ) -> None:
+        """See ``Machine.capture``."""
+        for name, seconds in (("before", before), ("after", after)):
+            if not 0.0 <= seconds <= _LONGEST:
+                raise ArgumentError(f"{name}={seconds!r}: give seconds from 0 to {_LONGEST:g}")
+        self._session = machine.session
+        self._target = Target(machine, path, axes)
+        self._trigger = Trigger(when, self._target.forms)
+        self._before: deque[bytes] = deque(maxlen=int(before / machine.cell.bus.scan_period) + 1)
+        self._after: list[bytes] = []
+        self._span = after
+        self._fired: float | None = None
+        self._done = threading.Event()
+        self._realtime = realtime
+        self._thread: threading.Thread | None = None
+        self._claim = threading.Lock()
+        self._looks = False
+        self.failed = ""  # why there is no file, for people
+
+    def __enter__(self) -> Capture:
+        """Begin to look.
+
+        Raises:
+            UserError: the package mcap is not installed.
+        """
+        library()
+        self._looks = True
+        self._session.observe(self._observe)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Look no more; after an error the stop of the axes may still fire it, until the machine is closed."""
+        if error is None or self._session.ended:
+            self.close()
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._target.path
+
+    @property
+    def fired(self) -> bool:
+        """Whether its moment has come."""
+        return self._fired is not None
+
+    @property
+    def done(self) -> bool:
+        """Whether its file is written, or could not be (``failed``)."""
+        return self._done.is_set()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Block until it is ``done``, at most ``timeout`` seconds; return whether it is."""
+        return self._session.waiter.wait(self._done.is_set, timeout)
+
+    def close(self) -> None:
+        """Look no more; where its moment has come, what there is of it is written. Harmless when repeated. Blocks, at most 5 s."""
+        if self._looks:
+            self._looks = False
+            self._session.forget(self._observe)
+        if self.fired:
+            self._finish()
+        if self._thread is not None:
+            self._thread.join(_PATIENCE)
+
+    def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        if self._claim.locked():
+            return
+        row = self._target.pack(now, snapshots)
+        if self._fired is not None:
+            self._after.append(row)
+            if now - self._fired >= self._span:
+                self._finish()
+            return
+        self._before.append(row)
+        try:
+            self._fired = now if self._trigger.fires(snapshots) else None
+        except Exception as error:  # noqa: BLE001  # a user's function must not end a cycle
+            self._give_up(f"its condition failed: {in_a_line(error)}")
+
+    def _give_up(self, why: str) -> None:
+        self._claim.acquire(blocking=False)
+        self.failed = why
+        log.warning("the capture %s is given up: %s", self.path, why)
+        self._done.set()
+
+    def _finish(self) -> None:
+        """Write the file, once: in a thread of its own, in virtual time here and now."""
+        if not self._claim.acquire(blocking=False):
+            return
+        if self._realtime:
+            self._thread = threading.Thread(target=self._write, name="capture", daemon=True)
+            self._thread.start()
+        else:
+            self._write()
+
+    def _write(self) -> None:
+        rows = [*self._before, *self._after]
+        try:
+            self._target.begin(self._target.time_of(rows[0]))
+            self._target.write_rows(rows)
+            self._target.write_happenings()
+            self._target.close()
+        except Exception as error:  # noqa: BLE001  # whatever it is, the motion goes on
+            self._give_up(in_a_line(error))
+        self._target.abandon()
+        self._done.set()
