@@ -12,7 +12,7 @@ import time
 import pytest
 
 from axisbus.machine.machine import Machine
-from axisbus.record.mcap_reader import load
+from axisbus.record.load import load
 from kit import commands
 from kit.cell import cell_text
 from kit.stories.own import own_cell, turns, under_way
@@ -225,3 +225,41 @@ def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
         "end its name in .csv or .parquet"
         in axisbus("record", "export", moved / "a.mcap", "-o", tmp_path / "a.xls").err
     )
+
+
+# -- moments ---------------------------------------------------------------------------------------------------------------------
+
+
+@LINUX
+def test_a_moment_of_what_a_program_does_is_kept(tmp_path):
+    file, path = own_cell(tmp_path), tmp_path / "moment.mcap"
+    with Machine.open(file) as machine:
+        x = machine["x"]
+        x.enable().wait(20)
+        options = ("--when", "|x.velocity| > 15", "--before", "200ms", "--after", "0.3", "--for", "60")
+        command = [sys.executable, "-m", "axisbus", "record", str(file), "-o", str(path), *options]
+        recording = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert "joined" in recording.stderr.readline()
+        time.sleep(1.0)
+        x.move_relative(-200.0, velocity=30.0)
+        out, err = recording.communicate(timeout=30)
+        x.halt().wait(10)
+    assert recording.returncode == 0, err
+    assert f"recorded: {path}" in out
+    run = load(path)
+    assert run.seconds == pytest.approx(0.5, abs=0.1)
+    assert min(run.tracks["x"].columns["velocity"]) < -15.0
+
+
+def test_a_moment_that_does_not_come_is_told(axisbus, cell, tmp_path):
+    path = tmp_path / "none.mcap"
+    code, out, _ = axisbus("record", cell, "-o", path, "--when", "fault", "--for", "300ms")
+    assert (code, path.exists()) == (1, False)
+    assert "the moment did not come" in out
+    for options, text in (
+        (("--when", "x > 3"), "is no condition"),
+        (("--when", "fault", "--objects", "x:6041"), "leave --objects out"),
+    ):
+        code, _, err = axisbus("record", cell, "-o", path, *options)
+        assert code == 2
+        assert text in err

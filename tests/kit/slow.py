@@ -38,6 +38,7 @@ SLOW = {
         "test_examples.py",
         "test_start.py",
         "bus/test_bus_durand.py",
+        "core/test_core_faults.py",
         "core/test_core_joined.py",
         "core/test_core_process.py",
         "bus/test_bus_lss_stand_in.py",

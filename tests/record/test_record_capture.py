@@ -8,7 +8,7 @@ import pytest
 
 from axisbus import Machine
 from axisbus.errors import ArgumentError, StateError
-from axisbus.record.mcap_reader import load
+from axisbus.record.load import load
 from kit.pages import ROOT
 
 pytest.importorskip("mcap")

@@ -14,7 +14,7 @@ import pytest
 from axisbus import Machine, Recorder, wait
 from axisbus.errors import ArgumentError, DriveError, StateError, UserError
 from axisbus.motion.states import AxisState
-from axisbus.record.mcap_reader import load
+from axisbus.record.load import load
 from axisbus.record.recording import _MOST
 from kit.pages import ROOT
 

@@ -229,6 +229,18 @@ class Machine:
         return sorted(found, key=lambda event: event.stamp)
 
     @property
+    def kept_faults(self) -> list[Path]:
+        """The files of the cell's last 20 faults, oldest first: each with 1.5 s before and 1 s after it, for ``plot``.
+
+        The core keeps them by itself, where it has a process of its own; a fault is there a second after it, or when the machine
+        has been closed.
+        """
+        from axisbus.core.process.kept.journal import faults_of
+        from axisbus.core.process.launch import path_of
+
+        return faults_of(path_of(self.cell))
+
+    @property
     def lateness(self) -> LatenessReport:
         """How late the cycles were so far (50 and 99 of 100, the worst), how many were skipped, and why; in seconds."""
         return self.session.lateness

@@ -12,7 +12,6 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.reception import PdoEvent
 from axisbus.cia301 import errorfield
-from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
@@ -21,9 +20,8 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_parts import NodeParts
 from axisbus.drives.emergency import history_words, incident_words
-from axisbus.drives.registry import find
+from axisbus.drives.registry import make_of
 from axisbus.eds.dictionary import Dictionary
-from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, StateError
 from axisbus.machine.measuring import measure
 
@@ -91,7 +89,7 @@ class NodeAccess:
         self._node = parts.node
         self._clock = parts.clock
         self._events = parts.events
-        self._make = find(*(_number(eds, node_id, subindex) for subindex in (o.VENDOR_ID, o.PRODUCT_CODE)))
+        self._make = make_of(eds, node_id)
 
     def __repr__(self) -> str:
         product = self.eds.info.get("deviceinfo", {}).get("productname", "") or self._make.name
@@ -227,10 +225,3 @@ def _cyclic(plans: tuple[Plan, ...]) -> frozenset[tuple[int, int]]:
     """The objects that the scan sends by PDO, as index and sub-index."""
     sent = [pdo for plan in plans for pdo in plan.active if pdo.receive]
     return frozenset((mapped.index, mapped.subindex) for pdo in sent for mapped in pdo.target.mapping)
-
-
-def _number(eds: Eds, node_id: int, subindex: int) -> int | None:
-    """The part of the identity that the EDS gives; boot has compared it with the node's own."""
-    variable = eds.get(o.IDENTITY, subindex)
-    value = None if variable is None else variable.initial(node_id)
-    return value if isinstance(value, int) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.motion.parameters import AxisParameters
 from axisbus.record.packed import AxisSample
+from axisbus.record.recorded import Track
 
 
 class Column(NamedTuple):
@@ -107,6 +108,18 @@ def _property(column: Column, unit: str) -> dict[str, Any]:
 
 def _short(mode: int) -> str:
     return short(ModeOfOperation(mode))
+
+
+def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Sequence[Any]]) -> Track:
+    """Return the track of an axis from its values in the order of ``COLUMNS``, in which None is unknown."""
+    columns = list(zip(*rows, strict=True)) or [()] * len(COLUMNS)
+    known = {
+        column.name: [math.nan if value is None else value for value in values]
+        if column.type == "number"
+        else values
+        for column, values in zip(COLUMNS, columns, strict=True)
+    }
+    return Track(name, times, known, {column.name: form.units[column.quantity] for column in COLUMNS})
 
 
 @cache

@@ -28,14 +28,21 @@ class OfNode(Protocol):
         """Return an incident as lines."""
 
 
-class Watched(Protocol):
-    """What can be recorded: a ``Machine``."""
+class Telling(Protocol):
+    """What tells what happens: a ``Machine``, or its core."""
 
     cell: CellConfig
 
     @property
     def session(self) -> Session:
         """The way to its core."""
+
+    def node(self, node_id: int) -> Any:
+        """Return direct access to a node."""
+
+
+class Watched(Telling, Protocol):
+    """What can be recorded: a ``Machine``."""
 
     @property
     def is_simulated(self) -> bool:
@@ -45,14 +52,11 @@ class Watched(Protocol):
     def degree(self) -> str:
         """How surely its cycles come in time, in words."""
 
-    def node(self, node_id: int) -> Any:
-        """Return direct access to a node."""
-
 
 class Happenings:
     """Looks at a machine again and again; holds what it has told already. Times are those of the monotonic clock, in seconds."""
 
-    def __init__(self, machine: Watched) -> None:
+    def __init__(self, machine: Telling) -> None:
         self._machine = machine
         self._told: set[Happening] = set()
 

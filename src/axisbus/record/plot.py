@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from axisbus.errors import UserError
 from axisbus.record.flags import Flag, flags, lines
-from axisbus.record.mcap_reader import load
+from axisbus.record.load import load
 from axisbus.record.recorded import Recorded, Track
 from axisbus.record.recorder import Recorder
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol
 
 from axisbus.motion.snapshot import Snapshot
-from axisbus.record.columns import COLUMNS, NAMES, AxisForm
+from axisbus.record.columns import NAMES, AxisForm, track_of
 from axisbus.record.export import write_csv
 from axisbus.record.packed import PackedRows
-from axisbus.record.recorded import Recorded, Track
+from axisbus.record.recorded import Recorded
 from axisbus.session import AxisSession
 
 LIMIT = 2_000_000  # cycles; the oldest go first
@@ -80,22 +79,13 @@ class Recorder:
 
     def recorded(self) -> Recorded:
         """Return what was recorded so far, as a recording that was read has it."""
-        columns = [list(column) for column in zip(*self.rows(), strict=True)] or [[] for _ in self.header()]
-        times, rest = columns[0], columns[1:]
-        width = len(NAMES)
+        cycles = list(self._cycles)
+        times = [round(now - cycles[0][0], 6) for now, _ in cycles]
         tracks = {
-            axis: self._track(axis, times, rest[number * width : (number + 1) * width])
-            for number, axis in enumerate(self.axes)
+            name: track_of(name, form, times, [form.values(samples[number]) for _, samples in cycles])
+            for number, (name, form) in enumerate(self._forms.items())
         }
         return Recorded(tracks)
-
-    def _track(self, axis: str, times: list[float], columns: list[list[float]]) -> Track:
-        units = {column.name: self._forms[axis].units[column.quantity] for column in COLUMNS}
-        known = [
-            [math.nan if value is None else value for value in values] if column.type == "number" else values
-            for column, values in zip(COLUMNS, columns, strict=True)
-        ]
-        return Track(axis, times, dict(zip(NAMES, known, strict=True)), units)
 
     def write_csv(self, path: Path | str) -> Path:
         """Write all rows to ``path`` and return it: heads with units, an empty field is an unknown value. Its folder is made.

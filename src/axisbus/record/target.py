@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import Value
 from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError, UserError, in_a_line
@@ -34,6 +35,7 @@ class Target:
         there = machine.session.axes
         self.forms = {name: AxisForm.of(there[name].parameters) for name in _chosen(axes, there, machine)}
         self._row = RowForm(len(self.forms))
+        self._facts = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.degree)
         self._happenings = Happenings(machine)
         self._writer: McapWriter | None = None
         self._axes: dict[str, int] = {}
@@ -76,7 +78,7 @@ class Target:
             ) from error
 
     def _begin(self, objects: Iterable[tuple[str, str]]) -> None:
-        self._writer = writer = McapWriter(self.path, self._facts(), self.began, self._second())
+        self._writer = writer = McapWriter(self.path, self._facts, self.began, self._second())
         self._attach(writer)
         self._axes = {name: writer.axis(name, form.schema(name)) for name, form in self.forms.items()}
         self._objects = writer.objects(objects)
@@ -121,16 +123,6 @@ class Target:
         if self._writer is not None:
             self._writer.abandon()
 
-    def _facts(self) -> dict[str, str]:
-        cell = self._machine.cell
-        real = f"{cell.bus.interface} {cell.bus.channel or ''}".strip()
-        return {
-            "cell": str(cell.file),
-            "scan_period_s": repr(cell.bus.scan_period),
-            "drives": "simulated" if self._machine.is_simulated else real,
-            "degree": self._machine.degree,
-        }
-
     def _attach(self, writer: McapWriter) -> None:
         cell = self._machine.cell
         writer.attach("cell.toml", "application/toml", cell.source.encode())
@@ -144,6 +136,17 @@ class Target:
     def _second(self) -> int:
         """Return about how many bytes a second is, before it is compressed."""
         return max(4096, int(_SAMPLE * max(1, len(self.forms)) / self._machine.cell.bus.scan_period))
+
+
+def facts_of(cell: CellConfig, *, simulated: bool, degree: str) -> dict[str, str]:
+    """Return what is to be known of a recording as a whole; ``degree`` as ``Machine.degree``."""
+    real = f"{cell.bus.interface} {cell.bus.channel or ''}".strip()
+    return {
+        "cell": str(cell.file),
+        "scan_period_s": repr(cell.bus.scan_period),
+        "drives": "simulated" if simulated else real,
+        "degree": degree,
+    }
 
 
 def _chosen(axes: Iterable[str] | None, there: Mapping[str, object], machine: Watched) -> list[str]:

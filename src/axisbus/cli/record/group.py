@@ -9,6 +9,7 @@ from axisbus.cli.shared.lazy import LazyGroup
 _START = "start"
 COMMANDS = {
     _START: ("axisbus.cli.record.start", "Record the machine of a cell; the word start may be left out."),
+    "faults": ("axisbus.cli.record.faults", "List the faults that a cell's cores have kept."),
     "export": ("axisbus.cli.record.export", "Write a recording as CSV or Parquet."),
     "diff": ("axisbus.cli.record.diff", "Lay two recordings of one job over each other."),
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from axisbus.cli.shared.common import progress_bar
-from axisbus.record.mcap_reader import load
+from axisbus.record.load import load
 from axisbus.record.recorded import Recorded
 
 

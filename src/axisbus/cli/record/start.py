@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
-from axisbus.cli.shared.common import FAILURE, OK, say, say_next
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_next
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
@@ -33,6 +34,18 @@ _LOOK = 0.2  # seconds
     metavar="AXIS:OBJECT,...",
     help="Read these objects meanwhile, in turn, by SDO: x:6074, x:6099:01, 3:1001 (3: a node).",
 )
+@click.option(
+    "--when",
+    metavar="CONDITION",
+    help="Keep only the moment at which this becomes true: 'x.velocity > 100', '|x.following_error| > 0.5', "
+    "'x.state = ErrorStop', fault.",
+)
+@click.option(
+    "--before", type=Seconds(0.0), default=0.5, show_default=True, help="With --when: seconds before it."
+)
+@click.option(
+    "--after", type=Seconds(0.0), default=1.5, show_default=True, help="With --when: seconds after it."
+)
 @beside_option
 def command(
     cell: Path,
@@ -41,6 +54,9 @@ def command(
     seconds: float | None,
     axes: str | None,
     objects: str | None,
+    when: str | None,
+    before: float,
+    after: float,
     beside: bool,
 ) -> int:
     """Record CELL into an MCAP file: each cycle of its axes, commands with their ends, faults, nodes that come and go.
@@ -50,6 +66,10 @@ def command(
     """
     library()
     require_free(output, force=force)
+    if when is not None:
+        if objects is not None:
+            raise click.UsageError("--when keeps a moment of the axes: leave --objects out")
+        return _capture(cell, output, _names(axes), Moment(when, before, after), seconds, beside)
     recording = None
     try:
         with (
@@ -63,6 +83,36 @@ def command(
     say(told(recording))
     say_next(f"axisbus plot {output} -o {output.with_suffix('.png')}")
     return FAILURE if recording.failed else OK
+
+
+class Moment(NamedTuple):
+    """What is waited for, and how many seconds before and after it are kept."""
+
+    when: str
+    before: float
+    after: float
+
+
+def _capture(
+    cell: Path, output: Path, axes: list[str] | None, moment: Moment, seconds: float | None, beside: bool
+) -> int:
+    """Wait for a moment, and keep it."""
+    when, before, after = moment
+    with (
+        machine_of(cell, command=False, beside=beside) as machine,
+        machine.capture(output, when, before=before, after=after, axes=axes) as capture,
+    ):
+        until = None if seconds is None else time.monotonic() + seconds
+        while not capture.done and not machine.session.ended and (until is None or time.monotonic() < until):
+            capture.wait(_LOOK)
+            draw("it has come" if capture.fired else f"waiting for {when}")
+        draw("")
+    if capture.failed or not capture.fired:
+        say(f"nothing was recorded: {capture.failed or 'the moment did not come'}")
+        return FAILURE if capture.failed else WRONG
+    say(f"recorded: {output}")
+    say_next(f"axisbus plot {output} -o {output.with_suffix('.png')}")
+    return OK
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import KeysView, Mapping, Sequence
 
 from axisbus.errors import AxisbusError
 from axisbus.motion.snapshot import Snapshot
@@ -82,6 +82,11 @@ class Outlet:
     def newest(self) -> bytes:
         """The newest image as bytes."""
         return self._image.newest
+
+    @property
+    def faulty(self) -> KeysView[str]:
+        """The axes that have an error, as of the last cycle."""
+        return self._numbers.keys()
 
     def admit(self, stream: Stream) -> Reader:
         """Take in a client, and tell it the errors that images call by their numbers now."""

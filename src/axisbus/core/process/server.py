@@ -36,6 +36,7 @@ from axisbus.core.process.desk import Desk
 from axisbus.core.process.door import Door, text_of
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.ear import STOPPING, Ear
+from axisbus.core.process.kept.faults import Faults
 from axisbus.core.process.kept.journal import journal
 from axisbus.core.process.lifeline import Lifeline
 from axisbus.core.process.outlet import Outlet
@@ -46,7 +47,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.version import __version__
 from axisbus.wire import messages as m
-from axisbus.wire.image import size_of
+from axisbus.wire.image import ImageReader, size_of
 from axisbus.wire.lifeline import Stage
 from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
@@ -88,6 +89,7 @@ class Server:
         self._lifeline: Lifeline | None = None
         self._core: Core | None = None
         self._clients: Clients | None = None
+        self._faults: Faults | None = None
         self._guests: Guests | None = None
         self._program: Desk | None = None
         self._asked = ThreadPoolExecutor(_ASKED, "axisbus asked")
@@ -159,7 +161,10 @@ class Server:
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
         self._take_signals()
         self._degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
+        reader = ImageReader(self._memory, names, lambda _: None)
+        self._faults = Faults(cell, core.session, core.nodes, outlet, reader, self._degree)
         core.session.observe(outlet.after_cycle)
+        core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)
         core.begin(self._joined)
         core.await_values()
@@ -285,6 +290,8 @@ class Server:
         except BaseException as error:  # noqa: BLE001  # the program is told whatever it was
             failures = (told(error),)
         self._stage(Stage.LEFT)
+        if self._faults is not None:
+            self._faults.close()
         if self._guests is not None:
             self._guests.close()
         for failure in failures:

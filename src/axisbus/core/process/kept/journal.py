@@ -18,6 +18,7 @@ from logging.handlers import QueueHandler, QueueListener, RotatingFileHandler
 from pathlib import Path
 
 _LARGEST = 500_000  # bytes; as many again are kept of before
+FAULT = ".fault"  # what the name of a kept fault ends in
 _FORM = "%(asctime)s %(process)d %(levelname)s %(message)s"
 
 
@@ -25,6 +26,16 @@ def path_of(cell: str) -> Path:
     """Return where the journal of a cell file is: in ``$XDG_STATE_HOME/axisbus``, else ``~/.local/state/axisbus``."""
     home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     return Path(home) / "axisbus" / f"{Path(cell).stem}-{zlib.crc32(cell.encode()):08x}.log"
+
+
+def folder_of(cell: str) -> Path:
+    """Return the folder of a cell's faults, beside its journal; ``cell``: the path of its file."""
+    return path_of(cell).with_suffix(".faults")
+
+
+def faults_of(cell: str) -> list[Path]:
+    """Return the faults of a cell that were kept, oldest first."""
+    return sorted(folder_of(cell).glob("*" + FAULT))
 
 
 @contextmanager

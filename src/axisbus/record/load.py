@@ -1,0 +1,24 @@
+"""A recording read back, whatever kind of file it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from axisbus.errors import UserError
+from axisbus.record import kept, mcap_reader
+from axisbus.record.recorded import Recorded
+
+
+def load(path: Path | str, progress: mcap_reader.Progress | None = None) -> Recorded:
+    """Read an MCAP file of ours (see ``mcap_reader.load``), or a fault that a core has kept.
+
+    Raises:
+        UserError: it cannot be read, or is neither.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            is_kept = file.read(len(kept.MAGIC)) == kept.MAGIC
+        return kept.read(path) if is_kept else mcap_reader.load(path, progress)
+    except OSError as error:
+        raise UserError(f"{path} cannot be read", observed=str(error.strerror)) from error
