@@ -364,7 +364,7 @@ def test_a_recording_holds_every_cycle(tmp_path):
             machine["x"].move_absolute(5.0).wait()
         rows = list(recorder.rows())
         assert len(rows) == len(recorder)
-        assert recorder.header()[:2] == ["time_s", "x.position"]
+        assert recorder.header()[:2] == ["time", "x.position"]
         times = [row[0] for row in rows]
         assert all(abs(b - a - 0.005) < 1e-6 for a, b in itertools.pairwise(times))
         assert rows[-1][1] == pytest.approx(5.0, abs=1.0)  # the drive's own window is 1 degree here
@@ -373,7 +373,7 @@ def test_a_recording_holds_every_cycle(tmp_path):
         machine.sleep(0.1)
         assert len(recorder) == before
         path = recorder.write_csv(tmp_path / "deep" / "r.csv")
-        assert path.read_text().startswith("time_s,x.position,x.velocity,x.torque,x.target,x.state\n")
+        assert path.read_text().startswith("time [s],x.position [deg],x.velocity [deg/s],")
 
 
 def test_a_node_that_leaves_operational_is_lost_for_its_axis(tmp_path):

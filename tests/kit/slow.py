@@ -52,6 +52,7 @@ SLOW = {
         "cli/test_cli_od.py",
         "cli/test_cli_record.py",
         "cli/test_cli_save.py",
+        "cli/test_cli_sim.py",
         "sim/test_sim_network.py",
         "mutation/test_mutation_trial.py",
         "boot/test_boot_cells.py",
@@ -75,6 +76,7 @@ SLOW = {
         "machine/test_machine_speaks.py",
         "motion/test_motion_handles.py",
         "sim/test_sim_lss.py",
+        "sim/test_sim_served.py",
         "trace/test_trace_session.py::test_every_frame_is_decoded_without_complaint",
     ),
     "they try hundreds of random cases, or every combination": (

@@ -210,7 +210,7 @@ def test_what_cannot_be_taken_in_time_is_counted_and_told(tmp_path):
         assert 5 <= recording.lost <= 40
         recording._looked = 0.0
     told = [event.text for event in load(path).events if event.sort == "recording"]
-    assert told == [f"{recording.lost} cycles are missing: they were not taken in time"]
+    assert told == [f"{recording.lost} cycles are missing: not taken in time"]
 
 
 def test_a_file_that_is_cut_off_is_read_as_far_as_it_goes(made, tmp_path, run):

@@ -29,6 +29,7 @@ COMMANDS = {
     ),
     "save": ("axisbus.cli.save", "Have a node store its parameters (1010h), so that they are kept."),
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
+    "sim": ("axisbus.cli.sim.serve", "Simulate the drives of a cell, for other terminals and programs."),
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
     "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
     "record": (

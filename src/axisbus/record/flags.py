@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from axisbus.record.recorded import Happening
+from axisbus.wording import counted
 
 _NEAR = 0.012  # of the time shown: flags that are nearer to each other are one
 _MOST = 28  # lines of words
@@ -44,7 +45,7 @@ def lines(found: Sequence[Flag]) -> list[str]:
             told.append(head + textwrap.shorten(text, _WIDTH, placeholder=" …"))
             head = " " * len(head)
     more = len(told) - _MOST
-    return told if more <= 0 else [*told[:_MOST], f"     and {more} more lines"]
+    return told if more <= 0 else [*told[:_MOST], f"     and {counted(more, 'more line')}"]
 
 
 def _told(events: Sequence[Happening]) -> Iterator[tuple[float, list[str]]]:

@@ -24,6 +24,7 @@ from axisbus.record.happenings import Watched
 from axisbus.record.objects import ObjectReads
 from axisbus.record.target import Target
 from axisbus.session import AxisSession
+from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.2  # seconds between two looks at the rows
@@ -193,9 +194,8 @@ class Recording:
     def _write_rows(self) -> None:
         self._target.write_rows([self._rows.popleft() for _ in range(len(self._rows))])
         if self._lost > self._told_lost:
-            self._target.note(
-                f"{self._lost - self._told_lost} cycles are missing: they were not taken in time"
-            )
+            lost = counted(self._lost - self._told_lost, "cycle is missing", "cycles are missing")
+            self._target.note(f"{lost}: not taken in time")
             self._told_lost = self._lost
 
     def _write_happenings(self) -> None:

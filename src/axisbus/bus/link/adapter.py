@@ -126,6 +126,10 @@ def _construct(
     if bitrate is not None and interface not in RATE_ELSEWHERE:
         arguments["bitrate"] = bitrate
     try:
+        if interface == "socketcand":
+            from axisbus.bus.link.socketcand import SocketcandBus
+
+            return SocketcandBus(channel, **arguments)  # type: ignore[arg-type]
         return can.Bus(interface=interface, channel=channel, ignore_config=True, **arguments)  # type: ignore[arg-type]
     except TypeError as error:
         raise ArgumentError(
@@ -151,6 +155,8 @@ def _remedy(interface: str, error: Exception) -> str:
         return "your user may not use the device: join the group that owns it (often 'dialout'), or add a udev rule"
     if interface == "socketcan" and number == errno.EAFNOSUPPORT:
         return "this kernel has no CAN support loaded: sudo modprobe can_raw"
+    if interface == "socketcand":
+        return "check host and port in [bus.options], and whether the server runs; simulated drives: axisbus sim CELL"
     if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError, NameError)) or "library" in str(
         error
     ):

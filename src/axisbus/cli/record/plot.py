@@ -30,7 +30,7 @@ def command(recording: Path, output: Path | None, begin: float, end: float, titl
     require_writable(picture)
     recorded = read(recording)
     when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"
-    drives = f"{recorded.facts.get('drives', '')} drives"
+    drives = " ".join([recorded.facts.get("drives", ""), "drives"])
     say(
         f"written: {plot(recorded, picture, title or f'{recording.name}, {when}, {drives}', begin=begin, end=end)}"
     )

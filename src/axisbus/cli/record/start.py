@@ -19,6 +19,7 @@ from axisbus.cli.shared.underway import draw
 from axisbus.machine.machine import Machine
 from axisbus.record.mcap_writer import library
 from axisbus.record.recording import Recording
+from axisbus.wording import counted
 
 _LOOK = 0.2  # seconds
 
@@ -128,7 +129,9 @@ def _look_on(machine: Machine, recording: Recording, seconds: float | None) -> N
             if left <= 0.0:
                 return
             machine.sleep(left)
-            draw(f"{recording.seconds:.1f} s, {recording.cycles} cycles, {recording.size / 1e6:.1f} MB")
+            draw(
+                f"{recording.seconds:.1f} s, {counted(recording.cycles, 'cycle')}, {recording.size / 1e6:.1f} MB"
+            )
     finally:
         draw("")
     if not recording.failed:

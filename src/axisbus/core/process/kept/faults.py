@@ -66,7 +66,7 @@ class Faults:
         )
         self._faulty: frozenset[str] = frozenset()
         self._until: float | None = None
-        self._work: queue.SimpleQueue[Images | None] = queue.SimpleQueue()
+        self._work: queue.Queue[Images | None] = queue.Queue()
         self._thread = threading.Thread(target=self._run, name="axisbus faults", daemon=True)
         self._thread.start()
 

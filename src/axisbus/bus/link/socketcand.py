@@ -1,0 +1,51 @@
+"""python-can's bus of a socketcand server, with what it needs here.
+
+Frames go out at once (``tcp_tune``), else they wait for the server's acknowledgements; a server that is not there is told at once,
+where python-can tries for ten seconds with all its might; one that has gone away is told, where python-can hears nothing for ever.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+
+import can
+from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
+
+_PATIENCE = 2.0  # seconds
+_END = "_SocketCanDaemonBus__socket"  # python-can has no other name for it
+
+
+class SocketcandBus(SocketCanDaemonBus):
+    """One connection to a server."""
+
+    def __init__(self, channel: str, host: str, port: int, tcp_tune: bool = True, **options: object) -> None:
+        """Connect to ``channel`` of the server on ``host`` and ``port``.
+
+        Raises:
+            OSError: there is no server. CanError: it does not serve this channel.
+        """
+        socket.create_connection((host, int(port)), _PATIENCE).close()
+        tuned = tcp_tune and os.name != "nt"
+        try:
+            super().__init__(channel, host, int(port), tcp_tune=tuned, **options)  # type: ignore[no-untyped-call]
+        except BaseException:
+            self._end.close()
+            raise
+
+    @property
+    def _end(self) -> socket.socket:
+        end: socket.socket = getattr(self, _END)
+        return end
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        found: tuple[can.Message | None, bool] = super()._recv_internal(timeout)  # type: ignore[no-untyped-call]
+        if found[0] is None and self._is_over():
+            raise can.CanOperationError("the socketcand server has closed the connection")
+        return found
+
+    def _is_over(self) -> bool:
+        try:
+            return not self._end.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return False

@@ -1,0 +1,1 @@
+"""``axisbus sim``: stand-ins for the drives of a cell, in a process of their own."""

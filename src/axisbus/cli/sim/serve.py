@@ -1,0 +1,97 @@
+"""``axisbus sim``: the drives of a cell as stand-ins that other terminals and programs reach over a loopback port."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from axisbus.cell.model import CellConfig
+from axisbus.check.checked import checked
+from axisbus.cli.shared.common import OK, say
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.paths import PATH
+from axisbus.cli.sim.served_cell import with_bus
+from axisbus.core.files import load_dictionaries
+from axisbus.core.stand_in import devices
+from axisbus.core.tuning import take_priority
+from axisbus.eds.builtin import PREFIX
+from axisbus.errors import UserError
+from axisbus.sim.node.network import StandIns
+from axisbus.sim.served.server import LOOPBACK, Server
+from axisbus.wording import counted
+
+_PORT = 29536  # socketcand's own
+_LOOK = 0.2  # seconds
+
+
+@click.command("sim")
+@click.argument("cell", type=PATH)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free."
+)
+@output_option("Write CELL with the [bus] to use into this file.")
+@force_option
+@click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
+def command(cell: Path, port: int, output: Path | None, force: bool, seconds: float | None) -> int:
+    """Simulate the drives of CELL for other terminals and programs, on a port of this computer alone.
+
+    It speaks the protocol of socketcand, so that python-can's interface of that name and other tools which know it join. No
+    hardware is needed or touched, whatever [bus] says in CELL. Ctrl-C ends it; then its drives are gone.
+    """
+    config = checked(cell)
+    _require_beside(config, output)
+    require_free(output, force=force)
+    made = devices(config, load_dictionaries(config))
+    server = Server(port)
+    try:
+        with StandIns(server.channel, list(made.values()), bus=server.bus):
+            take_priority()  # as the drives of a core, lest a busy computer looks like silent drives
+            _tell(config, server)
+            if output is not None:
+                write_whole(output, with_bus(config.source, _bus(server)).encode())
+                say(f"or take {output}, which is {cell} with this bus: axisbus boot {output}")
+            _wait(seconds)
+    finally:
+        server.close()
+    return OK
+
+
+def _require_beside(config: CellConfig, output: Path | None) -> None:
+    """A cell file that is written elsewhere would not find the files that it names."""
+    files = [node.file for node in config.nodes.values() if node.file and not node.file.startswith(PREFIX)]
+    relative = [file for file in files if not Path(file).expanduser().is_absolute()]
+    if output is not None and relative and output.absolute().parent != config.folder.absolute():
+        raise UserError(
+            f"{output} would not find {relative[0]}, which {config.file} names from where it is",
+            remedy=f"write it into the same folder: -o {config.folder / output.name}",
+        )
+
+
+def _tell(config: CellConfig, server: Server) -> None:
+    say(
+        f"{counted(len(config.nodes), 'simulated node')} of {config.file} on port {server.port}; in another terminal:"
+    )
+    options = f"-i socketcand -c {server.channel} -O host={LOOPBACK} -O port={server.port}"
+    say(f"  axisbus scan {options}")
+    say("in a cell file:")
+    for line in ("[bus]", *_bus(server)):
+        say(f"  {line}")
+
+
+def _bus(server: Server) -> list[str]:
+    return [
+        'interface = "socketcand"',
+        f'channel = "{server.channel}"',
+        f'options = {{ host = "{LOOPBACK}", port = {server.port} }}',
+    ]
+
+
+def _wait(seconds: float | None) -> None:
+    until = None if seconds is None else time.monotonic() + seconds
+    with suppress(KeyboardInterrupt):  # the usual end
+        while until is None or time.monotonic() < until:
+            time.sleep(_LOOK)

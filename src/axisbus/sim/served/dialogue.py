@@ -1,0 +1,87 @@
+"""What one client of a socketcand server says and is answered, as bytes; decides alone, sends nothing.
+
+Theory of operation
+-------------------
+``< hi >`` greets; the client opens the bus by its name, and asks for raw mode; from then on each ``< send ID LENGTH BYTES >`` is a
+frame, and each frame of the others comes as ``< frame ID TIME DATA >``. Remote frames and CAN FD are not part of it. A client of
+python-can takes whatever comes with an answer for a part of it, so that for ``QUIET`` s after the last answer no frame may follow.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+QUIET = 0.05  # seconds
+GREETING = b"< hi >"
+_OK = b"< ok >"
+_LONGEST = 200  # bytes of a message
+_MESSAGE = re.compile(rb"<\s*(.*?)\s*>", re.DOTALL)
+_STANDARD, _EXTENDED = 0x7FF, 0x1FFF_FFFF
+
+
+class Frame(NamedTuple):
+    """A data frame; identifiers of 29 bits have eight digits on the line."""
+
+    can_id: int
+    data: bytes
+    extended: bool = False
+
+
+def told(frame: Frame, time: float) -> bytes:
+    """Return a frame as it is told to a client; ``time`` in seconds since 1970."""
+    number = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+    return f"< frame {number} {time:.6f} {frame.data.hex().upper()} >".encode()
+
+
+class Dialogue:
+    """One client's side; holds what has not become a message yet, and how far it is."""
+
+    def __init__(self, channel: str) -> None:
+        """``channel``: the name of the bus."""
+        self._channel = channel
+        self._waiting = b""
+        self._opened = False
+        self.raw = False  # whether it wants the frames of the bus
+        self.mad = False  # whether what it sends is no message of this protocol: it is to be let go
+
+    def take(self, data: bytes) -> tuple[bytes, list[Frame]]:
+        """Take what it has sent; return what is to be answered, and the frames that it gives to the bus."""
+        self._waiting += data
+        answers, frames = b"", []
+        while (found := _MESSAGE.search(self._waiting)) is not None:
+            self._waiting = self._waiting[found.end() :]
+            words = found[1].decode("ascii", "replace").split()
+            if self.raw and words[:1] == ["send"]:
+                frame = _frame(words[1:])
+                frames += [] if frame is None else [frame]
+                answers += b"< error no frame >" if frame is None else b""
+            else:
+                answers += self._answer(words)
+        self.mad = len(self._waiting) > _LONGEST
+        return answers, frames
+
+    def _answer(self, words: list[str]) -> bytes:
+        if words == ["echo"]:
+            return b"< echo >"
+        if not self._opened:
+            self._opened = words == ["open", self._channel]
+            return (
+                _OK if self._opened else f"< error this bus is opened by < open {self._channel} > >".encode()
+            )
+        if words == ["rawmode"]:
+            self.raw = True
+            return _OK
+        return b"< error only raw mode is served here >"
+
+
+def _frame(words: list[str]) -> Frame | None:
+    """Return the frame of a ``send``, None where it is none."""
+    try:
+        number, length = int(words[0], 16), int(words[1], 16)
+        data = bytes(int(word, 16) for word in words[2:])
+    except (ValueError, IndexError):
+        return None
+    extended = len(words[0]) > 3
+    fits = 0 <= number <= (_EXTENDED if extended else _STANDARD)
+    return Frame(number, data, extended) if fits and length == len(data) <= 8 else None

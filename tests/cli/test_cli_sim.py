@@ -1,0 +1,110 @@
+"""``axisbus sim``: the drives of a cell in one terminal, and in another what would be typed with hardware."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from axisbus.cli.sim.served_cell import with_bus
+from axisbus.errors import UserError
+from kit import commands
+from kit.cell import cell_text
+from kit.pages import ROOT
+
+pytestmark = [pytest.mark.timeout(180)]
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys) -> commands.Run:
+    return commands.runner(monkeypatch, capsys)
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    """A cell that is served, the cell file of who joins it, and the options that were printed for it."""
+    folder = tmp_path_factory.mktemp("served")
+    cell, mine = folder / "cell.toml", folder / "mine.toml"
+    cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    command = [sys.executable, "-m", "axisbus", "sim", str(cell), "--port", "0", "-o", str(mine)]
+    sim = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    lines = []
+    while not (line := sim.stdout.readline()).startswith("or take"):
+        assert line, lines
+        lines.append(line)
+    options = re.search(
+        r"axisbus scan (-i socketcand -c sim\d+ -O host=127\.0\.0\.1 -O port=\d+)", "".join(lines)
+    )
+    yield mine, options[1].split()
+    sim.kill()
+    sim.communicate()
+
+
+def test_it_is_scanned_checked_and_booted(axisbus, served, tmp_path):
+    mine, options = served
+    code, out, err = axisbus("scan", *options)
+    assert code == 0, err
+    assert re.search(r"\b1\b.*\n(.*\n)*.*\b2\b", out)
+    assert axisbus("check", mine).code == 0
+    code, out, err = axisbus("boot", mine)
+    assert code == 0, err
+    assert axisbus("lss", "find", *options, "-b", "1000000").code in (0, 1)
+    drawn = tmp_path / "drawn.toml"
+    assert axisbus("init", *options, "-o", drawn).code in (0, 1)  # 1: there are drives without an EDS
+    assert tomllib.loads(drawn.read_text(encoding="utf-8"))["bus"]["interface"] == "socketcand"
+
+
+def test_its_axes_are_homed_and_moved(axisbus, served):
+    mine, _ = served
+    code, out, err = axisbus("home", mine, "x")
+    assert code == 0, err
+    code, out, err = axisbus("move", mine, "x=10", "y=-5", "--home")
+    assert code == 0, err
+    at = {name: float(re.search(rf"{name}: at (-?[\d.]+) deg", out)[1]) for name in "xy"}
+    assert at == pytest.approx({"x": 10.0, "y": -5.0}, abs=0.05)
+
+
+def test_its_objects_are_read_and_its_frames_told(axisbus, served, tmp_path):
+    mine, options = served
+    assert axisbus("od", "read", "x:6041", "--cell", mine).code == 0
+    assert axisbus("config", "backup", "x", "--cell", mine, "-o", tmp_path / "x.dcf").code == 0
+    code, out, err = axisbus("monitor", mine, "--count", "2", "--every", "0.1")
+    assert code == 0, err
+    assert "Disabled" in out
+    code, _, err = axisbus("trace", *options, "--seconds", "1")
+    assert code == 0, err
+    assert axisbus("load", *options, "-b", "1000000", "--seconds", "1").code in (0, 1)
+
+
+def test_an_output_that_would_not_find_its_files_is_refused(axisbus, tmp_path):
+    text = cell_text("x", period="20ms", heartbeat="1s")
+    eds = tomllib.loads(text)["nodes"]["1"]["eds"]
+    own = tmp_path / "own.eds"
+    shutil.copy(ROOT / "eds" / "generic-cia402.eds", own)
+    (tmp_path / "cell.toml").write_text(text.replace(eds, "own.eds"), encoding="utf-8")
+    (tmp_path / "other").mkdir()
+    code, _, err = axisbus(
+        "sim", tmp_path / "cell.toml", "--port", "0", "-o", tmp_path / "other" / "mine.toml"
+    )
+    assert code in (1, 2)
+    assert "would not find own.eds" in err
+    code, out, err = axisbus("sim", tmp_path / "cell.toml", "--port", "0", "--for", "200ms")
+    assert code == 0, err
+    assert "1 simulated node of" in out
+
+
+def test_only_the_bus_is_replaced():
+    bus = '[bus]\ninterface = "sim"   # a\nscan_period = "4ms"\n[bus.options]\nhistory = "a"\n'
+    source = f'# mine\n{bus}\n[nodes.1]\neds = "a.eds"\n'
+    changed = with_bus(source, ['interface = "socketcand"', 'channel = "sim1"', "options = { port = 1 }"])
+    assert tomllib.loads(changed) == {
+        "bus": {"interface": "socketcand", "channel": "sim1", "options": {"port": 1}, "scan_period": "4ms"},
+        "nodes": {"1": {"eds": "a.eds"}},
+    }
+    assert changed.startswith("# mine\n")
+    with pytest.raises(UserError, match=r"no line \[bus\]"):
+        with_bus('bus.interface = "sim"\n', [])
