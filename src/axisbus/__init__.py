@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
+    from axisbus.machine.plant import Plant
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
     from axisbus.record.plot import plot
@@ -28,6 +29,7 @@ _HOME = {
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
     "Machine": "axisbus.machine.machine",
+    "Plant": "axisbus.machine.plant",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Trajectory": "axisbus.motion.trajectory",
@@ -43,6 +45,7 @@ __all__ = [
     "Group",
     "Handle",
     "Machine",
+    "Plant",
     "Recorder",
     "Sampled",
     "Trajectory",

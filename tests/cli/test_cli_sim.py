@@ -10,8 +10,9 @@ import tomllib
 
 import pytest
 
+from axisbus import Plant
 from axisbus.cli.sim.served_cell import with_bus
-from axisbus.errors import UserError
+from axisbus.errors import AdapterError, UserError
 from kit import commands
 from kit.cell import cell_text
 from kit.pages import ROOT
@@ -92,9 +93,57 @@ def test_an_output_that_would_not_find_its_files_is_refused(axisbus, tmp_path):
     )
     assert code in (1, 2)
     assert "would not find own.eds" in err
-    code, out, err = axisbus("sim", tmp_path / "cell.toml", "--port", "0", "--for", "200ms")
-    assert code == 0, err
-    assert "1 simulated node of" in out
+    command = [
+        sys.executable, "-m", "axisbus", "sim", str(tmp_path / "cell.toml"), "--port", "0", "--for", "200ms",
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)  # not here: it takes priority
+    assert done.returncode == 0, done.stderr
+    assert "1 simulated node of" in done.stdout
+
+
+FAULTS = """
+[short_circuit]
+axis = "x"
+when = "x.position > 20"
+fault = 0x2310
+
+[jam]
+axis = "y"
+when = "y.state = operation enabled"
+for = "100ms"
+blocked = true
+"""
+
+
+def test_faults_come_as_they_are_planned_and_a_test_sees_the_plant(axisbus, tmp_path):
+    cell, mine, faults, control = (tmp_path / name for name in ("cell.toml", "mine.toml", "faults.toml", "c"))
+    cell.write_text(cell_text("xy", period="20ms", heartbeat="1s"), encoding="utf-8")
+    faults.write_text(FAULTS, encoding="utf-8")
+    command = [
+        sys.executable, "-m", "axisbus", "sim", str(cell), "--port", "0", "-o", str(mine),
+        "--faults", str(faults), "--control", str(control),
+    ]  # fmt: skip
+    sim = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        while not (line := sim.stdout.readline()).startswith("or take"):
+            assert line
+        with Plant(control) as plant:
+            assert plant.nodes == (1, 2)
+            began = plant.stand_in(1).drive().position
+            code, _, err = axisbus("move", mine, "x=50", "--home", "--velocity", "30")
+            assert code == 3
+            assert "0x2310" in err
+            assert plant.stand_in(1).drive().position > began
+            assert plant.stand_in(1).drive().error_code == 0x2310
+            assert re.search(r"\d s  short_circuit: axis = x, fault = 2310h", sim.stdout.readline())
+            assert axisbus("move", mine, "y=5", "--home").code in (0, 3)
+            assert re.search(r"jam: axis = y, blocked = true", sim.stdout.readline())
+            assert re.search(r"jam is over", sim.stdout.readline())
+    finally:
+        sim.kill()
+        sim.communicate()
+    with pytest.raises(AdapterError, match="no simulated drives are served"):
+        Plant(control)
 
 
 def test_only_the_bus_is_replaced():

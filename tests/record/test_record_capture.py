@@ -127,7 +127,7 @@ def test_a_function_that_fails_and_a_file_that_cannot_be_made_end_the_capture_an
         ("", "is no condition"),
         ("x", "is no condition"),
         ("velocity > 3", "is no condition"),
-        ("w.velocity > 3", "no axis 'w' is recorded"),
+        ("w.velocity > 3", "there is no axis 'w'"),
         ("x.speed > 3", "there is no value 'speed'"),
         ("x.velocity > fast", "'fast' cannot be compared"),
         ("x.state > Standstill", "'Standstill' cannot be compared"),

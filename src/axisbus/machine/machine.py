@@ -32,8 +32,8 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.node_access import NodeAccess
     from axisbus.record.capture import Capture
+    from axisbus.record.condition import Condition
     from axisbus.record.recording import Recording
-    from axisbus.record.trigger import Condition
     from axisbus.sim.device import Device
 
 log = logging.getLogger("axisbus")

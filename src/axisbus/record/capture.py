@@ -11,10 +11,11 @@ from types import TracebackType
 
 from axisbus.errors import ArgumentError, in_a_line
 from axisbus.motion.snapshot import Snapshot
+from axisbus.record.condition import Condition
 from axisbus.record.happenings import Watched
 from axisbus.record.mcap_writer import library
 from axisbus.record.target import Target
-from axisbus.record.trigger import Condition, Trigger
+from axisbus.record.trigger import Trigger
 
 log = logging.getLogger("axisbus")
 _LONGEST = 60.0  # seconds before and after

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,17 +14,14 @@ from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.sim.served_cell import with_bus
-from axisbus.core.files import load_dictionaries
-from axisbus.core.stand_in import devices
-from axisbus.core.tuning import take_priority
+from axisbus.core.served.faults_file import load_faults
+from axisbus.core.served.served import Served
 from axisbus.eds.builtin import PREFIX
 from axisbus.errors import UserError
-from axisbus.sim.node.network import StandIns
 from axisbus.sim.served.server import LOOPBACK, Server
 from axisbus.wording import counted
 
 _PORT = 29536  # socketcand's own
-_LOOK = 0.2  # seconds
 
 
 @click.command("sim")
@@ -35,8 +31,20 @@ _LOOK = 0.2  # seconds
 )
 @output_option("Write CELL with the [bus] to use into this file.")
 @force_option
+@click.option("--faults", type=PATH, help="A TOML file of what goes wrong, and when.")
+@click.option(
+    "--control", type=PATH, help="Make a socket there, by which tests reach the drives (axisbus.Plant)."
+)
 @click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
-def command(cell: Path, port: int, output: Path | None, force: bool, seconds: float | None) -> int:
+def command(
+    cell: Path,
+    port: int,
+    output: Path | None,
+    force: bool,
+    faults: Path | None,
+    control: Path | None,
+    seconds: float | None,
+) -> int:
     """Simulate the drives of CELL for other terminals and programs, on a port of this computer alone.
 
     It speaks the protocol of socketcand, so that python-can's interface of that name and other tools which know it join. No
@@ -45,18 +53,16 @@ def command(cell: Path, port: int, output: Path | None, force: bool, seconds: fl
     config = checked(cell)
     _require_beside(config, output)
     require_free(output, force=force)
-    made = devices(config, load_dictionaries(config))
-    server = Server(port)
-    try:
-        with StandIns(server.channel, list(made.values()), bus=server.bus):
-            take_priority()  # as the drives of a core, lest a busy computer looks like silent drives
-            _tell(config, server)
-            if output is not None:
-                write_whole(output, with_bus(config.source, _bus(server)).encode())
-                say(f"or take {output}, which is {cell} with this bus: axisbus boot {output}")
-            _wait(seconds)
-    finally:
-        server.close()
+    planned = () if faults is None else load_faults(faults, config)
+    served = Served(config, planned)
+    with served.serve(port, control) as server:
+        _tell(config, server, control)
+        if output is not None:
+            write_whole(output, with_bus(config.source, _bus(server)).encode())
+            say(f"or take {output}, which is {cell} with this bus: axisbus boot {output}")
+        with suppress(KeyboardInterrupt):  # the usual end
+            for line in served.play(seconds):
+                say(line)
     return OK
 
 
@@ -71,7 +77,7 @@ def _require_beside(config: CellConfig, output: Path | None) -> None:
         )
 
 
-def _tell(config: CellConfig, server: Server) -> None:
+def _tell(config: CellConfig, server: Server, control: Path | None) -> None:
     say(
         f"{counted(len(config.nodes), 'simulated node')} of {config.file} on port {server.port}; in another terminal:"
     )
@@ -80,6 +86,8 @@ def _tell(config: CellConfig, server: Server) -> None:
     say("in a cell file:")
     for line in ("[bus]", *_bus(server)):
         say(f"  {line}")
+    if control is not None:
+        say(f'in a test: with axisbus.Plant("{control}") as plant: plant.stand_in({min(config.nodes)}) ...')
 
 
 def _bus(server: Server) -> list[str]:
@@ -88,10 +96,3 @@ def _bus(server: Server) -> list[str]:
         f'channel = "{server.channel}"',
         f'options = {{ host = "{LOOPBACK}", port = {server.port} }}',
     ]
-
-
-def _wait(seconds: float | None) -> None:
-    until = None if seconds is None else time.monotonic() + seconds
-    with suppress(KeyboardInterrupt):  # the usual end
-        while until is None or time.monotonic() < until:
-            time.sleep(_LOOK)

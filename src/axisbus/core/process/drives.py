@@ -14,18 +14,17 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any
 
 from axisbus.bus.link.pair import PairBus
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import read_once
 from axisbus.core.process.duty import Duty
-from axisbus.core.process.far import look, told
+from axisbus.core.process.far import answer_all
 from axisbus.core.process.kept.history import History
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import take_priority
 from axisbus.sim.node.network import StandIns
-from axisbus.wire.messages import CODEC, Answer, Ask
+from axisbus.wire.messages import CODEC
 from axisbus.wire.stream import Stream
 
 _ROUND = 0.05  # seconds
@@ -46,7 +45,7 @@ def serve(duty: Duty, ready: socket.socket) -> None:
         stand_ins = {node_id: StandIn(device, network.lock) for node_id, device in made.items()}
         stream = Stream(control, CODEC.pack, "axisbus drives")
         asked = threading.Thread(
-            target=_answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True
+            target=answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True
         )
         asked.start()
         with _history(config, stand_ins) as history:
@@ -60,20 +59,3 @@ def _history(cell: CellConfig, stand_ins: Mapping[int, StandIn]) -> AbstractCont
     """Return the file that ``history`` in ``[bus.options]`` names, from the cell's folder; None where it names none."""
     name = cell.bus.options.get("history")
     return History(cell.folder / name, stand_ins) if isinstance(name, str) else nullcontext()
-
-
-def _answer_all(stream: Stream, stand_ins: Mapping[int, StandIn]) -> None:
-    for message in map(CODEC.unpack, stream.messages()):
-        stream.send(_answer(message, stand_ins))
-
-
-def _answer(message: Ask, stand_ins: Mapping[int, StandIn]) -> Answer:
-    try:
-        return Answer(message.number, _found(stand_ins[message.node], message))
-    except Exception as error:  # noqa: BLE001  # whatever it was, somebody waits for it
-        return Answer(message.number, None, told(error))
-
-
-def _found(stand_in: StandIn, message: Ask) -> Any:
-    with stand_in.lock:
-        return look(stand_in, message.what, *message.arguments)

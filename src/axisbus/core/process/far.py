@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import socket
 import weakref
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from enum import IntEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from axisbus.core.process.calls import Calls
 from axisbus.errors import AxisbusError, StateError, in_a_line
-from axisbus.wire.messages import CODEC
+from axisbus.wire.messages import CODEC, Answer, Ask
 from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
 
@@ -28,6 +28,7 @@ Step = tuple[str, tuple[Any, ...] | None]  # an attribute, or with arguments the
 Way = tuple[Step, ...]
 _VALUE, _CALL, _THING = "value", "call", "thing"
 _ITEM = "[]"
+_NODES = "nodes"
 _END = 2.0  # seconds that drives may take to end when nobody looks at them any more
 
 
@@ -70,7 +71,30 @@ def _shown(thing: object) -> tuple[str, Any]:
     return _VALUE, thing
 
 
-def told(error: Exception) -> AxisbusError:
+def answer_all(stream: Stream, stand_ins: Mapping[int, StandIn]) -> None:
+    """Answer what is asked of stand-ins until nobody asks any more, or nonsense; blocks."""
+    for message in map(CODEC.unpack, stream.messages()):
+        if not isinstance(message, Ask):
+            return
+        stream.send(_answer(message, stand_ins))
+
+
+def _answer(message: Ask, stand_ins: Mapping[int, StandIn]) -> Answer:
+    try:
+        return Answer(message.number, _found(stand_ins, message))
+    except Exception as error:  # noqa: BLE001  # whatever it was, somebody waits for it
+        return Answer(message.number, None, _told(error))
+
+
+def _found(stand_ins: Mapping[int, StandIn], message: Ask) -> Any:
+    if message.what == _NODES:
+        return sorted(stand_ins)
+    stand_in = stand_ins[message.node]
+    with stand_in.lock:
+        return look(stand_in, message.what, *message.arguments)
+
+
+def _told(error: Exception) -> AxisbusError:
     """Return an error that can cross."""
     if isinstance(error, AxisbusError):
         return error
@@ -125,6 +149,15 @@ class Control:
     def stand_ins(self, nodes: Iterable[int]) -> dict[int, StandIn]:
         """Return the stand-ins of these nodes."""
         return {node_id: cast("StandIn", Far(partial(self._ask, node_id))) for node_id in nodes}
+
+    def nodes(self) -> list[int]:
+        """Return the nodes that there are; blocks for a moment."""
+        found: list[int] = self._calls.ask(_NODES)
+        return found
+
+    def end(self) -> None:
+        """Ask nothing more; blocks for at most 2 s. Harmless when repeated."""
+        self._end()
 
     def disown(self) -> None:
         """Let go of a forked child's copy."""

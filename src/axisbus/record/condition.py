@@ -1,0 +1,74 @@
+"""Conditions on values of axes, as people write them: ``x.velocity > 100``, ``|x.torque| > 0.5``, ``x.state = fault``."""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from axisbus.errors import ArgumentError
+
+Values = Mapping[str, Mapping[str, Any]]  # by axis and name, in units; None is unknown
+Condition = Callable[[Values], bool]
+Kinds = Mapping[str, str]  # the JSON type of each value that an axis has
+_OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+    "!=": operator.ne,
+    "==": operator.eq,
+    "=": operator.eq,
+}
+_TEXT = re.compile(
+    r"(?P<bar>\|?)\s*(?P<axis>[^\s.|]+)\.(?P<name>\w+)\s*\|?\s*(?P<sign>[<>]=?|!=|==?)\s*(?P<value>.+)"
+)
+_ORDERED = frozenset({">", "<", ">=", "<="})
+_EXAMPLES = "write it as 'x.velocity > 100', '|x.torque| > 0.5', or 'x.state = fault'"
+
+
+def condition(text: str, axes: Iterable[str], kinds: Kinds, examples: str = _EXAMPLES) -> Condition:
+    """Return the condition that ``text`` is; what is unknown meets none. ``examples``: the remedy where it is none.
+
+    Raises:
+        ArgumentError: it is none, or one of an axis or a value that there is not.
+    """
+    found = _TEXT.fullmatch(text.strip())
+    if found is None:
+        raise ArgumentError(f"{text!r} is no condition", remedy=examples)
+    axis, name, sign = found["axis"], found["name"], found["sign"]
+    if axis not in (there := list(axes)):
+        raise ArgumentError(f"{text!r}: there is no axis {axis!r}", observed=f"there are {', '.join(there)}")
+    if name not in kinds:
+        raise ArgumentError(f"{text!r}: there is no value {name!r}", observed=f"there are {', '.join(kinds)}")
+    wanted = _wanted(text, found["value"].strip(), kinds[name], sign, examples)
+    holds, size = _OPERATORS[sign], abs if found["bar"] else _same
+
+    def met(values: Values) -> bool:
+        value = values[axis][name]
+        return value is not None and holds(size(value), wanted)
+
+    return met
+
+
+def _wanted(text: str, value: str, kind: str, sign: str, examples: str) -> Any:
+    """Return the value that is compared with.
+
+    Raises:
+        ArgumentError: it is none of its kind.
+    """
+    if kind == "string" and sign not in _ORDERED:
+        return value.strip("'\"")
+    if kind == "boolean" and value.lower() in ("true", "false") and sign not in _ORDERED:
+        return value.lower() == "true"
+    try:
+        return int(value, 0) if kind == "integer" else float(value)
+    except ValueError:
+        raise ArgumentError(
+            f"{text!r} is no condition: {value!r} cannot be compared so", remedy=examples
+        ) from None
+
+
+def _same(value: Any) -> Any:
+    return value

@@ -1,0 +1,1 @@
+"""Faults of stand-ins that are planned: when each begins and ends, and what it turns."""

@@ -1,0 +1,110 @@
+"""Planned faults: when each begins and ends, and what it does to a drive, in virtual time."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus.cia301.nmt import NmtState
+from axisbus.eds import load
+from axisbus.sim.device import Device
+from axisbus.sim.faults.cue import Cue, Moment, Turn
+from axisbus.sim.faults.plan import Dial, Plan, PlannedFault
+from kit.pages import ROOT
+
+STEP = 0.01
+EDS = load(ROOT / "eds" / "generic-cia402.eds")
+
+
+def played(moment: Moment, seconds: float, values=lambda _: None) -> list[tuple[str, float]]:
+    cue, told = Cue(moment), []
+    for number in range(round(seconds / STEP)):
+        now = number * STEP
+        turn = cue.step(now, values(now))
+        if turn is not Turn.NOTHING:
+            told.append((turn.name, pytest.approx(now, abs=1.5 * STEP)))
+    return told
+
+
+def test_a_fault_begins_at_its_time_and_lasts():
+    assert played(Moment(begin=0.0), 2.0) == [("BEGINS", 0.0)]
+    assert played(Moment(begin=0.5, lasts=0.2), 2.0) == [("BEGINS", 0.5), ("ENDS", 0.7)]
+    assert played(Moment(begin=3.0), 2.0) == []
+
+
+def test_a_fault_comes_again_every_so_often():
+    assert played(Moment(begin=0.1, every=0.5, lasts=0.1), 1.3) == [
+        ("BEGINS", 0.1), ("ENDS", 0.2), ("BEGINS", 0.6), ("ENDS", 0.7), ("BEGINS", 1.1), ("ENDS", 1.2),
+    ]  # fmt: skip
+
+
+def test_what_was_missed_is_not_made_up_for():
+    cue = Cue(Moment(begin=0.1, every=0.1))
+    assert cue.step(0.1, None) is Turn.BEGINS
+    assert cue.step(5.0, None) is Turn.BEGINS
+    assert cue.step(5.01, None) is Turn.BEGINS  # one that is due now
+    assert cue.step(5.05, None) is Turn.NOTHING
+
+
+def beats(now: float) -> bool:
+    """True from 0.3 to 0.5 s of each second."""
+    return 0.3 <= round(now % 1.0, 6) < 0.5
+
+
+def test_a_condition_that_becomes_true_lets_a_fault_begin_once():
+    when = Moment(when=bool)
+    assert played(when, 3.0, beats) == [("BEGINS", 0.3)]
+    assert played(Moment(when=bool, after=0.4, lasts=0.1), 3.0, beats) == [("BEGINS", 0.7), ("ENDS", 0.8)]
+    assert played(when, 1.0, lambda _: True) == []
+    assert played(when, 1.0, lambda now: now < 0.2 or now > 0.6) == [("BEGINS", 0.6)]
+
+
+def test_a_condition_lets_a_fault_begin_again_where_it_may():
+    assert [turn for turn, _ in played(Moment(when=bool, every=0.5), 3.0, beats)] == ["BEGINS"] * 3
+    assert played(Moment(when=bool, every=1.5), 3.0, beats) == [("BEGINS", 0.3), ("BEGINS", 2.3)]
+
+
+def device() -> Device:
+    made = Device(EDS, 5)
+    made.power_on()
+    return made
+
+
+def planned(**what) -> PlannedFault:
+    return PlannedFault("it", "said", Moment(begin=0.1, lasts=0.2), 5, **what)
+
+
+def test_dials_are_turned_and_turned_back_to_what_they_were():
+    one = device()
+    one.dials.reboot_time = 0.3
+    one.dials.sdo_aborts = {(0x6040, 0): 1}
+    dials = (
+        Dial("blocked", True, True),
+        Dial("reboot_time", 9.0, False),
+        Dial("sdo_aborts", {(0x6060, 0): 2}, False),
+        Dial("loss", 0.5, False, "lss"),
+    )
+    plan = Plan([planned(dials=dials)], {5: one})
+    assert plan.step(0.0, None) == []
+    assert not one.drive.dials.blocked
+    assert plan.step(0.1, None) == ["it: said"]
+    assert (one.drive.dials.blocked, one.dials.reboot_time, one.dials.lss.loss) == (True, 9.0, 0.5)
+    assert one.dials.sdo_aborts == {(0x6060, 0): 2}
+    one.dials.sdo_aborts[0x6061, 0] = 3
+    assert plan.step(0.2, None) == []
+    assert plan.step(0.31, None) == ["it is over"]
+    assert (one.drive.dials.blocked, one.dials.reboot_time, one.dials.lss.loss) == (False, 0.3, 0.0)
+    assert one.dials.sdo_aborts == {(0x6040, 0): 1}
+    assert dials[2].value == {(0x6060, 0): 2}
+
+
+def test_a_drive_falls_into_fault_and_a_node_restarts():
+    one = device()
+    plan = Plan([planned(code=0x2310, maker_bits=0x10)], {5: one})
+    plan.step(0.1, None)
+    one.step(0.02)
+    assert (one.drive.error_code, one.drive.maker_bits) == (0x2310, 0x10)
+    plan = Plan([planned(restart=True)], {5: one})
+    plan.step(0.1, None)
+    assert one.nmt is NmtState.INITIALISING
+    one.step(0.1)
+    assert (one.nmt, one.drive.error_code) == (NmtState.PRE_OPERATIONAL, 0)
