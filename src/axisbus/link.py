@@ -10,13 +10,14 @@ end. A node that was not there may be booted later, while the scan runs: the cyc
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum
 from typing import Protocol, TypeVar
 
 from axisbus.cia301.drops import Drop
+from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Cycle, Port
 
 Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
@@ -93,3 +94,9 @@ class Link(Protocol[Booted, Parts, Incident]):
 
     def drops(self) -> Sequence[Drop]:
         """Return which frames were dropped."""
+
+    def tap(self, ear: Callable[[Frame], None]) -> None:
+        """Have ``ear`` called with every frame, in either direction; it must not block. Never called where there are no frames."""
+
+    def untap(self, ear: Callable[[Frame], None]) -> None:
+        """End that; harmless where it has ended."""

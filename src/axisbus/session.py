@@ -10,7 +10,7 @@ ended. Values come as whole images of a cycle, so that they are consistent with 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import NamedTuple, Protocol
@@ -18,6 +18,7 @@ from typing import NamedTuple, Protocol
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
+from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
 from axisbus.motion.commands import Command
@@ -29,6 +30,7 @@ from axisbus.wording import counted
 
 Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
+HearFrames = Callable[[Sequence[Frame]], None]
 
 
 class CommandEvent(NamedTuple):
@@ -170,6 +172,16 @@ class Session(AxisSession, Protocol):
     @property
     def drops(self) -> tuple[Drop, ...]:
         """Frames that were dropped, counted by reason and node; empty without a bus."""
+
+    def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
+        """Let ``hear`` have the frames of the bus, a few at a time, as they come and go: those of ``can_ids``, or all.
+
+        It is called in threads of the core, or in the one that tells events, and must not block. Without a bus it never is. What
+        nobody takes in time is left out.
+        """
+
+    def untap(self, hear: HearFrames) -> None:
+        """Let ``hear`` have no more."""
 
     @property
     def bus_time(self) -> datetime | None:

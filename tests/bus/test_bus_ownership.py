@@ -81,6 +81,7 @@ def test_the_age_of_a_program_is_told_in_whole_seconds_minutes_or_in_hours(secon
 def test_a_program_is_told_by_its_command_and_its_age_and_one_that_has_ended_as_that():
     text = ownership.described(os.getpid())
     assert re.fullmatch(rf"process {os.getpid()} \(.+\), which began \d+(\.\d)? (s|min|h) ago", text)
+    assert re.search(r", which began at \d\d:\d\d:\d\d$", ownership.described(os.getpid(), kept=True))
     with subprocess.Popen(["true"]) as ended:
         ended.wait()
     assert ownership.described(ended.pid).startswith(f"process {ended.pid}, which has ended")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import subprocess
 import sys
@@ -59,7 +60,16 @@ def test_monitor_joins_and_looks_on(axisbus, moving, file):
 
 @pytest.mark.parametrize(
     "words",
-    [("enable",), ("disable",), ("home",), ("reset",), ("move", "y=1"), ("move", "x=0"), ("enable", "y")],
+    [
+        ("enable",),
+        ("disable",),
+        ("home",),
+        ("reset",),
+        ("move", "y=1"),
+        ("move", "x=0"),
+        ("enable", "y"),
+        ("velocity", "y=5", "--for", "1"),
+    ],
     ids=" ".join,
 )
 def test_what_would_command_is_refused_and_says_who_does(axisbus, moving, file, words):
@@ -194,8 +204,6 @@ def test_what_would_change_a_node_is_refused_and_says_who_commands(axisbus, movi
     "words",
     [
         ("save", "y"),
-        ("trace", "--count", "1"),
-        ("load", "--seconds", "0.2", "-b", "1000000"),
         ("scan",),
     ],
     ids=lambda words: words[0],
@@ -205,6 +213,21 @@ def test_what_needs_the_bus_for_itself_is_refused_and_says_why(axisbus, moving, 
     assert code == 1
     assert "cannot join it" in err
     assert moving[1].active
+
+
+def test_the_frames_of_a_machine_that_runs_are_shown_in_both_directions(axisbus, moving, file):
+    code, out, err = axisbus("trace", str(file), "--count", "200", "--json")
+    assert code == 0, err
+    assert "joined the machine that runs already" in err
+    frames = [json.loads(line) for line in out.splitlines()]
+    assert {"SYNC", "RPDO", "TPDO"} <= {frame["kind"] for frame in frames}
+    times = [frame["time"] for frame in frames]
+    assert times == sorted(times) or max(b - a for a, b in itertools.pairwise(times)) < 0.5
+    code, out, err = axisbus("load", str(file), "--seconds", "0.5", "-b", "1000000", "--json")
+    assert code == 0, err
+    assert json.loads(out)["measured"]["frames"] > 100
+    assert moving[1].active
+    assert abs(turns(moving[0])) == pytest.approx(30.0, abs=1.0)
 
 
 def test_taken_a_node_is_set_and_commanded_by_the_running_core(axisbus, opened, file):

@@ -25,6 +25,7 @@ from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cell.model import SIMULATED, AxisConfig, BusConfig, CellConfig
 from axisbus.cia301.drops import Drop
+from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
@@ -180,6 +181,14 @@ class CanLink:
     def drops(self) -> Sequence[Drop]:
         """As ``Link.drops``."""
         return self._channel.drops.found
+
+    def tap(self, ear: Callable[[Frame], None]) -> None:
+        """As ``Link.tap``."""
+        self._channel.tap(ear)
+
+    def untap(self, ear: Callable[[Frame], None]) -> None:
+        """As ``Link.untap``."""
+        self._channel.untap(ear)
 
     def _port(self, axis: AxisConfig) -> list[CanPort]:
         port = self._comms[axis.node].ports.get(axis.name)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import datetime
 
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
+from axisbus.cia301.frame import Frame
 from axisbus.cia402.port import Waiter
 from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
@@ -17,7 +18,15 @@ from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Ticket
-from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Observer, Target
+from axisbus.session import (
+    AxisFacts,
+    CommandEvent,
+    CommandSeen,
+    HearFrames,
+    LatenessReport,
+    Observer,
+    Target,
+)
 
 
 class InProcess:
@@ -29,6 +38,7 @@ class InProcess:
         self._runtime = runtime
         self._waiter = waiter
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
+        self._taps: dict[HearFrames, Callable[[Frame], None]] = {}
         self._ledger = Ledger(lambda: scan.cycle.now())
 
     @property
@@ -135,6 +145,23 @@ class InProcess:
     def forget(self, observer: Observer) -> None:
         """As ``Session.forget``."""
         self._scan.observers.remove(observer)
+
+    def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
+        """As ``Session.tap``; in whatever thread has the frame."""
+        wanted = frozenset(can_ids)
+
+        def ear(frame: Frame) -> None:
+            if not wanted or frame.can_id in wanted:
+                hear((frame,))
+
+        self._taps[hear] = ear
+        self._runtime.link.tap(ear)
+
+    def untap(self, hear: HearFrames) -> None:
+        """As ``Session.untap``."""
+        ear = self._taps.pop(hear, None)
+        if ear is not None:
+            self._runtime.link.untap(ear)
 
     def _tell(self, ticket: Ticket) -> None:
         event = CommandEvent(ticket.number, ticket.status, ticket.error, ticket.note)

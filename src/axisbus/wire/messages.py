@@ -156,6 +156,14 @@ class Observe:
 
 
 @dataclass(frozen=True, slots=True)
+class Tap:
+    """Whether the frames of the bus are wanted (``Frames``): those of ``can_ids``, or all where there are none."""
+
+    wanted: bool
+    can_ids: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Ask:
     """Ask for something that takes its time, such as an SDO transfer; ``node`` 0: of the core itself."""
 
@@ -229,6 +237,14 @@ class Cycles:
 
 
 @dataclass(frozen=True, slots=True)
+class Frames:
+    """Frames of the bus, packed (``wire.frames``); ``lost`` were left out, as nobody took them."""
+
+    packed: bytes
+    lost: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Condition:
     """How the core is: see ``Session`` for each."""
 
@@ -268,6 +284,7 @@ Message = (
     | AddGroup
     | RequestStop
     | Observe
+    | Tap
     | Ask
     | Answer
     | Leave
@@ -277,6 +294,7 @@ Message = (
     | Joined
     | NodeTold
     | Cycles
+    | Frames
     | Condition
     | Logged
     | Rescued

@@ -106,6 +106,7 @@ class Channel:
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
         self._ears: tuple[Ear, ...] = ()
+        self._taps: tuple[Ear, ...] = ()
         self._line = line_of(bus, send_timeout)
         self._freely = self._line.for_all  # without a lock
         self._cyclic = cyclic
@@ -214,8 +215,8 @@ class Channel:
             counters, receivers = self.counters, self._receivers
             for can_id, data, stamp in self._cyclic.drain():
                 counters.received += 1
-                if self._ears:
-                    self._tell_ears(Frame(stamp, can_id, data, extended=False))
+                if self._ears or self._taps:
+                    self._tell_ears(Frame(stamp, can_id, data))
                 for receiver in receivers.get(can_id, ()):
                     try:
                         receiver(data, stamp)
@@ -243,6 +244,16 @@ class Channel:
             with self._state_lock:
                 self._ears = tuple(other for other in self._ears if other is not ear)
 
+    def tap(self, ear: Ear) -> None:
+        """Have ``ear(frame)`` called for every frame, sent ones included, in whatever thread has it; it must not block."""
+        with self._state_lock:
+            self._taps = (*self._taps, ear)
+
+    def untap(self, ear: Ear) -> None:
+        """End that; harmless where it has ended."""
+        with self._state_lock:
+            self._taps = tuple(other for other in self._taps if other != ear)
+
     def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
         """Send a data frame; blocks up to ``patience`` seconds while the adapter's queue is full.
 
@@ -258,6 +269,8 @@ class Channel:
         except can.CanError as error:
             self._insist(self._line.send, can_id, data, patience, error)
         self.counters.sent += 1
+        if self._taps:
+            self._tell_taps(can_id, data)
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
         """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.
@@ -330,6 +343,14 @@ class Channel:
         if error is not None:  # seldom
             self._insist(give, can_id, what, patience, error)
         self.counters.sent += 1
+        if self._taps:
+            self._tell_taps(can_id, what)
+
+    def _tell_taps(self, can_id: int, what: bytes | int) -> None:
+        """Tell of a frame that was sent; a number: a remote one."""
+        data = what if isinstance(what, bytes) else b""
+        extended, remote = can_id > cob.ID_MASK_11, data is not what
+        self._tell_all(self._taps, Frame(time.monotonic(), can_id, data, extended, remote))
 
     def _insist(
         self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float, error: Exception | None
@@ -390,6 +411,8 @@ class Channel:
                 self.counters.errors.append(f"stop frame {can_id:03X}h: {error}")
             else:
                 self.counters.sent += 1
+                if self._taps:
+                    self._tell_taps(can_id, data)
                 return True
             if time.monotonic() >= give_up:
                 return False
@@ -426,7 +449,7 @@ class Channel:
         if message.is_error_frame:
             self._error_frame(message, stamp)
             return
-        if self._ears:
+        if self._ears or self._taps:
             self._overhear(message, stamp)
         can_id = message.arbitration_id
         unfit = _unfit(message)
@@ -457,7 +480,10 @@ class Channel:
         self._tell_ears(of_message(message)._replace(time=stamp))
 
     def _tell_ears(self, frame: Frame) -> None:
-        for ear in self._ears:
+        self._tell_all((*self._ears, *self._taps), frame)
+
+    def _tell_all(self, ears: tuple[Ear, ...], frame: Frame) -> None:
+        for ear in ears:
             try:
                 ear(frame)
             except Exception as error:  # noqa: BLE001 - as ``_hand_over``

@@ -94,8 +94,8 @@ def _taken(what: str, holder: int | None) -> SecondMasterError:
     )
 
 
-def described(process: int) -> str:
-    """Return a process by its command and its age, as far as they may be seen."""
+def described(process: int, *, kept: bool = False) -> str:
+    """Return a process by its command and its age, or, where the text is ``kept``, when it began; as far as they may be seen."""
     folder = Path(f"/proc/{process}")
     try:
         words = (folder / "cmdline").read_bytes().split(b"\0")
@@ -105,7 +105,8 @@ def described(process: int) -> str:
     age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     command = " ".join(" ".join(word.decode(errors="replace") for word in words if word).split())
     command = command if len(command) <= _LONGEST else command[: _LONGEST - 3] + "..."
-    return f"process {process} ({command}), which began {_ago(age)} ago"
+    began = time.strftime("at %H:%M:%S", time.localtime(time.time() - age)) if kept else f"{_ago(age)} ago"
+    return f"process {process} ({command}), which began {began}"
 
 
 def _ago(seconds: float) -> str:

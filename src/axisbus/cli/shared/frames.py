@@ -153,10 +153,12 @@ def _live(
 
     assert loaded is not None  # ``Asked.check``
     bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
-    if bus.bus.interface == SIMULATED:
-        from axisbus.cli.shared.joining import require_none_runs
+    if asked.channel is None and not asked.option:
+        from axisbus.cli.shared.joined_frames import frames_of_machine
 
-        require_none_runs(Path(loaded.file))
+        joined = frames_of_machine(stack, Path(loaded.file), seconds)
+        if joined is not None:
+            return joined
     return listen_to(bus, stack).frames(seconds)
 
 

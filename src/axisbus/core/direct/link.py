@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from datetime import datetime
 
@@ -15,6 +15,7 @@ from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.emcy import Emcy
+from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.direct.node import DirectNode
@@ -223,6 +224,12 @@ class DirectLink:
     def drops(self) -> Sequence[Drop]:
         """None: there are no frames."""
         return ()
+
+    def tap(self, ear: Callable[[Frame], None]) -> None:
+        """As ``Link.tap``: there are no frames."""
+
+    def untap(self, ear: Callable[[Frame], None]) -> None:
+        """As ``Link.untap``."""
 
     def _own(self, node_id: int) -> dict[str, DirectPort]:
         return {axis.name: self._ports[axis.name] for axis in self._cell.axes_of(node_id)}

@@ -192,6 +192,7 @@ class RemoteCore:
         return {
             m.Told: lambda told: self.session.tell(told),
             m.Cycles: lambda cycles: self.session.show(cycles),
+            m.Frames: lambda frames: self.session.show_frames(frames),
             m.NodeTold: self._tell_event,
             m.Joined: self._join,
         }

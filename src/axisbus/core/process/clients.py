@@ -86,6 +86,7 @@ class Clients:
 
     def dismiss(self, desk: Desk) -> None:
         """A client is gone: if it had the command, what moves halts. Blocks until that is done."""
+        desk.gone()
         self.give_up(desk, f"{desk.name}, which had the command, is gone")
         with self._lock:
             self.outlet.dismiss(desk.reader)
@@ -247,7 +248,7 @@ class Guests:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _SHAKE)
         stream = Stream(line, m.CODEC.pack, "axisbus guest's", _LARGEST)
         try:
-            self._talk(line, stream, described(process))
+            self._talk(line, stream, described(process, kept=True))
         except Exception as error:  # noqa: BLE001  # whatever it sent: it is gone, and nobody else is
             log.info("the connection of process %d is given up: %s", process, error)
         finally:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from axisbus.cia301.frame import Frame
 from axisbus.core.process.asks import COMMANDING, OF_CORE, OF_NODE, last_words, told
 from axisbus.core.process.outlet import Reader
 from axisbus.core.process.streams import Streams
@@ -41,6 +42,7 @@ class Desk:
         self.leaving: str | None = None  # why no command of it is taken any more
         self._clients = clients
         self.place = place
+        self._tapped = False
         self._streams = Streams(stream.send)
         self._questions = threading.Semaphore(_ASKED)
 
@@ -54,8 +56,10 @@ class Desk:
         return True
 
     def look(self) -> None:
-        """Ask for the samples that will be wanted; called every few milliseconds."""
+        """Ask for the samples that will be wanted, and tell the frames that were; called every few milliseconds."""
         self._streams.look()
+        if self._tapped:
+            self.reader.flush_frames()
 
     def warn(self, text: str) -> None:
         """Tell the client something by its log."""
@@ -125,6 +129,25 @@ class Desk:
     def _observe(self, message: m.Observe) -> None:
         self.reader.observed = message.wanted
 
+    def _tap(self, message: m.Tap) -> None:
+        self.reader.frames.want(message.can_ids)
+        if message.wanted == self._tapped:
+            return
+        self._tapped = message.wanted
+        session = self._clients.core.session
+        if message.wanted:
+            session.tap(self._hear_frames)
+        else:
+            session.untap(self._hear_frames)
+
+    def _hear_frames(self, frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            self.reader.frames.hear(frame)
+
+    def gone(self) -> None:
+        """The client is gone: nothing is kept for it any more."""
+        self._tap(m.Tap(False))
+
     def _add_group(self, message: m.AddGroup) -> None:
         self._clients.core.session.add_group(message.key, message.members)
 
@@ -149,6 +172,7 @@ _TAKES: dict[type, Callable[[Desk, Any], None]] = {
     m.Submit: Desk._submit,
     m.AddGroup: Desk._add_group,
     m.Observe: Desk._observe,
+    m.Tap: Desk._tap,
     m.Ask: Desk._ask,
     m.Samples: Desk._feed,
     m.NoSamples: Desk._fail,

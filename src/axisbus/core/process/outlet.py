@@ -10,8 +10,9 @@ from collections.abc import KeysView, Mapping, Sequence
 from axisbus.errors import AxisbusError
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import CommandEvent
+from axisbus.wire.frames import FrameQueue
 from axisbus.wire.image import ImageWriter
-from axisbus.wire.messages import Cycles, ErrorTold, Told
+from axisbus.wire.messages import Cycles, ErrorTold, Frames, Told
 from axisbus.wire.stream import Stream
 
 _EVERY = 0.02  # seconds between two messages with images
@@ -28,6 +29,7 @@ class Reader:
     def __init__(self, stream: Stream) -> None:
         self.observed = False  # whether images of all cycles are wanted
         self.stream = stream
+        self.frames = FrameQueue()
         self._events: deque[CommandEvent] = deque()
         self._images: list[tuple[float, bytes]] = []
         self._lost = 0
@@ -43,6 +45,13 @@ class Reader:
             events.append(self._events.popleft())
         if events:
             self.stream.send(Told(tuple(events)))
+
+    def flush_frames(self) -> None:
+        """Send the frames that wait, where the client takes what it is sent."""
+        if self.stream.waiting <= _MOST:
+            packed, lost = self.frames.take()
+            if packed or lost:
+                self.stream.send(Frames(packed, lost))
 
     def after_cycle(self, now: float, outlet: Outlet) -> None:
         """Send what waited for the image that is there now; does not block."""

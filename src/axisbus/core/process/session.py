@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import datetime
 
 from axisbus.bus.link.controller import ControllerEvent
@@ -22,8 +22,17 @@ from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import ENDED, Status
-from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Observer, Target
+from axisbus.session import (
+    AxisFacts,
+    CommandEvent,
+    CommandSeen,
+    HearFrames,
+    LatenessReport,
+    Observer,
+    Target,
+)
 from axisbus.wire import messages as m
+from axisbus.wire.frames import unpacked
 from axisbus.wire.image import ImageReader
 
 log = logging.getLogger("axisbus")
@@ -75,6 +84,7 @@ class RemoteSession:
         self._condition = m.Condition()
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
         self._observers: tuple[Observer, ...] = ()
+        self._taps: dict[HearFrames, frozenset[int]] = {}
         self._busy: dict[int, str] = {}
         self.rescued: m.Rescued | None = None  # by its warden: the core has died
         self._asked: tuple[float, str] | None = None  # for the stop, by this program
@@ -207,6 +217,21 @@ class RemoteSession:
         if not self._observers:
             self._calls.send(m.Observe(False))
 
+    def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
+        """As ``Session.tap``; in the thread that tells events."""
+        self._taps = {**self._taps, hear: frozenset(can_ids)}
+        self._want_frames()
+
+    def untap(self, hear: HearFrames) -> None:
+        """As ``Session.untap``."""
+        self._taps = {other: ids for other, ids in self._taps.items() if other != hear}
+        self._want_frames()
+
+    def _want_frames(self) -> None:
+        sets = self._taps.values()
+        all_of_them = tuple(sorted(frozenset().union(*sets))) if all(sets) else ()
+        self._calls.send(m.Tap(bool(self._taps), all_of_them))
+
     # -- what the core tells -------------------------------------------------------------------------------------------
 
     def tell(self, told: m.Told) -> None:
@@ -229,6 +254,16 @@ class RemoteSession:
             image = self._image.image(data)
             for observer in self._observers:
                 observer(now, image)
+
+    def show_frames(self, told: m.Frames) -> None:
+        """Let who taps the bus have some frames."""
+        if told.lost:
+            log.warning("%d frames are missing: this program did not take them in time", told.lost)
+        frames = list(unpacked(told.packed))
+        for hear, can_ids in self._taps.items():
+            wanted = [frame for frame in frames if not can_ids or frame.can_id in can_ids]
+            if wanted:
+                hear(wanted)
 
     def take(self, condition: m.Condition) -> None:
         """Note how the core is now."""

@@ -1,0 +1,52 @@
+"""Frames of a bus on their way to another process: packed as they come, and left out where nobody takes them."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Collection, Iterator
+
+from axisbus.cia301.frame import Frame
+
+_FRAME = struct.Struct("<dIBB8s")  # time, identifier, flags, length, data
+_EXTENDED, _REMOTE = 1, 2
+_MOST = 20_000  # frames that wait: some seconds of a full bus
+
+
+class FrameQueue:
+    """Frames that wait to be sent to one reader; one thread takes them, any may ``hear``."""
+
+    def __init__(self) -> None:
+        self._wanted: frozenset[int] = frozenset()
+        self._waiting: deque[Frame] = deque()
+        self._lost = 0
+
+    def want(self, can_ids: Collection[int]) -> None:
+        """Take frames with these identifiers only; with any, where there are none."""
+        self._wanted = frozenset(can_ids)
+
+    def hear(self, frame: Frame) -> None:
+        """Let a frame wait; does not block, and drops it where too many do."""
+        if self._wanted and frame.can_id not in self._wanted:
+            return
+        if len(self._waiting) >= _MOST:
+            self._lost += 1
+            return
+        self._waiting.append(frame)
+
+    def take(self) -> tuple[bytes, int]:
+        """Return the frames that wait, packed, and how many were dropped."""
+        found = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        lost, self._lost = self._lost, 0
+        return b"".join(map(_packed, found)), lost
+
+
+def _packed(frame: Frame) -> bytes:
+    flags = (_EXTENDED if frame.extended else 0) | (_REMOTE if frame.remote else 0)
+    return _FRAME.pack(frame.time, frame.can_id, flags, len(frame.data), frame.data)
+
+
+def unpacked(data: bytes) -> Iterator[Frame]:
+    """Yield the frames that these bytes are."""
+    for time, can_id, flags, length, content in _FRAME.iter_unpack(data):
+        yield Frame(time, can_id, content[:length], bool(flags & _EXTENDED), bool(flags & _REMOTE))
