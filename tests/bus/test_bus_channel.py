@@ -9,6 +9,7 @@ import can
 import pytest
 
 from axisbus.bus.link.channel import Channel
+from axisbus.cia301.frame import Frame
 from axisbus.errors import AdapterError, BusError
 from kit.bus.peer import FakeBus, eventually
 
@@ -194,6 +195,27 @@ def test_who_overhears_gets_every_frame_remote_ones_included_until_the_block_end
     fake.inject(0x080, "")
     eventually(lambda: channel.counters.received == 2)
     assert heard == [(0x77F, b"\x05", False), (0x701, b"", True)]
+
+
+def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(channel: Channel, fake: FakeBus) -> None:
+    heard: list[tuple[int, bytes, bool]] = []
+
+    def ear(frame: Frame) -> None:
+        heard.append((frame.can_id, frame.data, frame.remote))
+
+    channel.tap(ear)
+    fake.inject(0x77F, "05")
+    eventually(lambda: len(heard) == 1)
+    channel.send(0x201, b"\x0f\x00")
+    channel.send_remote(0x701, 1)
+    channel.send_urgent([(0x202, b"\x02\x00")])
+    assert heard == [
+        (0x77F, b"\x05", False), (0x201, b"\x0f\x00", False), (0x701, b"", True), (0x202, b"\x02\x00", False),
+    ]  # fmt: skip
+    channel.untap(ear)
+    channel.untap(ear)
+    channel.send(0x201, b"")
+    assert len(heard) == 4
 
 
 def test_an_ear_that_fails_is_known_and_does_not_end_in_silence(channel: Channel, fake: FakeBus) -> None:

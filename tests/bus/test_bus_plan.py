@@ -435,6 +435,21 @@ def test_the_sign_of_every_entry_is_known() -> None:
     }  # fmt: skip
 
 
+def test_the_plan_says_where_a_pdo_carries_an_object() -> None:
+    plan = make_plan(NODE, EMPTY, objects(0x6062))
+    carried = [
+        plan.carrier(entry.index, entry.subindex) for pdo in plan.active for entry in pdo.target.mapping
+    ]
+    assert all(place is not None for place in carried)
+    statusword, display = plan.carrier(0x6041, 0), plan.carrier(0x6061, 0)
+    assert statusword is not None
+    assert display is not None
+    assert (statusword.pdo, statusword.shift, statusword.bits) == ("TPDO1", 0, 16)
+    assert (display.can_id, display.shift, display.bits) == (statusword.can_id, 16, 8)
+    assert plan.carrier(0x6041, 1) is None
+    assert plan.carrier(0x1018, 1) is None
+
+
 def test_the_plan_can_be_read() -> None:
     text = describe(make_plan(NODE, GENERIC, objects(0x6062), policy=Policy(remap=False)))
     assert "RPDO3 405h with SYNC (type 1): 6040:00/16 controlword, 607A:00/32 target position" in text

@@ -41,6 +41,15 @@ class MappedObject(NamedTuple):
         return f"{self.index:04X}:{self.subindex:02X}/{self.bits}"
 
 
+class Carried(NamedTuple):
+    """Where an object is: in the PDO ``pdo`` (``TPDO1``) with the frames of ``can_id``, ``bits`` from the bit ``shift`` on."""
+
+    can_id: int
+    pdo: str
+    shift: int
+    bits: int
+
+
 # Transmission types of a TPDO that is sent when a remote frame asks for it (CiA 301 table 72): sampled at SYNC, or at once.
 RTR_TYPES = (252, 253)
 

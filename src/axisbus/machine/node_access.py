@@ -17,6 +17,7 @@ from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
 from axisbus.cia301.incident import EmcyLog, Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.pdo import Carried
 from axisbus.core.direct.node import DirectNode
 from axisbus.core.node_parts import NodeParts
 from axisbus.drives.emergency import history_words, incident_words
@@ -205,6 +206,14 @@ class NodeAccess:
                 remedy='write process = "thread" in [bus] to use it by the canopen library, or use node.sdo and node.command',
             )
         return remote_node(node)
+
+    def carrier(self, index: int, subindex: int = 0) -> Carried | None:
+        """Return where a PDO in use carries an object (the index is the device's own): identifier, PDO, first bit, number of bits.
+
+        None where none does. Does not block.
+        """
+        found = (plan.carrier(index, subindex) for plan in self.parts.plans)
+        return next((place for place in found if place is not None), None)
 
     def pdos(self) -> list[str]:
         """Return the PDOs in use, each as a line of text."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -109,10 +109,13 @@ class McapWriter:
         topic = f"axis/{name}"
         return self._register(topic, self._schema(f"axisbus/{topic}", schema), {})
 
-    def objects(self, wanted: Iterable[tuple[str, str]]) -> dict[str, int]:
-        """Make the channels of objects, by label and name, and return their numbers by label."""
+    def objects(self, wanted: Mapping[str, tuple[str, str]]) -> dict[str, int]:
+        """Make the channels of objects, by label with their name and how they come, and return their numbers by label."""
         schema = self._schema("axisbus/object", _OBJECT_SCHEMA)
-        return {label: self._register(f"object/{label}", schema, {"name": name}) for label, name in wanted}
+        return {
+            label: self._register(f"object/{label}", schema, {"name": name, "comes": how})
+            for label, (name, how) in wanted.items()
+        }
 
     def write(self, channel: int, now: float, value: object) -> None:
         """Write a value as of ``now`` (s, monotonic)."""

@@ -21,8 +21,10 @@ from types import TracebackType
 from axisbus.errors import in_a_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.happenings import Watched
+from axisbus.record.mapped import MappedObjects, Place
 from axisbus.record.objects import ObjectReads
 from axisbus.record.target import Target
+from axisbus.record.wanted import WantedObject, wanted_object
 from axisbus.session import AxisSession
 from axisbus.wording import counted
 
@@ -50,7 +52,11 @@ class Recording:
         self._session = machine.session
         self._period = machine.cell.bus.scan_period
         self._target = Target(machine, path, axes)
-        self._objects = ObjectReads(machine, objects)
+        wanted = [wanted_object(machine, text) for text in dict.fromkeys(objects)]
+        self._mapped = MappedObjects(self._session, _places(machine, wanted))
+        carried = {place.label: place.carried.pdo for place in self._mapped.places}
+        self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried])
+        self._told = {one.label: (one.name, carried.get(one.label, "by SDO, in turn")) for one in wanted}
         self._rows: deque[bytes] = deque()
         self._realtime = realtime
         self._lost = self._told_lost = 0
@@ -69,8 +75,9 @@ class Recording:
             UserError: the package mcap is not installed, or the file cannot be written.
         """
         self._looked = clock_of(self._session)
-        self._target.begin(self._looked, self._objects)
+        self._target.begin(self._looked, self._told)
         self._session.observe(self._observe)
+        self._mapped.begin()
         if self._realtime:
             self._thread.start()
         return self
@@ -89,6 +96,7 @@ class Recording:
         self._ended = True
         self._await_newest()
         self._session.forget(self._observe)
+        self._mapped.end()
         self._over.set()
         if not self._realtime:
             self._finish()
@@ -138,8 +146,8 @@ class Recording:
 
     @property
     def reads(self) -> Mapping[str, int]:
-        """How often each object has been read."""
-        return self._objects.reads
+        """How often each object has been read, or has come in a PDO."""
+        return {**self._objects.reads, **self._mapped.counts}
 
     # -- in the cycle --------------------------------------------------------------------------------------------------
 
@@ -193,6 +201,7 @@ class Recording:
 
     def _write_rows(self) -> None:
         self._target.write_rows([self._rows.popleft() for _ in range(len(self._rows))])
+        self._mapped.write(self._target.write_object)
         if self._lost > self._told_lost:
             lost = counted(self._lost - self._told_lost, "cycle is missing", "cycles are missing")
             self._target.note(f"{lost}: not taken in time")
@@ -206,3 +215,9 @@ class Recording:
 def clock_of(session: AxisSession) -> float:
     """Return the time of the last cycle, in seconds of the clock of the machine."""
     return max((snapshot.now for snapshot in session.snapshots.values()), default=time.monotonic())
+
+
+def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[Place]:
+    """Return where those are that a PDO carries."""
+    found = [(one, machine.node(one.node).carrier(one.index, one.subindex)) for one in wanted]
+    return [Place(one.label, carried, one.data_type) for one, carried in found if carried is not None]

@@ -61,15 +61,17 @@ class Target:
         """Return when a packed cycle was, in seconds of the monotonic clock."""
         return next(self._row.rows(row))[0]
 
-    def begin(self, began: float, objects: Iterable[tuple[str, str]] = ()) -> None:
-        """Open the file, which is replaced; ``began``: when its time begins (s, monotonic); ``objects`` by label and name.
+    def begin(self, began: float, objects: Mapping[str, tuple[str, str]] | None = None) -> None:
+        """Open the file, which is replaced; ``began``: when its time begins (s, monotonic).
+
+        ``objects``: by label, the name of each and how its values come.
 
         Raises:
             UserError: the package mcap is not installed, or the file cannot be written.
         """
         self.began = self.newest = began
         try:
-            self._begin(objects)
+            self._begin(objects or {})
         except OSError as error:
             self.abandon()
             self._writer = None
@@ -77,7 +79,7 @@ class Target:
                 f"{self.path} cannot be written", observed=in_a_line(error), remedy="give another path"
             ) from error
 
-    def _begin(self, objects: Iterable[tuple[str, str]]) -> None:
+    def _begin(self, objects: Mapping[str, tuple[str, str]]) -> None:
         self._writer = writer = McapWriter(self.path, self._facts, self.began, self._second())
         self._attach(writer)
         self._axes = {name: writer.axis(name, form.schema(name)) for name, form in self.forms.items()}

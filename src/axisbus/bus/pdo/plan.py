@@ -24,7 +24,7 @@ from axisbus.bus.pdo.cobids import CobIds
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry
 from axisbus.cia301 import cob
-from axisbus.cia301.pdo import MappedObject, Pdo
+from axisbus.cia301.pdo import Carried, MappedObject, Pdo
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import PROFILE_AREA, axis_of, own_index
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
@@ -127,6 +127,16 @@ class Plan:
     def active(self) -> tuple[PlannedPdo, ...]:
         """The PDOs that carry values."""
         return tuple(pdo for pdo in self.pdos if pdo.change is not Change.DISABLE)
+
+    def carrier(self, index: int, subindex: int) -> Carried | None:
+        """Return where a PDO in use carries an object, None where none does."""
+        for pdo in (pdo for pdo in self.active if pdo.target.valid):
+            shift = 0
+            for entry in pdo.target.mapping:
+                if (entry.index, entry.subindex) == (index, subindex):
+                    return Carried(pdo.target.cob_id, pdo.name, shift, entry.bits)
+                shift += entry.bits
+        return None
 
     @property
     def edge_after_target(self) -> bool:

@@ -313,7 +313,13 @@ def serve(duty: Duty, warden: socket.socket) -> None:
     log.addHandler(StreamHandler(stream))
     line = socket.socket(fileno=duty.drives) if duty.simulates else None
     server = Server(
-        stream, mmap.mmap(duty.memory, 0), duty.memory, duty.axes, warden, line, described(duty.program, kept=True)
+        stream,
+        mmap.mmap(duty.memory, 0),
+        duty.memory,
+        duty.axes,
+        warden,
+        line,
+        described(duty.program, kept=True),
     )
     with suppress(OSError):  # it is gone already, which the connection tells
         server.watch(os.pidfd_open(duty.program))

@@ -1,0 +1,100 @@
+"""Objects that PDOs carry: their values out of the frames, of whatever size and sign."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.frame import Frame
+from axisbus.cia301.pdo import Carried
+from axisbus.record.mapped import MappedObjects, Place
+from axisbus.wire.frames import FrameQueue, unpacked
+
+
+def place(shift: int, bits: int, kind: DataType | None, label: str = "x", can_id: int = 0x181) -> Place:
+    return Place(label, Carried(can_id, "TPDO1", shift, bits), kind)
+
+
+@pytest.mark.parametrize(
+    ("where", "data", "value"),
+    [
+        (place(0, 16, DataType.UNSIGNED16), "37 06", 0x0637),
+        (place(16, 8, DataType.INTEGER8), "00 00 ff", -1),
+        (place(24, 32, DataType.INTEGER32), "00 00 00 fe ff ff ff", -2),
+        (place(3, 1, DataType.BOOLEAN), "08", 1),
+        (place(4, 12, None), "10 32", 0x321),
+        (place(0, 32, DataType.REAL32), struct.pack("<f", 1.5).hex(" "), 1.5),
+        (place(0, 64, DataType.UNSIGNED64), "01 00 00 00 00 00 00 80", 0x8000_0000_0000_0001),
+        (place(0, 16, DataType.UNSIGNED16), "37", None),
+    ],
+)
+def test_a_value_is_read_out_of_a_frame(where, data, value):
+    assert where.value(bytes.fromhex(data)) == value
+
+
+class Session:
+    """One that only tells frames."""
+
+    def __init__(self):
+        self.taps = {}
+
+    def tap(self, hear, can_ids=()):
+        self.taps[hear] = set(can_ids)
+
+    def untap(self, hear):
+        del self.taps[hear]
+
+
+def test_each_frame_is_a_value_at_its_own_time():
+    session = Session()
+    objects = MappedObjects(
+        session,
+        [
+            place(0, 16, DataType.UNSIGNED16, "a"),
+            place(16, 8, DataType.INTEGER8, "b"),
+            place(0, 8, None, "c", 0x281),
+        ],
+    )
+    objects.begin()
+    ((hear, wanted),) = session.taps.items()
+    assert wanted == {0x181, 0x281}
+    hear([Frame(1.0, 0x181, b"\x01\x02\xff"), Frame(1.1, 0x281, b"\x07"), Frame(1.2, 0x181, b"\x02\x02")])
+    hear([Frame(1.3, 0x281, b"", remote=True), Frame(1.4, 0x381, b"\x01")])
+    written = []
+    objects.write(lambda *value: written.append(value))
+    assert written == [("a", 1.0, 0x0201), ("b", 1.0, -1), ("c", 1.1, 7), ("a", 1.2, 0x0202)]
+    assert objects.counts == {"a": 2, "b": 1, "c": 1}
+    objects.write(lambda *value: written.append(value))
+    assert len(written) == 4
+    objects.end()
+    assert not session.taps
+
+
+def test_without_such_objects_nothing_is_listened_to():
+    session = Session()
+    objects = MappedObjects(session, [])
+    objects.begin()
+    objects.end()
+    assert not session.taps
+
+
+def test_frames_cross_as_they_are_and_those_that_nobody_takes_are_counted():
+    frames = [
+        Frame(1.25, 0x181, bytes(range(8))),
+        Frame(2.0, 0x1ABCDEF0, b"", extended=True),
+        Frame(3.0, 0x701, b"", remote=True),
+    ]
+    queue = FrameQueue()
+    for frame in frames:
+        queue.hear(frame)
+    packed, lost = queue.take()
+    assert (list(unpacked(packed)), lost) == (frames, 0)
+    queue.want((0x181,))
+    for _ in range(20_010):
+        queue.hear(frames[0])
+        queue.hear(frames[1])
+    packed, lost = queue.take()
+    assert (len(list(unpacked(packed))), lost) == (20_000, 10)
+    assert queue.take() == (b"", 0)
