@@ -197,7 +197,9 @@ def test_who_overhears_gets_every_frame_remote_ones_included_until_the_block_end
     assert heard == [(0x77F, b"\x05", False), (0x701, b"", True)]
 
 
-def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(channel: Channel, fake: FakeBus) -> None:
+def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(
+    channel: Channel, fake: FakeBus
+) -> None:
     heard: list[tuple[int, bytes, bool]] = []
 
     def ear(frame: Frame) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
+import re
+import signal
 import subprocess
 import sys
 
@@ -130,6 +133,46 @@ def test_a_machine_that_is_run_has_its_command_free_for_whoever_comes(axisbus, t
         running.terminate()
         running.wait(20)
     assert Machine.join(path) is None
+
+
+def test_a_command_that_is_interrupted_leaves_the_axes_as_it_found_them(axisbus, tmp_path):
+    path = own_cell(tmp_path, "xy")
+    run = [sys.executable, "-m", "axisbus"]
+    with subprocess.Popen([*run, "run", path], stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout.readline().startswith("the machine runs")
+        assert axisbus("enable", path, "y").code == 0
+        turning = subprocess.Popen(
+            [*run, "velocity", path, "x=30", "y=30"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        while "y: has" not in (line := turning.stdout.readline()):
+            assert line
+        turning.send_signal(signal.SIGINT)
+        _, err = turning.communicate(timeout=30)
+        assert turning.returncode == 130
+        assert "disabled again: x\n" in err
+        with Machine.attach(path) as looking:
+            assert looking["x"].state is AxisState.DISABLED
+            assert looking["y"].state is AxisState.STANDSTILL
+            assert looking.commanded_by == ""
+        running.send_signal(signal.SIGINT)
+
+
+def test_a_command_that_took_the_command_tells_what_it_leaves_enabled(opened, file):
+    opened["y"].disable().wait(10)
+    turning = subprocess.Popen(
+        [sys.executable, "-m", "axisbus", "velocity", file, "y=30", "--take"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while "y: has" not in (line := turning.stdout.readline()):
+        assert line, turning.stderr.read()
+    turning.send_signal(signal.SIGINT)
+    _, err = turning.communicate(timeout=30)
+    assert re.search(rf"left enabled: y; process {os.getpid()} .* has it", err)
+    assert opened["y"].state is AxisState.STANDSTILL
+    opened["y"].disable().wait(10)
 
 
 def test_a_machine_whose_core_is_in_the_program_cannot_be_shared(axisbus, tmp_path):

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from axisbus.check.checked import checked
-from axisbus.cli import move
 from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.commanded import enable
 from axisbus.cli.shared.common import OK, say_next
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import running, take_option
@@ -27,6 +27,6 @@ def command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
     names = named.chosen(checked(cell), axes)
     why, remedy = "lasts no longer than a machine does", f"start one in another terminal: axisbus run {cell}"
     with running(cell, "enable", why, remedy, command=True, take=take) as machine:
-        move.enable([machine[name] for name in names])
+        enable([machine[name] for name in names])
     say_next(f"axisbus move {cell} {names[0]}=..., or axisbus disable {cell}")
     return OK

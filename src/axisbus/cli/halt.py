@@ -8,8 +8,8 @@ import click
 
 from axisbus import wait
 from axisbus.check.checked import checked
-from axisbus.cli.move import say_position
 from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.commanded import say_position
 from axisbus.cli.shared.common import OK
 from axisbus.cli.shared.completion import complete_axes
 from axisbus.cli.shared.joining import running

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from axisbus.check.checked import checked
-from axisbus.cli import move
 from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.commanded import commanded, enable
+from axisbus.cli.shared.commanded import home as find_home
 from axisbus.cli.shared.common import OK, say_next
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
@@ -38,12 +39,11 @@ def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool
         for name in names:
             rehearsal[name].home()
 
-    with machine_of(cell, command=True, take=take, beside=beside, before=rehearse) as machine:
-        chosen = [machine[name] for name in names]
-        found = move.off(chosen)
-        with recorded(machine, record):
-            move.enable(chosen)
-            move.home(machine, chosen)
-            move.leave(machine, found)
+    with (
+        commanded(cell, names, take=take, beside=beside, before=rehearse) as (machine, chosen),
+        recorded(machine, record),
+    ):
+        enable(chosen)
+        find_home(machine, chosen)
     say_next(f"axisbus move {cell} {names[0]}=... --home")
     return OK

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from axisbus.check.checked import checked
-from axisbus.cli import move
+from axisbus.cli.shared.commanded import commanded, enable, say_position
 from axisbus.cli.shared.common import OK
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.keys import Key, Keyboard, keyboard
 from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
@@ -65,17 +65,14 @@ def command(
     rehearse()
     with (
         keyboard() as keys,
-        machine_of(cell, command=True, take=take, beside=beside) as machine,
+        commanded(cell, [axis], take=take, beside=beside) as (machine, [moved]),
         recorded(machine, record),
     ):
-        moved = machine[axis]
-        found = move.off([moved])
-        move.enable([moved])
+        enable([moved])
         click.echo(f"{axis}: arrow keys move it at {speed:g} {moved.unit}/s, space halts, q ends", err=True)
         _Jogging(moved, speed, acceleration).run(keys)
         moved.halt().wait()
-        move.say_position(moved, "stands at")
-        move.leave(machine, found)
+        say_position(moved, "stands at")
     return OK
 
 

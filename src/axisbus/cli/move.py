@@ -8,25 +8,19 @@ from pathlib import Path
 
 import click
 
-from axisbus import wait
 from axisbus.check.checked import checked
-from axisbus.cia402.state import State
+from axisbus.cli.shared.commanded import commanded, enable, home, say_position
 from axisbus.cli.shared.common import OK, say, say_next
 from axisbus.cli.shared.completion import complete_targets
-from axisbus.cli.shared.joining import machine_of, take_option
+from axisbus.cli.shared.joining import take_option
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option, parse_targets
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.recordings import record_option, recorded
 from axisbus.cli.shared.underway import Way, follow
-from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
-from axisbus.machine.machine import Machine
 from axisbus.machine.rehearsal import Rehearsal
-from axisbus.motion.states import AxisState
-
-_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 
 
 @click.command("move")
@@ -68,9 +62,7 @@ def command(
     def rehearse() -> None:
         course.rehearse(rehearsal, home_first)  # what cannot be is told before the bus is opened
 
-    with machine_of(cell, command=True, take=take, beside=beside, before=rehearse) as machine:
-        axes = [machine[name] for name in wanted]
-        found = off(axes)
+    with commanded(cell, list(wanted), take=take, beside=beside, before=rehearse) as (machine, axes):
         for axis in axes:
             rehearsal.see(axis.name, axis.snapshot)
         rehearse()  # once more, by where the axes are, before any is enabled
@@ -81,7 +73,6 @@ def command(
             follow(machine, [Way(axis, course.start(axis)) for axis in axes])
             for axis in axes:
                 say_position(axis, "at")
-            leave(machine, found)
     say_next(f"axisbus monitor {cell}")
     return OK
 
@@ -122,53 +113,3 @@ class _Course:
             acceleration=self.acceleration,
             timeout=self.timeout,
         )
-
-
-def enable(axes: list[Axis]) -> None:
-    """Enable axes, with a line of progress: all, or none where one of them is in fault.
-
-    Raises:
-        StateError: one is; none was enabled.
-    """
-    for axis in axes:
-        if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
-            raise StateError(
-                f"{axis.name}: the axis is in fault; no axis was enabled",
-                observed="" if axis.error is None else axis.error.message,
-                remedy="read why (axis.error), then reset it: axis.reset()",
-            )
-    wait([axis.enable() for axis in axes])
-    say(f"enabled: {', '.join(axis.name for axis in axes)}")
-
-
-def off(axes: list[Axis]) -> list[Axis]:
-    """Return the axes that are not enabled now."""
-    return [axis for axis in axes if axis.state is AxisState.DISABLED]
-
-
-def leave(machine: Machine, found_off: list[Axis]) -> None:
-    """Leave the axes as they were found; where the machine is the command's own its end disables all of them."""
-    if machine.is_joined:
-        wait([axis.disable() for axis in found_off])
-    all_off = not machine.is_joined or all(axis.state is AxisState.DISABLED for axis in machine)
-    say(
-        "all axes stand and are disabled"
-        if all_off
-        else "the axes stand; what was enabled before is so still"
-    )
-
-
-def home(machine: Machine, axes: list[Axis]) -> None:
-    """Home axes, with lines of progress."""
-    follow(machine, [Way(axis, axis.home()) for axis in axes])
-    for axis in axes:
-        say_position(axis, "homed, at")
-
-
-def say_position(axis: Axis, what: str) -> None:
-    """Tell where an axis is, where that is known."""
-    known = axis.snapshot.position is not None
-    say(
-        f"{axis.name}: {what} "
-        + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known")
-    )

@@ -12,9 +12,8 @@ import click
 
 from axisbus import wait
 from axisbus.check.checked import checked
-from axisbus.cli import move
+from axisbus.cli.shared.commanded import commanded, enable, say_position
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.recordings import recorded
 from axisbus.cli.shared.underway import Way, draw, follow, speed_text
@@ -49,19 +48,18 @@ class Turning:
         rehearsal = Rehearsal(checked(cell))
         for name, value in self.wanted.items():  # what cannot be is told before the bus is opened
             self.begin(rehearsal[name], value)
-        with machine_of(cell, command=True, take=take, beside=beside) as machine:
-            axes = [machine[name] for name in self.wanted]
-            found = move.off(axes)
-            with recorded(machine, record):
-                move.enable(axes)
-                follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
-                for axis in axes:
-                    say(f"{axis.name}: has {self.wanted[axis.name]:g} {self.unit(axis)}")
-                _keep(machine, axes, seconds)
-                wait([axis.halt() for axis in axes])
-                for axis in axes:
-                    move.say_position(axis, "stands at")
-                move.leave(machine, found)
+        with (
+            commanded(cell, list(self.wanted), take=take, beside=beside) as (machine, axes),
+            recorded(machine, record),
+        ):
+            enable(axes)
+            follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
+            for axis in axes:
+                say(f"{axis.name}: has {self.wanted[axis.name]:g} {self.unit(axis)}")
+            _keep(machine, axes, seconds)
+            wait([axis.halt() for axis in axes])
+            for axis in axes:
+                say_position(axis, "stands at")
         return OK
 
 

@@ -1,0 +1,117 @@
+"""Axes that a command enables and lets move: however it ends, they stand, and what was found disabled is disabled again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from axisbus import wait
+from axisbus.cia402.state import State
+from axisbus.cli.shared.common import say
+from axisbus.cli.shared.joining import machine_of
+from axisbus.cli.shared.underway import Way, follow
+from axisbus.errors import AxisbusError, OwnershipError, StateError
+from axisbus.machine.axis import Axis
+from axisbus.machine.machine import Machine
+from axisbus.motion.states import AxisState
+
+_FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_OFF = frozenset({AxisState.DISABLED, AxisState.ERRORSTOP})
+
+
+@contextmanager
+def commanded(
+    cell: Path,
+    names: Sequence[str],
+    *,
+    take: bool,
+    beside: bool,
+    before: Callable[[], object] = lambda: None,
+) -> Iterator[tuple[Machine, list[Axis]]]:
+    """Let the block have the machine of a cell and some of its axes, to command them; see ``machine_of``.
+
+    In the end the axes are as they were found. The end of a machine of the command's own disables all; in one that it has joined,
+    those are disabled that were so before, also after Ctrl-C or an error, once all that moved has halted.
+    """
+    found_off: list[str] = []
+    try:
+        with machine_of(cell, command=True, take=take, beside=beside, before=before) as machine:
+            axes = [machine[name] for name in names]
+            if machine.is_joined:
+                found_off = [axis.name for axis in axes if axis.state is AxisState.DISABLED]
+            yield machine, axes
+            wait([machine[name].disable() for name in found_off])
+            _say_left(machine)
+    except BaseException:
+        _disable_again(cell, found_off)
+        raise
+
+
+def _say_left(machine: Machine) -> None:
+    all_off = not machine.is_joined or all(axis.state is AxisState.DISABLED for axis in machine)
+    say(
+        "all axes stand and are disabled"
+        if all_off
+        else "the axes stand; what was enabled before is so still"
+    )
+
+
+def _disable_again(cell: Path, names: Sequence[str]) -> None:
+    """Disable axes of a machine that this command has left already; what cannot be is told."""
+    try:
+        left = _still_on(cell, names)
+        if not left:
+            return
+        machine = Machine.join(cell, command=True)
+        if machine is not None:
+            with machine:
+                wait([machine[name].disable() for name in left])
+        click.echo(f"disabled again: {', '.join(left)}", err=True)
+    except OwnershipError as error:
+        click.echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
+    except (AxisbusError, ExceptionGroup) as error:
+        click.echo(f"look after {', '.join(names)}: whether it is enabled is not known ({error})", err=True)
+
+
+def _still_on(cell: Path, names: Sequence[str]) -> list[str]:
+    machine = Machine.join(cell) if names else None
+    if machine is None:
+        return []
+    with machine:
+        return [name for name in names if machine[name].state not in _OFF]
+
+
+def enable(axes: list[Axis]) -> None:
+    """Enable axes, with a line of progress: all, or none where one of them is in fault.
+
+    Raises:
+        StateError: one is; none was enabled.
+    """
+    for axis in axes:
+        if axis.state is AxisState.ERRORSTOP or axis.snapshot.power in _FAULTS:
+            raise StateError(
+                f"{axis.name}: the axis is in fault; no axis was enabled",
+                observed="" if axis.error is None else axis.error.message,
+                remedy="read why (axis.error), then reset it: axis.reset()",
+            )
+    wait([axis.enable() for axis in axes])
+    say(f"enabled: {', '.join(axis.name for axis in axes)}")
+
+
+def home(machine: Machine, axes: list[Axis]) -> None:
+    """Home axes, with lines of progress."""
+    follow(machine, [Way(axis, axis.home()) for axis in axes])
+    for axis in axes:
+        say_position(axis, "homed, at")
+
+
+def say_position(axis: Axis, what: str) -> None:
+    """Tell where an axis is, where that is known."""
+    known = axis.snapshot.position is not None
+    say(
+        f"{axis.name}: {what} "
+        + (f"{axis.position:.4f} {axis.unit}" if known else "a position that is not known")
+    )
