@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench bench-cycle bench-core campaign flaky explore mutants format clean
+.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -19,6 +19,10 @@ test: $(READY)            ## all tests, in six processes (many wait for drives i
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -n 6 --dist loadfile --no-loadscope-reorder || \
 	{ test $$? = 1 && $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
+
+stories: $(READY)         ## the stories in both modes: the core in a thread of its program, and in a process of its own
+	AXISBUS_PROCESS=thread $(BIN)/python -m pytest tests/stories -n 4 --dist loadfile
+	AXISBUS_PROCESS=own $(BIN)/python -m pytest tests/stories -n 4 --dist loadfile
 
 test-socketcan: $(READY)  ## the bus-level tests over the kernel's CAN (vcan), here or inside a user-mode Linux
 	.ci/socketcan

@@ -15,11 +15,13 @@ from typing import NamedTuple
 import click
 import pytest
 
+from axisbus.cell import reader
 from axisbus.check.run import check
 from axisbus.cia302.vocabulary import Letter
 from axisbus.cia402 import options
 from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
+from axisbus.core.served.faults_file import load_faults
 from axisbus.motion.parameters import StopTimes
 from kit.pages import PAGES, README, ROOT, blocks, blocks_of_all, name_of, rows, text_of, whole_cell
 
@@ -202,8 +204,22 @@ def test_each_program_runs_as_printed(page, checkout, monkeypatch, capsys):
     assert seen.err == ""
 
 
+PLAN_OF_FAULTS = re.compile(r"^(when|begin) = ", re.MULTILINE)
+
+
 def excerpts(made_by_init):
-    return [block for _, block in blocks_of_all("toml") if ("CONFIRM" in block) is made_by_init]
+    """What is printed of cell files."""
+    found = [block for _, block in blocks_of_all("toml") if not PLAN_OF_FAULTS.search(block)]
+    return [block for block in found if ("CONFIRM" in block) is made_by_init]
+
+
+def test_each_plan_of_faults_is_good_for_the_cell_of_the_pages(tmp_path):
+    plans = [block for _, block in blocks_of_all("toml") if PLAN_OF_FAULTS.search(block)]
+    assert plans
+    for plan in plans:
+        path = tmp_path / "faults.toml"
+        path.write_text(plan, encoding="utf-8")
+        assert len(load_faults(path, reader.load(ROOT / "examples" / "cell.toml"))) == plan.count("[")
 
 
 @pytest.mark.parametrize("excerpt", excerpts(False), ids=lambda text: " ".join(text.split()[:4]))

@@ -18,7 +18,7 @@ import pytest
 from axisbus.bus.link import adapter
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
-from axisbus.cli.sim import serve
+from axisbus.core.served import served
 from axisbus.errors import AdapterError
 from kit import commands
 
@@ -252,7 +252,7 @@ def place(files, tmp_path, monkeypatch):
         raise AdapterError("there is no adapter here")
 
     monkeypatch.setattr(adapter, "open_adapter", nobody)
-    monkeypatch.setattr(serve, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
+    monkeypatch.setattr(served, "Server", nobody)  # else ``axisbus sim`` would serve on, as it should
     return folder
 
 
