@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core campaign flaky explore mutants format clean
+.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign flaky explore mutants format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -41,6 +41,9 @@ bench-cycle: $(READY)     ## CPU of a whole cycle over a socket, against canopen
 
 bench-core: $(READY)      ## a core in a process of its own: SYNC beside busy programs, full wires, opening; minutes, needs cc
 	PYTHONPATH=tests $(BIN)/python tests/bench_core.py
+
+bench-guests: $(READY)    ## what recordings, monitors and attacks beside a core cost its cycle; some twenty minutes
+	PYTHONPATH=tests $(BIN)/python tests/bench_guests.py
 
 campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
 	$(BIN)/python tests/campaign.py

@@ -6,6 +6,7 @@ A line that stands on several pages runs once; what it came to is kept for all o
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from collections import Counter
@@ -23,7 +24,19 @@ from axisbus.cli.main import COMMANDS, cli
 from axisbus.cli.shared.common import run
 from axisbus.core.served.faults_file import load_faults
 from axisbus.motion.parameters import StopTimes
-from kit.pages import PAGES, README, ROOT, blocks, blocks_of_all, name_of, rows, text_of, whole_cell
+from kit.pages import (
+    PAGES,
+    README,
+    ROOT,
+    blocks,
+    blocks_of_all,
+    cell_excerpts,
+    fault_plans,
+    name_of,
+    rows,
+    text_of,
+    whole_cell,
+)
 
 ARCHITECTURE, COMMISSIONING, ERRORS, STOPPING = (
     ROOT / "docs" / name for name in ("architecture.md", "commissioning.md", "api/errors.md", "stopping.md")
@@ -34,6 +47,7 @@ FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
 SET_UP = re.compile(r"python -m venv |.*python -m (pip install|pytest)")  # done already where this test runs
 INIT = ("init", "-i", "sim", "-c", "examples/cell.toml", "-o", "cell.toml")
 BOOT = ("boot", "examples/cell.toml")
+PORT = "29536"  # that of axisbus sim, as printed
 
 
 def page_names(*pages):
@@ -86,6 +100,38 @@ def axisbus(checkout, monkeypatch, capsys):
     return call
 
 
+class Serving:
+    """The first terminal of a page: keeps simulated drives, at a port that no other test has."""
+
+    def __init__(self, folder):
+        self.port = PORT
+        self._folder = folder
+        self._sim = None
+
+    def __call__(self, words):
+        """Begin to serve, and wait until the others can come."""
+        command = [sys.executable, "-m", "axisbus", *words, "--port", "0"]
+        self._sim = subprocess.Popen(command, cwd=self._folder, stdout=subprocess.PIPE, text=True)
+        while not (line := self._sim.stdout.readline()).startswith("or take"):
+            assert line, words
+            if found := re.search(r"port=(\d+)", line):
+                self.port = found[1]
+
+    def end(self):
+        """Ctrl-C in the first terminal."""
+        if self._sim is not None:
+            self._sim.send_signal(signal.SIGINT)
+            self._sim.communicate(timeout=20)
+            assert self._sim.returncode == 0
+
+
+@pytest.fixture
+def serve(checkout):
+    serving = Serving(checkout[0])
+    yield serving
+    serving.end()
+
+
 def expanded(words, folder):
     """As a shell does with the ``*`` of a path."""
     found = []
@@ -97,11 +143,15 @@ def expanded(words, folder):
 
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", **pages_with("sh"))
-def test_each_command_line_runs_as_printed_and_without_hardware(page, axisbus, checkout):
+def test_each_command_line_runs_as_printed_and_without_hardware(page, axisbus, checkout, serve):
     folder, _ = checkout
     for printed in command_lines(page):
         assert printed[0] == "axisbus", printed
-        words, *written = " ".join(expanded(printed[1:], folder)).split(" > ")
+        if printed[1] == "sim":
+            serve(printed[1:])
+            continue
+        line = " ".join(expanded(printed[1:], folder)).replace(PORT, serve.port)
+        words, *written = line.split(" > ")
         words = words.split()
         ran = axisbus(words)
         assert "Traceback" not in ran.err, f"{words}: {ran.err}"
@@ -204,17 +254,13 @@ def test_each_program_runs_as_printed(page, checkout, monkeypatch, capsys):
     assert seen.err == ""
 
 
-PLAN_OF_FAULTS = re.compile(r"^(when|begin) = ", re.MULTILINE)
-
-
 def excerpts(made_by_init):
     """What is printed of cell files."""
-    found = [block for _, block in blocks_of_all("toml") if not PLAN_OF_FAULTS.search(block)]
-    return [block for block in found if ("CONFIRM" in block) is made_by_init]
+    return [block for block in cell_excerpts() if ("CONFIRM" in block) is made_by_init]
 
 
 def test_each_plan_of_faults_is_good_for_the_cell_of_the_pages(tmp_path):
-    plans = [block for _, block in blocks_of_all("toml") if PLAN_OF_FAULTS.search(block)]
+    plans = fault_plans()
     assert plans
     for plan in plans:
         path = tmp_path / "faults.toml"

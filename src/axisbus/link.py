@@ -17,7 +17,7 @@ from enum import Enum
 from typing import Protocol, TypeVar
 
 from axisbus.cia301.drops import Drop
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia402.port import Cycle, Port
 
 Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
@@ -94,6 +94,9 @@ class Link(Protocol[Booted, Parts, Incident]):
 
     def drops(self) -> Sequence[Drop]:
         """Return which frames were dropped."""
+
+    def carried(self) -> Carried | None:
+        """Return what the bus has carried so far; None where there are no frames."""
 
     def tap(self, ear: Callable[[Frame], None]) -> None:
         """Have ``ear`` called with every frame, in either direction; it must not block. Never called where there are no frames."""

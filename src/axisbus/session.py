@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
 from axisbus.motion.commands import Command
@@ -53,6 +53,13 @@ class CommandSeen(NamedTuple):
     status: Status
     ended: float | None = None
     error: str = ""
+
+
+class Program(NamedTuple):
+    """A program that is at a machine: ``who`` it is, for people, and whether it has the machine's command."""
+
+    who: str
+    commands: bool
 
 
 class AxisFacts(NamedTuple):
@@ -172,6 +179,14 @@ class Session(AxisSession, Protocol):
     @property
     def drops(self) -> tuple[Drop, ...]:
         """Frames that were dropped, counted by reason and node; empty without a bus."""
+
+    @property
+    def carried(self) -> Carried | None:
+        """What the bus has carried so far, in both directions; None without a bus."""
+
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        """The programs that are at this machine, the one that opened it first; empty where no other can join."""
 
     def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
         """Let ``hear`` have the frames of the bus, a few at a time, as they come and go: those of ``can_ids``, or all.

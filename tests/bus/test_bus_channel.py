@@ -220,6 +220,18 @@ def test_who_taps_gets_every_frame_in_both_directions_until_that_ends(
     assert len(heard) == 4
 
 
+def test_what_it_has_carried_is_counted_in_both_directions(channel: Channel, fake: FakeBus) -> None:
+    began = channel.carried
+    fake.inject(0x77F, "05")
+    channel.send(0x201, b"\x0f\x00")
+    channel.send_remote(0x701, 1)
+    channel.send_urgent([(0x202, b"\x02\x00\x00")])
+    eventually(lambda: channel.carried.frames == 4)
+    now = channel.carried
+    assert (now.frames - began.frames, now.octets - began.octets) == (4, 6)
+    assert now.time > began.time
+
+
 def test_an_ear_that_fails_is_known_and_does_not_end_in_silence(channel: Channel, fake: FakeBus) -> None:
     def ear(_: object) -> None:
         raise ValueError("broken")

@@ -201,6 +201,7 @@ def test_monitor_keeps_one_table_on_a_terminal():
     assert "\x1b[1A" in out  # the table is drawn over the one before
     last = out[out.rindex("position") :]
     assert last.count("switch on disabled") == 3
+    assert last.index("switch on disabled") < last.index("cycle of 4 ms: ") < last.index("next: axisbus home")
     assert "next: axisbus home" in last
     plain = on_terminal("monitor", commands.CELL, "--every", "0.05", "--count", "2", NO_COLOR="1")
     assert "\x1b" not in plain

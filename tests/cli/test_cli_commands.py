@@ -161,6 +161,17 @@ def test_monitor_as_json(axisbus):
     seen = json.loads(out)
     assert [axis["axis"] for axis in seen] == ["x", "y", "z"]
     assert [(axis["node"], axis["incidents"]) for axis in seen] == [(1, []), (2, []), (3, [])]
+    assert all(0 <= axis["age"] < 1 for axis in seen)
+
+
+def test_monitor_tells_the_load_of_the_bus_and_the_cycle(axisbus):
+    code, out, _ = axisbus("monitor", CELL, "--count", 2, "--every", 0.5)
+    assert code == 0
+    found = re.search(r"bus: (\d+)% to (\d+)% of 1000 kbit/s, (\d+) frames/s", out)
+    least, most, frames = map(int, found.groups())
+    assert 0 < least <= most < 100
+    assert 250 * 3 < frames < 10_000  # a SYNC and some PDOs in each cycle of 4 ms
+    assert re.search(r"cycle of 4 ms: \d+ cycles, half of them", out)
 
 
 def test_move_homes_and_moves(axisbus):

@@ -5,13 +5,10 @@ from __future__ import annotations
 import itertools
 import os
 import signal
-import socket
-import struct
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -22,15 +19,13 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.record.recorder import Recorder
-from axisbus.version import __version__
-from axisbus.wire import messages as m
+from kit.attacks import ATTACKS
 from kit.stories.own import own_cell, turns, under_way
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux"),
     pytest.mark.timeout(120),
 ]
-_LENGTH = struct.Struct("<I")
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +54,8 @@ def test_a_guest_sees_what_the_owner_sees_and_its_leaving_changes_nothing(machin
     with Machine.attach(file) as guest:
         assert guest.is_joined
         assert f"process {os.getpid()} " in guest.commanded_by
+        assert [each.commands for each in guest.programs] == [True, False]
+        assert all(f"process {os.getpid()} " in each.who for each in guest.programs)
         assert list(guest.axes) == ["x", "y"]
         assert guest["x"].state is AxisState.DISCRETE_MOTION
         assert guest["x"].position == pytest.approx(machine["x"].position, abs=5.0)
@@ -217,81 +214,6 @@ def test_another_text_of_the_file_and_no_machine_at_all_are_told(machine, file, 
 # The door.
 
 
-def enter(file):
-    """Go in as a guest does, and say nothing yet."""
-    admitted = door.knock(str(file))
-    assert admitted is not None
-    line, image = admitted
-    os.close(image)
-    return line
-
-
-def framed(data):
-    return _LENGTH.pack(len(data)) + data
-
-
-def attach(file, version=__version__):
-    return framed(m.CODEC.pack(m.Attach(version, door.text_of(str(file)))))
-
-
-def never_reads(file):
-    line = enter(file)
-    line.sendall(attach(file))
-    questions = b"".join(framed(m.CODEC.pack(m.Ask(number, "node_events"))) for number in range(1, 3000))
-    line.settimeout(0.5)
-    with suppress(TimeoutError):
-        line.sendall(questions + framed(m.CODEC.pack(m.Observe(True))))
-    return line
-
-
-def says(*parts):
-    def attack(file):
-        line = enter(file)
-        with suppress(OSError):  # it has been sent away already
-            for part in parts:
-                line.sendall(part(file) if callable(part) else part)
-        return line
-
-    return attack
-
-
-def crowd(file):
-    """Many at a time; who is too many is sent away."""
-    lines = []
-    for _ in range(300):
-        line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        line.settimeout(0.2)
-        try:
-            line.connect(str(door._place(str(file))))
-        except OSError:
-            line.close()
-            continue
-        lines.append(line)
-    return lines
-
-
-ATTACKS = {
-    "nothing": says(),
-    "junk": says(os.urandom(4096)),
-    "half a message": says(lambda file: attach(file)[:-3]),
-    "a huge length": says(_LENGTH.pack(0xFFFFFFFF), b"x" * 65536),
-    "another version": says(lambda file: attach(file, "0.0.0")),
-    "a message that is no first one": says(framed(m.CODEC.pack(m.Leave("")))),
-    "deep lists": says(attach, framed(b"\x91" * 100_000 + b"\xc0")),
-    "messages of the program's alone": says(
-        attach,
-        *(
-            framed(m.CODEC.pack(one))
-            for one in (m.Open("", ""), m.Opened({}, {}, "", 0), m.RequestStop("me"))
-        ),
-        framed(m.CODEC.pack(m.Answer(1))),
-    ),
-    "a mad number": says(attach, framed(m.CODEC.pack(m.AddGroup("xy", ("nobody",)))), framed(b"\x01")),
-    "one who never reads": never_reads,
-    "a crowd": crowd,
-}
-
-
 def skipped_in_a_second(machine):
     """How many cycles are skipped from now on, in a second in which most of them are done."""
     start = machine.lateness
@@ -311,7 +233,7 @@ def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, fil
         meanwhile = skipped_in_a_second(machine)
         assert handle.active
         assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
-        for line in lines if isinstance(lines, list) else [lines]:
+        for line in lines:
             line.close()
         if meanwhile <= 2 * before + 3:
             break

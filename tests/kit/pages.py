@@ -39,6 +39,19 @@ def blocks_of_all(language: str) -> list[tuple[Path, str]]:
     return [(page, block) for page in PAGES for block in blocks(page, language)]
 
 
+_PLAN_OF_FAULTS = re.compile(r"^(when|begin) = ", re.MULTILINE)
+
+
+def cell_excerpts() -> list[str]:
+    """What the pages show of cell files."""
+    return [block for _, block in blocks_of_all("toml") if not _PLAN_OF_FAULTS.search(block)]
+
+
+def fault_plans() -> list[str]:
+    """The plans of faults that the pages show, for ``axisbus sim --faults``."""
+    return [block for _, block in blocks_of_all("toml") if _PLAN_OF_FAULTS.search(block)]
+
+
 def whole_cell(excerpt: str) -> str:
     """A cell file that an excerpt is a part of: it comes first, unchanged, and then the tables that it leaves out."""
     headers = {line.partition("#")[0].strip() for line in excerpt.splitlines()}

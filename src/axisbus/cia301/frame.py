@@ -22,6 +22,26 @@ class Frame(NamedTuple):
     error: bool = False
 
 
+class Carried(NamedTuple):
+    """What a bus has carried up to ``time`` (seconds, monotonic), both ways: classic frames, and the octets of their data."""
+
+    time: float
+    frames: int
+    octets: int
+
+    def load(self, since: Carried, bitrate: int) -> tuple[float, float]:
+        """Return the part of a bus of ``bitrate`` bit/s (0 to 1) that was taken since then: without stuff bits, and with the most.
+
+        Both are 0 where no time has passed. Frames count as those with identifiers of 11 bits.
+        """
+        seconds, frames = self.time - since.time, self.frames - since.frames
+        if seconds <= 0:
+            return 0.0, 0.0
+        plain = plain_bits(0) * frames + 8 * (self.octets - since.octets)
+        stuffed = plain - (UNSTUFFED + 1) * frames
+        return plain / (bitrate * seconds), (plain + stuffed / 4) / (bitrate * seconds)
+
+
 def plain_bits(data_bytes: int, extended: bool = False) -> int:
     """Return a frame's bits without any stuff bit, intermission included."""
     return (54 if extended else 34) + 8 * data_bytes + UNSTUFFED

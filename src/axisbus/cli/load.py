@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.bus.link.errorframe import WHAT_TO_CHECK
+from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.frames import Asked, Opened, open_frames, source_options
 from axisbus.cli.shared.numbers import Seconds
@@ -145,11 +146,7 @@ def _rate(cell: CellConfig | None, interface: str | None, channel: str | None) -
     Raises:
         ArgumentError: nobody knows it.
     """
-    from axisbus.bus.link.listen import link_bitrate
-
-    if cell is not None:
-        interface, channel = interface or cell.bus.interface, channel or str(cell.bus.channel)
-    rate = (cell.bus.bitrate if cell is not None else None) or link_bitrate(interface or "", channel)
+    rate = rate_of(cell, interface, channel)
     if rate is None:
         raise ArgumentError(
             "the bus load cannot be worked out: the bit rate is not known",

@@ -1,4 +1,4 @@
-"""``axisbus monitor``: states, positions and faults of a cell's axes, line by line."""
+"""``axisbus monitor``: states, positions and faults of a cell's axes, its bus and its cycle, look by look."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from axisbus.cia301.drops import Drop, DropNews, words
 from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
+from axisbus.cli.shared.beside_axes import BesideAxes
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
@@ -23,26 +24,32 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 
+_REPAINTED, _PRINTED = 0.2, 1.0  # seconds between two looks, where nothing else is said
 _SHOWN = 3  # of each node and sort, in one look
+
+
+every_option = click.option(
+    "--every",
+    type=Seconds(0.01),
+    help=f"Seconds between two looks  [default: {_PRINTED:g}; {_REPAINTED:g} in a terminal]",
+)
 
 
 @click.command("monitor")
 @click.argument("cell", type=PATH)
-@click.option(
-    "--every",
-    type=Seconds(0.01),
-    default=1.0,
-    show_default=True,
-    help="Seconds between two looks.",
-)
+@every_option
 @click.option("--count", type=click.IntRange(min=1), help="How many looks; without, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per look.")
 @click.option(
     "--listen", is_flag=True, help="Boot nothing and send nothing: show what the bus tells by itself."
 )
 @beside_option
-def command(cell: Path, every: float, count: int | None, as_json: bool, listen: bool, beside: bool) -> int:
+def command(
+    cell: Path, every: float | None, count: int | None, as_json: bool, listen: bool, beside: bool
+) -> int:
     """Boot CELL and show its axes, or join its machine where it runs already; energises nothing.
+
+    On a terminal it is one table that stays in its place. "age" is how long ago a position was told by its drive.
 
     With --listen it boots nothing either, and sends nothing at all, beside a running master or without any: NMT states,
     heartbeats, the newest PDOs with names and units, EMCYs, the period of SYNC, and what shows that a master is at work.
@@ -52,12 +59,12 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
             raise click.UsageError("--listen sends nothing, so it needs no --beside: leave one of them out")
         from axisbus.cli import monitor_listen
 
-        return monitor_listen.run(cell, every, count, as_json)
+        return monitor_listen.run(cell, _PRINTED if every is None else every, count, as_json)
     with machine_of(cell, command=False, beside=beside) as machine:
         for line in [] if as_json else histories(machine):
             say(line)
         try:
-            look_on(machine, every, count, as_json)
+            look_on(machine, _PRINTED if as_json and every is None else pace(every), count, as_json)
         finally:
             if not as_json and machine.dropped:
                 say(words(machine.dropped))
@@ -66,38 +73,54 @@ def command(cell: Path, every: float, count: int | None, as_json: bool, listen: 
     return OK
 
 
+def pace(every: float | None) -> float:
+    """Return the seconds between two looks: those that were asked for, else what suits a table in its place, or lines."""
+    if every is not None:
+        return every
+    return _REPAINTED if coloured() else _PRINTED
+
+
 def look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
     """Show the axes again and again, ``count`` times (None: until Ctrl-C)."""
-    looks, told, drops = 0, set[str](), DropNews()
+    looks, told, drops, beside = 0, set[str](), DropNews(), BesideAxes(machine)
     if coloured() and not as_json:
         from axisbus.cli import monitor_live
 
-        monitor_live.show(lambda: _rows(machine, told, drops), lambda: machine.sleep(every), count)
+        def look() -> monitor_live.Seen:
+            rows, news = _rows(machine, told, drops)
+            return monitor_live.Seen(rows, beside.lines(), news)
+
+        monitor_live.show(look, lambda: machine.sleep(every), count)
         return
     while True:
-        _look(machine, as_json, told, drops)
+        if as_json:
+            _look_as_json(machine, beside)
+        else:
+            _look(machine, told, drops, beside)
         looks += 1
         if count is not None and looks >= count:
             return
         machine.sleep(every)
 
 
-def _look(machine: Machine, as_json: bool, told: set[str], drops: DropNews) -> None:
-    if as_json:
-        bus = {
-            "bus_events": [str(event) for event in machine.bus_events],
-            "dropped": [plain_drop(drop) for drop in machine.dropped],
-        }
-        say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
-        return
+def _look_as_json(machine: Machine, beside: BesideAxes) -> None:
+    bus = {
+        "bus_events": [str(event) for event in machine.bus_events],
+        "dropped": [plain_drop(drop) for drop in machine.dropped],
+        "machine": beside.values(),
+    }
+    say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
+
+
+def _look(machine: Machine, told: set[str], drops: DropNews, beside: BesideAxes) -> None:
     for row in map(_row, machine):
         say(
             f"{row['axis']:<8} {row['state']:<18} {row['position']:>20} "
-            f"{row['velocity']:>20}  {row['power']}, {row['mode']}  {row['bits']}"
+            f"{row['velocity']:>20} {row['age']:>7}  {row['power']}, {row['mode']}  {row['bits']}"
         )
         if row["error"]:
             say("         " + row["error"].replace("\n", "\n         "))
-    for line in _since(machine, told, drops):
+    for line in [*beside.lines(), *_since(machine, told, drops)]:
         say(f"         {line}")
 
 
@@ -119,6 +142,7 @@ def _row(axis: Axis) -> dict[str, str]:
     numbers = {
         "position": _number(seen["position"], axis.unit),
         "velocity": _number(seen["velocity"], axis.unit + "/s"),
+        "age": _age(seen["age"]),
     }
     return {key: str(value or "") for key, value in seen.items()} | numbers
 
@@ -221,6 +245,7 @@ def describe(axis: Axis) -> dict[str, object]:
         "state": snapshot.state.value,
         "position": None if snapshot.position is None else axis.position,
         "velocity": None if snapshot.velocity is None else axis.velocity,
+        "age": None if snapshot.position is None else snapshot.now - snapshot.position_stamp,
         "unit": axis.unit,
         "power": snapshot.power.value,
         "mode": "mode unknown" if mode is None else short(mode),
@@ -229,6 +254,13 @@ def describe(axis: Axis) -> dict[str, object]:
         else ", ".join(statusword.bit_words(snapshot.statusword, mode)),
         "error": None if snapshot.error is None else in_commands(snapshot.error),
     }
+
+
+def _age(value: object) -> str:
+    """Return how long ago a position was told, which is less than a cycle or two where it comes with SYNC."""
+    if not isinstance(value, float):
+        return ""
+    return f"{value * 1000:.0f} ms" if value < 1 else f"{value:.1f} s"
 
 
 def _number(value: object, unit: str) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.monitor import look_on
+from axisbus.cli.monitor import every_option, look_on, pace
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
@@ -16,21 +16,20 @@ from axisbus.machine.machine import Machine
 
 @click.command("run")
 @click.argument("cell", type=PATH)
-@click.option(
-    "--every", type=Seconds(0.01), default=1.0, show_default=True, help="Seconds between two looks."
-)
+@every_option
 @click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
 @beside_option
-def command(cell: Path, every: float, seconds: float | None, beside: bool) -> int:
+def command(cell: Path, every: float | None, seconds: float | None, beside: bool) -> int:
     """Boot CELL and keep its machine running, with a look at its axes; energises nothing by itself.
 
     Meanwhile other terminals and programs of this user join it: axisbus monitor, enable, move, home, halt, stop, and
     Machine.attach. One of them has the command at a time; all may halt and stop. Ctrl-C stops every axis, disables it, and ends
     the machine.
     """
+    step = pace(every)
     with Machine.open(cell, beside=beside, shared=True) as machine:
         say(f"the machine runs ({machine.degree}); in another terminal:")
         for text in (f"axisbus monitor {cell}", f"axisbus move {cell} {next(iter(machine)).name}=..."):
             say(f"  {text}")
-        look_on(machine, every, None if seconds is None else max(1, round(seconds / every)), as_json=False)
+        look_on(machine, step, None if seconds is None else max(1, round(seconds / step)), as_json=False)
     return OK

@@ -25,7 +25,7 @@ from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
 from axisbus.cell.model import SIMULATED, AxisConfig, BusConfig, CellConfig
 from axisbus.cia301.drops import Drop
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
@@ -181,6 +181,10 @@ class CanLink:
     def drops(self) -> Sequence[Drop]:
         """As ``Link.drops``."""
         return self._channel.drops.found
+
+    def carried(self) -> Carried:
+        """As ``Link.carried``."""
+        return self._channel.carried
 
     def tap(self, ear: Callable[[Frame], None]) -> None:
         """As ``Link.tap``."""

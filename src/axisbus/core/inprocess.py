@@ -9,7 +9,7 @@ from datetime import datetime
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia402.port import Waiter
 from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
@@ -25,6 +25,7 @@ from axisbus.session import (
     HearFrames,
     LatenessReport,
     Observer,
+    Program,
     Target,
 )
 
@@ -107,6 +108,16 @@ class InProcess:
     def bus_time(self) -> datetime | None:
         """As ``Session.bus_time``."""
         return self._runtime.link.bus_time(time.monotonic())
+
+    @property
+    def carried(self) -> Carried | None:
+        """As ``Session.carried``."""
+        return self._runtime.link.carried()
+
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        """As ``Session.programs``."""
+        return ()
 
     @property
     def lateness(self) -> LatenessReport:

@@ -20,7 +20,7 @@ from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
 from axisbus.machine.opening import attached, opened, simulated
 from axisbus.machine.roster import Roster
-from axisbus.session import LatenessReport, Session
+from axisbus.session import LatenessReport, Program, Session
 
 if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.boot.booted import Booted
@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.bus.link.controller import ControllerEvent
     from axisbus.bus.node.events import NodeEvent
     from axisbus.cia301.drops import Drop
+    from axisbus.cia301.frame import Carried
     from axisbus.core.owner import Owner
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.node_access import NodeAccess
@@ -212,6 +213,22 @@ class Machine:
     def commanded_by(self) -> str:
         """Who had the command when this program joined the machine, for people; empty where nobody had, or it is its own."""
         return self._core.commanded_by
+
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        """The programs that are at this machine (``who``, and whether it ``commands``), the one that opened it first.
+
+        Empty where no other can join it: its core is in this program.
+        """
+        return self.session.programs
+
+    @property
+    def carried(self) -> Carried | None:
+        """How many frames, and octets in them, the bus has carried up to a ``time``, in both directions; None without a bus.
+
+        ``later.load(before, bitrate)`` is the part of the bus that was taken meanwhile: without stuff bits, and with the most.
+        """
+        return self.session.carried
 
     @property
     def reports(self) -> list[NodeReport]:

@@ -17,6 +17,7 @@ from axisbus.bus.pdo.reception import PdoEvent
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.errorfield import ErrorEntry
+from axisbus.cia301.frame import Carried
 from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
@@ -26,7 +27,7 @@ from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.moves.streamed import StreamHead
 from axisbus.motion.parameters import AxisParameters
-from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Target
+from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Program, Target
 from axisbus.wire.values import Codec
 
 
@@ -303,6 +304,8 @@ Message = (
 _ASKED = (
     LatenessReport,
     CommandSeen,
+    Program,
+    Carried,
     NodeEvent,
     ControllerEvent,
     Drop,

@@ -88,7 +88,7 @@ def ours(load: Callable[[float], None], seconds: float, file: str) -> dict[str, 
         group.enable().wait(10)
         for axis in machine:
             axis.home().wait(10)
-        moving = group.move_linear([170.0, 85.0, 170.0], velocity=1.0)
+        moving = group.move_linear([170.0, 85.0, 170.0], velocity=min(1.0, 200 / seconds))
         load(seconds)
         if not moving.active:
             raise AssertionError(f"{moving}: {moving.error}")

@@ -45,7 +45,7 @@ from axisbus.bus.link.network import Network
 from axisbus.bus.link.recording import of_message
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Drops, Fault
-from axisbus.cia301.frame import Frame
+from axisbus.cia301.frame import Carried, Frame
 from axisbus.errors import AdapterError, BusError, BusOff, StateError
 
 Receiver = Callable[[bytes, float], None]
@@ -75,6 +75,7 @@ class Counters:
 
     sent: int = 0
     received: int = 0
+    octets: int = 0  # of data, in both directions
     full: int = 0
     error_frames: int = 0
     errors: deque[str] = field(default_factory=lambda: deque(maxlen=16))
@@ -154,6 +155,12 @@ class Channel:
         return self._failure
 
     @property
+    def carried(self) -> Carried:
+        """What it has sent and received so far; of frames that come and go at the same time one may be missing."""
+        counters = self.counters
+        return Carried(time.monotonic(), counters.sent + counters.received, counters.octets)
+
+    @property
     def in_receive_thread(self) -> bool:
         """Whether the caller runs in the receive thread, where nothing may wait for a frame."""
         return threading.current_thread() is self._thread
@@ -215,6 +222,7 @@ class Channel:
             counters, receivers = self.counters, self._receivers
             for can_id, data, stamp in self._cyclic.drain():
                 counters.received += 1
+                counters.octets += len(data)
                 if self._ears or self._taps:
                     self._tell_ears(Frame(stamp, can_id, data))
                 for receiver in receivers.get(can_id, ()):
@@ -268,7 +276,9 @@ class Channel:
             self._line.send(can_id, data)
         except can.CanError as error:
             self._insist(self._line.send, can_id, data, patience, error)
-        self.counters.sent += 1
+        counters = self.counters
+        counters.sent += 1
+        counters.octets += len(data)
         if self._taps:
             self._tell_taps(can_id, data)
 
@@ -343,6 +353,8 @@ class Channel:
         if error is not None:  # seldom
             self._insist(give, can_id, what, patience, error)
         self.counters.sent += 1
+        if isinstance(what, bytes):
+            self.counters.octets += len(what)
         if self._taps:
             self._tell_taps(can_id, what)
 
@@ -411,6 +423,7 @@ class Channel:
                 self.counters.errors.append(f"stop frame {can_id:03X}h: {error}")
             else:
                 self.counters.sent += 1
+                self.counters.octets += len(data)
                 if self._taps:
                     self._tell_taps(can_id, data)
                 return True
@@ -458,6 +471,7 @@ class Channel:
                 self.drops.frame(unfit, can_id, stamp, bytes(message.data))
             return
         self.counters.received += 1
+        self.counters.octets += len(message.data)
         heard = self._distribute(can_id, bytes(message.data), stamp)
         if can_id in self.network.subscribers:
             self._hand_over(

@@ -106,6 +106,15 @@ def with_options(
     return replace(cell, bus=given)
 
 
+def rate_of(cell: CellConfig | None, interface: str | None = None, channel: str | None = None) -> int | None:
+    """Return the bit rate of a cell's bus, or of the one that is named, in bit/s; None where nobody knows it."""
+    from axisbus.bus.link.listen import link_bitrate
+
+    if cell is None:
+        return link_bitrate(interface or "", channel)
+    return cell.bus.bitrate or link_bitrate(interface or cell.bus.interface, channel or cell.bus.channel)
+
+
 def require_rate(interface: str, bitrate: int | None, options: Mapping[str, object]) -> None:
     """Check that a bit rate is given where the adapter sets it.
 

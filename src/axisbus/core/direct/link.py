@@ -225,6 +225,9 @@ class DirectLink:
         """None: there are no frames."""
         return ()
 
+    def carried(self) -> None:
+        """None: there are no frames."""
+
     def tap(self, ear: Callable[[Frame], None]) -> None:
         """As ``Link.tap``: there are no frames."""
 

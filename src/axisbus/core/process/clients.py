@@ -32,7 +32,7 @@ from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.motion.commands import HandOver, QuickStop
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.ticket import ENDED
-from axisbus.session import CommandEvent, Target
+from axisbus.session import CommandEvent, Program, Target
 from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.stream import Stream
@@ -122,6 +122,11 @@ class Clients:
     def commanded_by(self) -> str:
         """Who has the command, for people; empty where nobody has."""
         return "" if self._holder is None else self._holder.name
+
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        """Who is there: the program that opened the cell first, then the guests as they came."""
+        return tuple(Program(desk.name, desk is self._holder) for desk in self._desks.values())
 
     def refusal(self, desk: Desk, name: str) -> OwnershipError | None:
         """Return why a client may not command, None where it may."""

@@ -115,6 +115,8 @@ class Desk:
 
     def _find(self, message: m.Ask) -> object:
         core = self._clients.core
+        if message.what == "programs":
+            return self._clients.programs
         if not message.node:
             return OF_CORE[message.what](core.session)
         if message.what == "watch":

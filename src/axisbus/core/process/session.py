@@ -11,6 +11,7 @@ from datetime import datetime
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.events import NodeEvent
 from axisbus.cia301.drops import Drop
+from axisbus.cia301.frame import Carried
 from axisbus.cia402.port import Waiter
 from axisbus.core.inherited import inherited
 from axisbus.core.lateness import hanging
@@ -29,6 +30,7 @@ from axisbus.session import (
     HearFrames,
     LatenessReport,
     Observer,
+    Program,
     Target,
 )
 from axisbus.wire import messages as m
@@ -173,6 +175,17 @@ class RemoteSession:
         """As ``Session.bus_time``; blocks for an answer of the core."""
         found: datetime | None = self._calls.ask("bus_time")
         return found
+
+    @property
+    def carried(self) -> Carried | None:
+        """As ``Session.carried``; blocks for an answer of the core."""
+        found: Carried | None = self._calls.ask("carried")
+        return found
+
+    @property
+    def programs(self) -> tuple[Program, ...]:
+        """As ``Session.programs``; blocks for an answer of the core."""
+        return tuple(self._calls.ask("programs"))
 
     @property
     def lateness(self) -> LatenessReport:

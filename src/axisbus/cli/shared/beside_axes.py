@@ -1,0 +1,80 @@
+"""How a machine is beside its axes: the load of its bus, its cycle, the programs that are at it; in words and as values."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from axisbus.cli.shared.buses import rate_of
+from axisbus.machine.machine import Machine
+
+_SHORTEST = 0.1  # seconds from which a load is worked out
+
+
+class _Traffic(NamedTuple):
+    """What a bus carries: frames each second, and the part of it that they take, where the bit rate is known."""
+
+    frames: float
+    load: tuple[float, float] | None
+
+
+class BesideAxes:
+    """Looks again and again; holds what the bus had carried when its load was worked out last."""
+
+    def __init__(self, machine: Machine) -> None:
+        """Begin to count; blocks for an answer of the core."""
+        self._machine = machine
+        self._rate = rate_of(machine.cell)
+        self._before = machine.carried
+        self._traffic: _Traffic | None = None
+
+    def lines(self) -> list[str]:
+        """Return lines for people: bus, cycle, and programs where there are others; blocks for answers of the core."""
+        return [line for line in (self._bus(), self._cycle(), self._programs()) if line]
+
+    def values(self) -> dict[str, object]:
+        """Return the same as plain values; the load is None before the second look, and where no bit rate is known."""
+        traffic = self._look()
+        load = None if traffic is None else traffic.load
+        late = self._machine.lateness
+        return {
+            "frames_per_second": None if traffic is None else traffic.frames,
+            "load_least": None if load is None else load[0],
+            "load_worst": None if load is None else load[1],
+            "cycles": late.cycles,
+            "skipped": late.skipped,
+            "late_p50": late.p50,
+            "late_p99": late.p99,
+            "late_worst": late.worst,
+            "programs": [{"who": each.who, "commands": each.commands} for each in self._machine.programs],
+        }
+
+    def _look(self) -> _Traffic | None:
+        before, now = self._before, self._machine.carried
+        if before is None or now is None or now.time < before.time + _SHORTEST:
+            return self._traffic
+        load = None if self._rate is None else now.load(before, self._rate)
+        self._traffic = _Traffic((now.frames - before.frames) / (now.time - before.time), load)
+        self._before = now
+        return self._traffic
+
+    def _bus(self) -> str:
+        traffic = self._look()
+        if traffic is None:
+            return ""
+        full = f"{traffic.frames:.0f} frames/s"
+        if traffic.load is not None and self._rate is not None:
+            least, most = traffic.load
+            full = f"{least:.0%} to {most:.0%} of {self._rate / 1000:g} kbit/s, {full}"
+        events = self._machine.bus_events
+        return f"bus: {full}" + (f"; the controller is {events[-1].condition.value}" if events else "")
+
+    def _cycle(self) -> str:
+        return f"cycle of {self._machine.cell.bus.scan_period * 1000:g} ms: {self._machine.lateness}"
+
+    def _programs(self) -> str:
+        programs = self._machine.programs
+        if len(programs) < 2:
+            return ""
+        holder = next((each.who for each in programs if each.commands), "nobody")
+        others = "; ".join(each.who for each in programs if not each.commands)
+        return f"commanded by {holder}; looking on: {others}"

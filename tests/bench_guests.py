@@ -1,0 +1,146 @@
+"""What programs beside a core cost its cycle: recordings, monitors, and attacks at its door. ``make bench-guests``.
+
+Each is measured in turn with a control, which is the same machine without it: three axes on a trajectory, at 4 ms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from kit.attacks import ATTACKS
+from kit.bench.busy import ours
+
+CELL = Path(__file__).parents[1] / "examples" / "cell.toml"
+SHARE = 0.02  # of a processor, for a recording
+HOURLY = 150e6  # bytes
+missed: list[str] = []
+rows: list[dict[str, object]] = []
+
+
+class Run(NamedTuple):
+    """One run: cycles, lost ones, lateness in seconds, and the CPU time of who was beside, in seconds."""
+
+    cycles: float
+    lost: float
+    p99: float
+    cpu: float
+
+    def __str__(self) -> str:
+        return f"p99 {self.p99 * 1e6:6.0f} µs, lost {self.lost:g} of {self.cycles + self.lost:g}"
+
+
+def run(cell: Path, beside: Callable[[float], float], seconds: float) -> Run:
+    """Open the machine, let it move, and ``beside`` (which returns its CPU time) run meanwhile."""
+    spent = 0.0
+
+    def load(seconds: float) -> None:
+        nonlocal spent
+        spent = beside(seconds)
+
+    found = ours(load, seconds, str(cell))
+    return Run(found["cycles"], found["lost"], found["p99"], spent)
+
+
+def waiting(seconds: float) -> float:
+    """Nobody is beside."""
+    time.sleep(seconds)
+    return 0.0
+
+
+def program(*words: str) -> Callable[[float], float]:
+    """A program that ends by itself after so many seconds (``{}`` in its words)."""
+
+    def beside(seconds: float) -> float:
+        command = [sys.executable, "-m", *(word.format(seconds) for word in words)]
+        child = subprocess.Popen(command, cwd=Path(__file__).parent, stdout=subprocess.DEVNULL)
+        _, status, usage = os.wait4(child.pid, 0)
+        if status:
+            raise SystemExit(f"{' '.join(command)} failed")
+        return usage.ru_utime + usage.ru_stime
+
+    return beside
+
+
+def pairs(cell: Path, beside: Callable[[float], float], seconds: float, count: int) -> tuple[Run, Run]:
+    """Return medians of runs with and without, in turn."""
+    found: list[tuple[Run, Run]] = [
+        (run(cell, beside, seconds), run(cell, waiting, seconds)) for _ in range(count)
+    ]
+    return tuple(Run(*map(statistics.median, zip(*side, strict=True))) for side in zip(*found, strict=True))  # type: ignore[return-value]
+
+
+def row(what: str, mine: Run, control: Run, more: str = "", promise: bool = True) -> None:
+    """Print one line; it is missed where more than twice the control's cycles and 3 are lost, or ``promise`` is not kept."""
+    good = mine.lost <= 2 * control.lost + 3 and promise
+    print(f"{what:<34}{mine!s:<40}alone: {control}{more}   {'ok' if good else 'MISSED'}", flush=True)
+    rows.append({"what": what, "with": mine._asdict(), "alone": control._asdict(), "more": more, "ok": good})
+    if not good:
+        missed.append(what)
+
+
+def recording(cell: Path, seconds: float, count: int, folder: Path) -> None:
+    """A recording of all axes, by another program."""
+    file = folder / "run.mcap"
+    words = ("axisbus", "record", str(cell), "-o", str(file), "--force", "--for", "{}")
+    mine, control = pairs(cell, program(*words), seconds, count)
+    share, hourly = mine.cpu / seconds, file.stat().st_size / seconds * 3600
+    more = f"; {share:.1%} of a core, {hourly / 1e6:.0f} MB/h"
+    row("axisbus record", mine, control, more, share < SHARE and hourly <= HOURLY)
+
+
+def others(cell: Path, seconds: float, count: int) -> None:
+    """Who looks on."""
+    looks = str(int(seconds * 10))
+    beside = {
+        "axisbus monitor, 10 looks a second": (
+            "axisbus",
+            "monitor",
+            str(cell),
+            "--every",
+            "0.1",
+            "--count",
+            looks,
+        ),
+        "axisbus trace": ("axisbus", "trace", str(cell), "--seconds", "{}"),
+    }
+    for what, words in beside.items():
+        row(what, *pairs(cell, program(*words), seconds, count))
+
+
+def attacks(cell: Path, seconds: float, count: int) -> None:
+    """Whoever comes in at the door."""
+    for name in ATTACKS:
+        row(name, *pairs(cell, program("kit.attacks", name, str(cell), "{}"), seconds, count))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run all and return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each run of an attack")
+    parser.add_argument("--recorded", type=float, default=600.0, help="seconds of the run that is recorded")
+    parser.add_argument(
+        "--pairs", type=int, default=3, help="runs of which medians are taken; one of the recording"
+    )
+    parser.add_argument("--json", type=Path, help="a file for the table")
+    asked = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        attacks(CELL, asked.seconds, asked.pairs)
+        others(CELL, asked.seconds, asked.pairs)
+        recording(CELL, asked.recorded, 1, Path(folder))
+    if asked.json is not None:
+        asked.json.write_text(json.dumps(rows, indent=1, ensure_ascii=False), encoding="utf-8")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
