@@ -33,7 +33,7 @@ def axisbus(monkeypatch, capsys) -> commands.Run:
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    return own_cell(tmp_path_factory.mktemp("joined"))
+    return own_cell(tmp_path_factory.mktemp("joined"), axis="rated_torque = 10.0\nmax_torque = 5.0")
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +72,7 @@ def test_monitor_joins_and_looks_on(axisbus, moving, file):
         ("move", "x=0"),
         ("enable", "y"),
         ("velocity", "y=5", "--for", "1"),
+        ("torque", "y=0.1", "--for", "1"),
     ],
     ids=" ".join,
 )

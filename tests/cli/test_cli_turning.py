@@ -15,7 +15,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
 from kit.cell import cell_text
-from kit.stories.own import own_cell
+from kit.stories.own import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
 
@@ -192,6 +192,20 @@ def test_a_terminal_that_is_gone_leaves_nothing_that_moves(tmp_path):
             assert time.monotonic() < end, machine["x"]
             time.sleep(0.02)
         assert not machine.stand_in(1).drive().axis.motor.velocity
+
+
+@pty_only
+def test_beside_a_program_that_moves_an_axis_a_jog_is_refused_before_it_takes_a_key(tmp_path):
+    path = own_cell(tmp_path, "xy")
+    with Machine.open(path) as machine:
+        machine["x"].enable().wait(20)
+        handle = under_way(machine["x"])
+        terminal = Terminal(path, "y", "--velocity", "30")
+        assert terminal.end() == 1
+        assert "has it" in terminal.shown
+        assert "--take" in terminal.shown
+        assert handle.active
+        assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
 
 
 def test_without_a_terminal_a_jog_is_refused_and_nothing_is_opened(axisbus, cell, monkeypatch):

@@ -13,6 +13,7 @@ from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
 
 from axisbus.bus.link.adapter import open_adapter
 from axisbus.errors import AdapterError
+from axisbus.sim.served import server as serving
 from axisbus.sim.served.dialogue import GREETING, Dialogue, Frame, told
 from axisbus.sim.served.server import LOOPBACK, Server
 
@@ -135,8 +136,13 @@ def test_a_frame_takes_no_longer_than_the_loopback(server):
     assert sorted(took)[25] < 0.01
 
 
-def test_who_does_not_read_and_who_says_nonsense_is_let_go_and_nobody_waits(server, caplog):
+@pytest.mark.parametrize("at_once", [True, False], ids=["", "as on Windows"])
+def test_who_does_not_read_and_who_says_nonsense_is_let_go_and_nobody_waits(
+    server, caplog, at_once, monkeypatch
+):
     caplog.set_level(logging.CRITICAL)
+    if not at_once:
+        monkeypatch.setattr(serving, "_AT_ONCE", None)
     good = joined(server)
     deaf = socket.create_connection((LOOPBACK, server.port))
     deaf.sendall(f"< open {server.channel} >< rawmode >".encode())
@@ -160,6 +166,31 @@ def test_who_does_not_read_and_who_says_nonsense_is_let_go_and_nobody_waits(serv
     assert good.recv(2.0).arbitration_id == 0x182
     for each in (deaf, mad):
         each.close()
+    good.shutdown()
+
+
+def test_one_that_sends_more_than_can_be_taken_waits_and_one_that_nobody_takes_is_let_go(server):
+    flood = socket.create_connection((LOOPBACK, server.port))
+    flood.sendall(f"< open {server.channel} >< rawmode >".encode())
+    flood.settimeout(0.3)
+    frames = b"< send 201 8 0 0 0 0 0 0 0 0 >" * 1000
+    with suppress(TimeoutError, ConnectionError):
+        for _ in range(1000):
+            flood.sendall(frames)
+    assert server.bus.heard.qsize() <= 1024
+    until = time.monotonic() + 5.0
+    while server.clients and time.monotonic() < until:
+        time.sleep(0.01)
+    assert server.clients == 0
+    while server.bus.recv(0.0) is not None:
+        pass
+    good = joined(server)
+    good.send(can.Message(arbitration_id=0x202, data=b"", is_extended_id=False))
+    heard = server.bus.recv(2.0)
+    while heard.arbitration_id == 0x201:  # what was under way when the flood ended
+        heard = server.bus.recv(2.0)
+    assert heard.arbitration_id == 0x202
+    flood.close()
     good.shutdown()
 
 

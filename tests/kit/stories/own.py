@@ -11,10 +11,10 @@ from axisbus.machine.machine import Machine
 from kit.cell import SCALE, cell_text
 
 
-def own_cell(folder: Path, names: str = "xy", more: str = "") -> Path:
-    """Write the file of a cell with an axis for each letter of ``names``, and return it."""
+def own_cell(folder: Path, names: str = "xy", more: str = "", axis: str = "") -> Path:
+    """Write the file of a cell with an axis for each letter of ``names``, and return it; ``axis`` is said of each."""
     path = folder / "cell.toml"
-    text = cell_text(names, period="20ms", heartbeat="1s", bus='process = "own"', more=more)
+    text = cell_text(names, period="20ms", heartbeat="1s", bus='process = "own"', more=more, axis=axis)
     path.write_text(text, encoding="utf-8")
     return path
 

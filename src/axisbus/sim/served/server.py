@@ -1,12 +1,14 @@
 """A socketcand server on this computer, between the programs that join it and the stand-ins of a cell.
 
 What one of them sends reaches all others, and the stand-ins; what the stand-ins send reaches all. A client that does not read is
-let go of, and so is one that sends something else than messages: neither holds up the bus.
+let go of, and so is one that sends something else than messages: neither holds up the bus. One that sends more than the stand-ins
+can take waits for them, as it would for a full bus.
 """
 
 from __future__ import annotations
 
 import queue
+import select
 import socket
 import sys
 import threading
@@ -22,9 +24,13 @@ from axisbus.sim.served.dialogue import GREETING, QUIET, Dialogue, Frame, told
 LOOPBACK = "127.0.0.1"  # nobody else's computer is to be on this bus
 _MOST = 32  # clients
 _PIECE = 4096  # bytes
+_WAITING = 1024  # frames that the stand-ins have yet to take
+_PATIENCE = 1.0  # seconds that they may take no frame
 _QUICK_ACK = getattr(
     socket, "TCP_QUICKACK", None
 )  # else a client that waits for it holds its frames back for 40 ms
+
+_AT_ONCE = getattr(socket, "MSG_DONTWAIT", None)  # not on Windows
 
 
 class Server:
@@ -63,9 +69,13 @@ class Server:
         return len(self._clients)
 
     def spread(self, frame: Frame, origin: _Client | None) -> None:
-        """Give a frame to everybody but its origin (None: the stand-ins); does not block."""
+        """Give a frame to everybody but its origin (None: the stand-ins, which never wait).
+
+        Raises:
+            queue.Full: the stand-ins take nothing any more.
+        """
         if origin is not None:
-            self.bus.heard.put(frame)
+            self.bus.heard.put(frame, timeout=_PATIENCE)
         text = told(frame, time.time())
         for client in self._clients:
             if client is not origin:
@@ -128,7 +138,7 @@ class _Client:
     def _send(self, text: bytes) -> None:
         try:
             with self._sending:
-                complete = self._line.send(text, socket.MSG_DONTWAIT) == len(text)
+                complete = _sent_now(self._line, text)
         except OSError:
             complete = False
         if not complete:
@@ -140,7 +150,7 @@ class _Client:
         try:
             while data := self._line.recv(_PIECE):
                 self._take(data)
-        except OSError:
+        except (OSError, queue.Full):
             pass
         finally:
             self._server.dismiss(self)
@@ -162,13 +172,20 @@ class _Client:
             self.close()
 
 
+def _sent_now(line: socket.socket, text: bytes) -> bool:
+    """Send what is to go out whole and at once; return whether it did."""
+    if _AT_ONCE is not None:
+        return line.send(text, _AT_ONCE) == len(text)
+    return bool(select.select([], [line], [], 0)[1]) and line.send(text) == len(text)
+
+
 class ServedBus(can.BusABC):
     """The stand-ins' end of a server, as a bus of python-can."""
 
     def __init__(self, server: Server) -> None:
         super().__init__(channel=server.channel)
         self.channel_info = f"stand-ins served on port {server.port}"
-        self.heard: queue.Queue[Frame] = queue.Queue()
+        self.heard: queue.Queue[Frame] = queue.Queue(_WAITING)
         self._server = server
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never waits
