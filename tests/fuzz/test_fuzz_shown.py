@@ -8,7 +8,7 @@ import can
 import pytest
 
 from axisbus.cia301.drops import DropNews, Drops, Fault, words
-from axisbus.cli import monitor
+from axisbus.cli.monitor import axes as monitor
 from kit import commands
 from kit.mad_node import MadNode, close
 from kit.stories.bus import Line, until

@@ -139,14 +139,14 @@ def test_every_frame_is_decoded_and_written_out(what, frames):
 @given(frames=streams)
 @settings(max_examples=50)
 def test_the_overview_and_the_meter_take_every_frame(frames):
-    from axisbus.cli import monitor_listen
+    from axisbus.cli.monitor import listen
 
     overview, meter = Overview(CELL, FILES), Meter(1_000_000)
     for number, frame in enumerate(frames):
         overview.feed(frame, number * 0.01)
         meter.add(frame, "SDO", None)
-    json.dumps(monitor_listen._plain(overview, 1.0, 1.0), allow_nan=False)
-    assert all("\n" not in line for line in monitor_listen.lines(overview, 1.0, 1.0))
+    json.dumps(listen._plain(overview, 1.0, 1.0), allow_nan=False)
+    assert all("\n" not in line for line in listen.lines(overview, 1.0, 1.0))
     found = meter.result()
     assert found is None or found.peak.load >= 0.0
 

@@ -13,7 +13,7 @@ from axisbus import Machine, eds
 from axisbus.bus.pdo.reception import Reception
 from axisbus.check.run import check
 from axisbus.cia301.incident import IncidentState
-from axisbus.cli import monitor
+from axisbus.cli.monitor import axes as monitor
 from axisbus.errors import BootError, ScanError, SyncError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from axisbus.cell import reader
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
-from axisbus.cli import monitor_listen
+from axisbus.cli.monitor import listen
 from axisbus.core.files import load_dictionaries
 from axisbus.machine.overview import Overview
 
@@ -46,10 +46,10 @@ FRAMES = st.builds(
 def test_whatever_comes_can_be_told(frames: list[Frame]) -> None:
     overview = heard(*frames)
     assert overview.frames == len(frames)
-    json.dumps(monitor_listen._plain(overview, 0.0, 1010.0), allow_nan=False)
+    json.dumps(listen._plain(overview, 0.0, 1010.0), allow_nan=False)
     for frame in frames:
         overview.feed(frame, 1010.0)
-    assert len(monitor_listen.lines(overview, 0.0, 1010.0)) >= 1 + len(CELL.nodes)
+    assert len(listen.lines(overview, 0.0, 1010.0)) >= 1 + len(CELL.nodes)
     assert overview.take_news() == []
 
 
@@ -78,16 +78,16 @@ def test_the_newest_of_a_pdo_replaces_the_one_before() -> None:
 
 def test_news_that_are_too_many_are_counted() -> None:
     overview = heard(*(Frame(0.01 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(70)))
-    told = monitor_listen.lines(overview, 70.0, 1001.0)
+    told = listen.lines(overview, 70.0, 1001.0)
     assert sum("EMCY" in line for line in told) == 5
     assert "65 more are not shown" in told[-1]
-    assert not any("not shown" in line for line in monitor_listen.lines(overview, 0.0, 1002.0))
+    assert not any("not shown" in line for line in listen.lines(overview, 0.0, 1002.0))
 
 
 def test_a_node_that_goes_mad_does_not_hide_what_another_says() -> None:
     storm = [Frame(0.001 * count, 0x081, bytes.fromhex("2043080000000000")) for count in range(500)]
     overview = heard(Frame(0.0, 0x702, b"\0"), *storm)
-    told = monitor_listen.lines(overview, 500.0, 1001.0)
+    told = listen.lines(overview, 500.0, 1001.0)
     assert any("!! 2 boot-up" in line for line in told) or any("2 y boot-up" in line for line in told)
 
 

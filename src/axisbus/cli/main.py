@@ -31,7 +31,7 @@ COMMANDS = {
     "boot": ("axisbus.cli.boot", "Bring the nodes of a cell up and report each; energises nothing."),
     "sim": ("axisbus.cli.sim.serve", "Simulate the drives of a cell, for other terminals and programs."),
     "run": ("axisbus.cli.run", "Keep a cell's machine running, for other terminals and programs to join."),
-    "monitor": ("axisbus.cli.monitor", "Show states, positions and faults of a cell's axes."),
+    "monitor": ("axisbus.cli.monitor.axes", "Show states, positions and faults of a cell's axes."),
     "record": (
         "axisbus.cli.record.group",
         "Record what the axes of a cell do; compare and export recordings.",

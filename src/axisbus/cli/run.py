@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.monitor import every_option, look_on, pace
+from axisbus.cli.monitor.axes import every_option, look_on, pace
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option

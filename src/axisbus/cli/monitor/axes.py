@@ -57,9 +57,9 @@ def command(
     if listen:
         if beside:
             raise click.UsageError("--listen sends nothing, so it needs no --beside: leave one of them out")
-        from axisbus.cli import monitor_listen
+        from axisbus.cli.monitor.listen import run as listen_to
 
-        return monitor_listen.run(cell, _PRINTED if every is None else every, count, as_json)
+        return listen_to(cell, _PRINTED if every is None else every, count, as_json)
     with machine_of(cell, command=False, beside=beside) as machine:
         for line in [] if as_json else histories(machine):
             say(line)
@@ -84,13 +84,13 @@ def look_on(machine: Machine, every: float, count: int | None, as_json: bool) ->
     """Show the axes again and again, ``count`` times (None: until Ctrl-C)."""
     looks, told, drops, beside = 0, set[str](), DropNews(), BesideAxes(machine)
     if coloured() and not as_json:
-        from axisbus.cli import monitor_live
+        from axisbus.cli.monitor import live
 
-        def look() -> monitor_live.Seen:
+        def look() -> live.Seen:
             rows, news = _rows(machine, told, drops)
-            return monitor_live.Seen(rows, beside.lines(), news)
+            return live.Seen(rows, beside.lines(), news)
 
-        monitor_live.show(look, lambda: machine.sleep(every), count)
+        live.show(look, lambda: machine.sleep(every), count)
         return
     while True:
         if as_json:
