@@ -15,6 +15,7 @@ COMMANDS = {
     "demo": ("axisbus.cli.demo", "Run the main job on the simulated cell and draw it."),
     "eds": ("axisbus.cli.eds.group", "Check, mend, show, compare and document EDS and DCF files."),
     "check": ("axisbus.cli.check", "Find everything wrong with a cell file before the first frame."),
+    "plan": ("axisbus.cli.plan.command", "Show the timetable of a cell's cycle, and how short it can be."),
     "scan": ("axisbus.cli.scan", "Show who is on a bus and what they are."),
     "init": ("axisbus.cli.init", "Write a first cell file of what a scan finds; reads only."),
     "lss": (
@@ -39,6 +40,7 @@ COMMANDS = {
     "plot": ("axisbus.cli.record.plot", "Draw a recording."),
     "trace": ("axisbus.cli.trace", "Show the frames of a bus or a recording in words."),
     "load": ("axisbus.cli.load", "Show how full a bus is, planned and measured."),
+    "jitter": ("axisbus.cli.jitter.command", "Measure how evenly a cell's cycle is kept."),
     "enable": ("axisbus.cli.enable", "Enable axes of a machine that runs."),
     "home": ("axisbus.cli.home", "Enable axes and home them."),
     "move": ("axisbus.cli.move", "Enable axes and move them to positions."),

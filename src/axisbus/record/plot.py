@@ -68,7 +68,7 @@ def plot(
         raise UserError(
             f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
         )
-    pyplot = _pyplot()
+    pyplot = load_pyplot()
     shown = _recorded(recording).within(begin, end)
     if not any(track.times for track in shown.tracks.values()):
         raise UserError("nothing was recorded, so there is nothing to draw")
@@ -85,7 +85,8 @@ def _recorded(recording: Recorder | Recorded | Path | str) -> Recorded:
     return recording if isinstance(recording, Recorded) else load(recording)
 
 
-def _pyplot() -> Any:
+def load_pyplot() -> Any:
+    """Return matplotlib's pyplot, which draws without a screen; raises UserError where it is not installed."""
     try:
         import matplotlib
     except ImportError:

@@ -41,3 +41,8 @@ def _named(cell: CellConfig, name: str) -> tuple[str, ...]:
     if name in cell.groups:
         return cell.groups[name].axes
     raise cell.no_axis(name, groups=True)
+
+
+def of_node(cell: CellConfig, node: int | None) -> str:
+    """Return the axes of a node, for people; the node itself where it has none, nothing for the bus (None)."""
+    return "" if node is None else " ".join(axis.name for axis in cell.axes_of(node)) or f"node {node}"

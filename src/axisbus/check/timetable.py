@@ -1,0 +1,179 @@
+"""The timetable of a cycle: when each of its frames is through at the latest, and the shortest period that the wire can hold.
+
+Theory of operation
+-------------------
+All that follows a SYNC is taken to want the wire at once, and CAN's arbitration to put it in the order of its identifiers. So a
+frame is through after the longest frame that may be under way when the cycle begins (SYNC has to wait for it), every frame with a
+lower identifier, and itself; each with as many stuff bits as there can be. That is the worst case: what leaves later, because its
+drive or the computer takes its time, finds a wire that is less busy.
+
+Frames that come with every n-th SYNC, or by a timer, are in the table of the cycle in which all of them come together. The
+shortest period is that in which all of *every* cycle is through before the next SYNC, the others on average, with an SDO request
+and its answer besides, and in which the load stays below what ``check`` lets pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from axisbus.cell.model import CellConfig, NodeConfig
+from axisbus.cell.pdo_plan import travelling
+from axisbus.cell.pdo_tables import requested_pdos
+from axisbus.check.bus_load import ERROR_LOAD, per_cycle
+from axisbus.check.case import Case
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import worst_bits
+from axisbus.cia301.pdo import Pdo
+from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
+
+LONGEST_FRAME = worst_bits(8)
+SDO_TRANSFER = 2 * worst_bits(8)  # a request and its answer
+_STEP = 0.0001  # seconds
+_LONGEST_PERIOD = 1.0
+_SLACK = 1e-9
+_TIME_BYTES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One frame of a cycle: ``begin`` and ``end`` (s after the point of the grid) at the latest, and what is in it.
+
+    ``kind``: SYNC, TPDO, RPDO, request (a remote frame), heartbeat or TIME; ``node`` None for those of no node; ``share``: in what
+    part of all cycles it comes.
+    """
+
+    can_id: int
+    kind: str
+    node: int | None
+    name: str
+    carries: tuple[str, ...]
+    data_bytes: int
+    share: float = 1.0
+    begin: float = 0.0
+    end: float = 0.0
+
+    @property
+    def bits(self) -> int:
+        """Its length with as many stuff bits as there can be."""
+        return worst_bits(self.data_bytes, self.can_id > cob.ID_MASK_11)
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """Who has the lower one has the wire: the first 11 bits, then those without 18 more, then these."""
+        extended = self.can_id > cob.ID_MASK_11
+        return (self.can_id >> 18, 1 + self.can_id) if extended else (self.can_id, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Timetable:
+    """The cycle of a cell at a bit rate (bit/s), in the order of the wire."""
+
+    bitrate: int
+    period: float
+    slots: tuple[Slot, ...]
+
+    @property
+    def waits(self) -> float:
+        """For how long SYNC may wait for a frame that is under way, in seconds."""
+        return LONGEST_FRAME / self.bitrate
+
+    @property
+    def fullest(self) -> float:
+        """When the last frame of the fullest cycle is through, in seconds."""
+        return max((slot.end for slot in self.slots), default=0.0)
+
+    @property
+    def every(self) -> float:
+        """When the last of those that come in every cycle is through, were there no others, in seconds."""
+        return (LONGEST_FRAME + sum(slot.bits for slot in self.slots if slot.share >= 1)) / self.bitrate
+
+    @property
+    def load(self) -> float:
+        """The part of the wire that is taken on average, at worst, from 0 to 1."""
+        return self._average / (self.bitrate * self.period)
+
+    @property
+    def left(self) -> float:
+        """What an average cycle leaves for SDO, EMCY and NMT, in seconds; negative where it does not fit."""
+        return self.period - (LONGEST_FRAME + self._average) / self.bitrate
+
+    @property
+    def fits(self) -> bool:
+        """Whether this period can be held."""
+        needed = LONGEST_FRAME + SDO_TRANSFER + self._average
+        return needed <= self.bitrate * self.period + _SLACK and self.load <= ERROR_LOAD + _SLACK
+
+    @property
+    def _average(self) -> float:
+        return sum(slot.bits * slot.share for slot in self.slots)
+
+
+def timetable(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> Timetable:
+    """Return the timetable of a cell; ``files``: the EDS of each node by its ID."""
+    frames = sorted(_frames(cell, files), key=lambda slot: slot.rank)
+    placed, time = [], LONGEST_FRAME / bitrate
+    for slot in frames:
+        end = time + slot.bits / bitrate
+        placed.append(replace(slot, begin=time, end=end))
+        time = end
+    return Timetable(bitrate, cell.bus.scan_period, tuple(placed))
+
+
+def shortest(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> float | None:
+    """Return the shortest scan period that the wire can hold, in whole tenths of a millisecond; None where not even 1 s can.
+
+    In another period the planner may let other PDOs come less often, so it is asked for each.
+    """
+    if not timetable(_with_period(cell, _LONGEST_PERIOD), files, bitrate).fits:
+        return None
+    low, high = 0, round(_LONGEST_PERIOD / _STEP)  # low does not fit, high does
+    while high - low > 1:
+        middle = (low + high) // 2
+        if timetable(_with_period(cell, middle * _STEP), files, bitrate).fits:
+            high = middle
+        else:
+            low = middle
+    return round(high * _STEP, 4)
+
+
+def _with_period(cell: CellConfig, period: float) -> CellConfig:
+    return replace(cell, bus=replace(cell.bus, scan_period=period))
+
+
+# -- the frames of a cell ---------------------------------------------------------------------------------------------------
+
+
+def _frames(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Slot]:
+    bus = cell.bus
+    if bus.sync:
+        yield Slot(bus.sync_cob_id, "SYNC", None, "SYNC", (), 1 if bus.sync_counter else 0)
+    if bus.time is not None:
+        share = min(1.0, bus.scan_period / bus.time)
+        yield Slot(bus.time_cob_id, "TIME", None, "TIME", (), _TIME_BYTES, share)
+    for node, eds, dictionary in Case(cell, files).nodes:
+        for receive, pdo in travelling(cell, node, eds, dictionary):
+            yield from _of_pdo(cell, node, dictionary, receive, pdo)
+    if bus.heartbeat is not None:
+        share = min(1.0, bus.scan_period / bus.heartbeat)
+        for node_id in (*cell.nodes, bus.master_id):
+            yield Slot(cob.HEARTBEAT + node_id, "heartbeat", node_id, "heartbeat", (), 1, share)
+
+
+def _of_pdo(
+    cell: CellConfig, node: NodeConfig, dictionary: Dictionary, receive: bool, pdo: Pdo
+) -> Iterator[Slot]:
+    kind = "RPDO" if receive else "TPDO"
+    name, share = f"{kind}{pdo.number}", per_cycle(pdo, receive, cell.bus)
+    asked_every = None if receive else requested_pdos(node.pdos).get(pdo.number)
+    if asked_every is not None:
+        share = min(1.0, cell.bus.scan_period / asked_every)
+        yield Slot(pdo.cob_id, "request", node.node_id, name, (), 0, share)
+    yield Slot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
+
+
+def _carried(pdo: Pdo, dictionary: Dictionary) -> tuple[str, ...]:
+    """Return the names of what a PDO carries."""
+    entries = (dictionary.entry(mapped.index, mapped.subindex) for mapped in pdo.mapping)
+    return tuple(entry.name or f"{entry.index:04X}h:{entry.subindex:02X}" for entry in entries)

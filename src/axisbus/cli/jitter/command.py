@@ -1,0 +1,144 @@
+"""``axisbus jitter``: measure how evenly a cell's cycle is kept by computer, bus and drives."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from axisbus.cell.model import CellConfig
+from axisbus.check.timetable import Slot, timetable
+from axisbus.cia301.frame import Frame
+from axisbus.cli.shared.buses import rate_of
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.joining import machine_of
+from axisbus.cli.shared.numbers import Seconds
+from axisbus.cli.shared.options import beside_option
+from axisbus.cli.shared.output import force_option, output_option, require_free
+from axisbus.cli.shared.paths import PATH
+from axisbus.core.files import load_dictionaries
+from axisbus.errors import UserError
+from axisbus.machine.machine import Machine
+from axisbus.trace.pace import MEASURED, Cast, Pace, histogram, spread
+
+_ANY_RATE = 1_000_000  # identifiers are wanted, not times
+_SLICE = 0.1  # seconds
+_BINS, _BAR = 16, 48
+_US = 1e6
+
+
+@click.command("jitter")
+@click.argument("cell", type=PATH)
+@click.option(
+    "--for", "seconds", type=Seconds(0.1), default=10.0, show_default=True, help="How long, in seconds."
+)
+@output_option("The picture to write, .png or .svg; without, none is drawn.")
+@force_option
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+@beside_option
+def command(cell: Path, seconds: float, output: Path | None, force: bool, as_json: bool, beside: bool) -> int:
+    """Measure how evenly CELL's cycle is kept; joins its machine where one runs, else boots it; energises nothing.
+
+    SYNC against the period, when the last TPDO and the last RPDO of a cycle were there after it, and how far the nodes' answers are
+    apart: as this computer sees the frames, whose times of reception are the kernel's own on SocketCAN. Exit code 1 where cycles
+    are missing.
+    """
+    require_free(output, force=force)
+    with machine_of(cell, command=False, beside=beside) as machine:
+        pace = measure(machine, seconds)
+        late = str(machine.lateness)
+    if not pace.cycles:
+        raise UserError(
+            "no SYNC was seen",
+            remedy="jitter needs a cell with sync = true, and a bus (no simulation in virtual time)",
+        )
+    if as_json:
+        say_json(_plain(pace))
+    else:
+        _show(pace, late)
+    if output is not None:
+        from axisbus.cli.jitter.picture import draw
+
+        draw(pace, output, cell.name)
+        say(f"written: {output}")
+    if not as_json:
+        say_next(f"what the wire alone takes: axisbus plan {cell}")
+    return WRONG if pace.missing else OK
+
+
+def measure(machine: Machine, seconds: float) -> Pace:
+    """Look at the frames of a machine for so long; blocks."""
+    told: queue.Queue[Sequence[Frame]] = queue.Queue()
+    pace = Pace(_cast(machine.cell), machine.cell.bus.scan_period)
+    machine.session.tap(told.put, sorted(pace.seen))
+    until = time.monotonic() + seconds
+    try:
+        while time.monotonic() < until and not machine.session.ended:
+            _take(pace, told)
+    finally:
+        machine.session.untap(told.put)
+    pace.finish()
+    return pace
+
+
+def _take(pace: Pace, told: queue.Queue[Sequence[Frame]]) -> None:
+    try:
+        pace.add(told.get(timeout=_SLICE))
+    except queue.Empty:
+        return
+
+
+def _cast(cell: CellConfig) -> Cast:
+    slots = timetable(cell, load_dictionaries(cell), rate_of(cell) or _ANY_RATE).slots
+    every = [slot for slot in slots if slot.share >= 1]
+    return Cast(cell.bus.sync_cob_id, _ids(every, "TPDO"), _ids(every, "RPDO"), _first(every))
+
+
+def _ids(slots: Sequence[Slot], kind: str) -> frozenset[int]:
+    return frozenset(slot.can_id for slot in slots if slot.kind == kind)
+
+
+def _first(slots: Sequence[Slot]) -> frozenset[int]:
+    """The first TPDO of each node."""
+    found: dict[int | None, int] = {}
+    for slot in slots:
+        if slot.kind == "TPDO":
+            found.setdefault(slot.node, slot.can_id)
+    return frozenset(found.values())
+
+
+def _show(pace: Pace, late: str) -> None:
+    say(f"{pace.cycles} cycles of {pace.period * 1000:g} ms, {pace.missing} missing")
+    say(f"since it was opened: {late}")
+    for name, words in MEASURED.items():
+        values = getattr(pace, name)
+        found = spread(values)
+        if found is None:
+            say(f"{words}: none was seen")
+            continue
+        say(
+            f"{words}: {found.least * _US:.0f} to {found.worst * _US:.0f} µs, "
+            f"half of them up to {found.p50 * _US:.0f}, 99 % up to {found.p99 * _US:.0f}"
+        )
+        _draw(values)
+
+
+def _draw(values: Sequence[float]) -> None:
+    bins = histogram(values, _BINS)
+    most = max(count for *_, count in bins)
+    for begin, end, count in bins:
+        bar = "#" * max(round(count / most * _BAR), 1 if count else 0)
+        say(f"{begin * _US:>9.0f} to {end * _US:>7.0f} {count:>7} {bar}".rstrip())
+
+
+def _plain(pace: Pace) -> dict[str, object]:
+    figures = {name: spread(getattr(pace, name)) for name in MEASURED}
+    return {
+        "period": pace.period,
+        "cycles": pace.cycles,
+        "missing": pace.missing,
+        **{name: None if found is None else found._asdict() for name, found in figures.items()},
+    }

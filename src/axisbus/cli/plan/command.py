@@ -1,0 +1,124 @@
+"""``axisbus plan``: when each frame of a cycle is through, and how short a cycle the wire can hold."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from axisbus.cell import reader
+from axisbus.cell.model import CellConfig
+from axisbus.check.shortening import Change, changes
+from axisbus.check.timetable import SDO_TRANSFER, Slot, Timetable, shortest, timetable
+from axisbus.cli.shared import axes as named
+from axisbus.cli.shared.buses import rate_of
+from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.output import force_option, output_option, require_free
+from axisbus.cli.shared.paths import PATH
+from axisbus.core.files import load_dictionaries
+from axisbus.errors import ArgumentError
+
+_US = 1e6
+
+
+@click.command("plan")
+@click.argument("cell", type=PATH)
+@click.option(
+    "-b", "--bitrate", type=click.IntRange(min=1), help="Bit rate in bit/s, instead of the cell's own."
+)
+@output_option("The picture to write, .png or .svg; without, none is drawn.")
+@force_option
+@click.option("--json", "as_json", is_flag=True, help="Print the timetable as JSON.")
+def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, as_json: bool) -> int:
+    """Show the timetable of CELL's cycle: each frame on the wire, at the latest and with all stuff bits that there can be.
+
+    And how much of the cycle is left for SDO and heartbeats, the shortest scan_period that the wire can hold, and what would
+    shorten it. It opens no bus. What drives and computer take besides is measured by axisbus jitter. Exit code 1 where the cycle
+    does not fit.
+    """
+    require_free(output, force=force)
+    loaded = reader.load(cell)
+    files = load_dictionaries(loaded)
+    rate = bitrate or _known_rate(loaded)
+    table, least = timetable(loaded, files, rate), shortest(loaded, files, rate)
+    shorter = changes(loaded, files, rate)
+    if as_json:
+        say_json(_plain(table, least, shorter))
+    else:
+        _show(loaded, table)
+        _show_periods(table, least, shorter)
+    if output is not None:
+        from axisbus.cli.plan.picture import draw
+
+        draw(table, loaded, output)
+        say(f"written: {output}")
+    if not as_json:
+        say_next(f"how computer and drives keep it: axisbus jitter {cell}")
+    return OK if table.fits else WRONG
+
+
+def _known_rate(cell: CellConfig) -> int:
+    rate = rate_of(cell)
+    if rate is None:
+        raise ArgumentError(
+            "no timetable can be made: the bit rate is not known",
+            remedy="give it with -b 1000000, or write bitrate in [bus] of the cell file",
+        )
+    return rate
+
+
+def _show(cell: CellConfig, table: Timetable) -> None:
+    say(
+        f"at {table.bitrate / 1000:g} kbit/s, a cycle each {table.period * 1000:g} ms; µs after its beginning, at the latest:"
+    )
+    say(f"{0:>8} {table.waits * _US:>8.0f}  a frame that is under way, for which SYNC waits")
+    for slot in table.slots:
+        say(_row(cell, slot))
+
+
+def _row(cell: CellConfig, slot: Slot) -> str:
+    often = "" if slot.share >= 1 else f"in {slot.share:.3g} of the cycles"
+    what = ", ".join(filter(None, (", ".join(slot.carries), often)))
+    return (
+        f"{slot.begin * _US:>8.0f} {slot.end * _US:>8.0f}  {slot.can_id:03X}h  "
+        f"{named.of_node(cell, slot.node):<8} {slot.name:<10} {what}"
+    ).rstrip()
+
+
+def _show_periods(table: Timetable, least: float | None, shorter: list[Change]) -> None:
+    say(
+        f"what comes in every cycle is through after {table.every * _US:.0f} µs, "
+        f"in the fullest cycle after {table.fullest * _US:.0f}"
+    )
+    transfers = int(table.left * table.bitrate / SDO_TRANSFER)
+    if table.fits:
+        say(
+            f"on average {table.load:.0%} of the wire are taken; {table.left * _US:.0f} µs of a cycle are left: "
+            f"{transfers} SDO transfers"
+        )
+    else:
+        say(f"IT DOES NOT FIT: {table.load:.0%} of the wire are wanted, with no room for SDO")
+    say(
+        "no period up to 1 s can be held"
+        if least is None
+        else f'the shortest scan_period that the wire can hold: "{least * 1000:g}ms"'
+    )
+    for change in shorter:
+        say(f'  "{change.period * 1000:g}ms" with {change.what}')
+
+
+def _plain(table: Timetable, least: float | None, shorter: list[Change]) -> dict[str, object]:
+    return {
+        "bitrate": table.bitrate,
+        "period": table.period,
+        "waits": table.waits,
+        "slots": [{**asdict(slot), "bits": slot.bits} for slot in table.slots],
+        "every": table.every,
+        "fullest": table.fullest,
+        "load": table.load,
+        "left": table.left,
+        "fits": table.fits,
+        "shortest": least,
+        "changes": [change._asdict() for change in shorter],
+    }

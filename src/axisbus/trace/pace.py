@@ -1,0 +1,140 @@
+"""How evenly a bus keeps its cycle: SYNC against the grid, answers and commands after it, measured from the times of frames.
+
+Frames may be told a little out of order (those that were drained come after the SYNC that followed them): each waits until all that
+were before it must have been told.
+"""
+
+from __future__ import annotations
+
+import heapq
+from array import array
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from axisbus.cia301.frame import Frame
+
+# What is measured of a ``Pace``, and what it says.
+MEASURED = {
+    "off": "interval of two SYNCs, off the period by",
+    "last_tpdo": "last TPDO after its SYNC",
+    "last_rpdo": "last RPDO after its SYNC",
+    "skew": "first to last node's answer",
+}
+_LATE = 0.25  # seconds by which a frame may be told late
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """Whose frames are looked at, by identifier: SYNC's, the TPDOs and RPDOs of every cycle, and of each node its first TPDO."""
+
+    sync: int
+    tpdos: frozenset[int]
+    rpdos: frozenset[int]
+    answers: frozenset[int]
+
+
+class Spread(NamedTuple):
+    """How values are spread, in seconds: of how many cycles, the least, the middle, 99 of 100, and the worst."""
+
+    cycles: int
+    least: float
+    p50: float
+    p99: float
+    worst: float
+
+
+@dataclass
+class Pace:
+    """What has been measured so far, in seconds; holds the frames that wait for their turn.
+
+    ``off``: by how much the interval of two SYNCs differs from the period (those that are skipped are counted in ``missing``);
+    ``last_tpdo`` and ``last_rpdo``: when the last of a cycle came or went after its SYNC; ``skew``: between the first and the last
+    node's answer.
+    """
+
+    cast: Cast
+    period: float
+    off: array[float] = field(default_factory=lambda: array("d"))
+    last_tpdo: array[float] = field(default_factory=lambda: array("d"))
+    last_rpdo: array[float] = field(default_factory=lambda: array("d"))
+    skew: array[float] = field(default_factory=lambda: array("d"))
+    cycles: int = 0
+    missing: int = 0
+
+    def __post_init__(self) -> None:
+        self._waiting: list[tuple[float, int]] = []
+        self._began: float | None = None
+        self._tpdos = array("d")
+        self._rpdos = array("d")
+        self._answers = array("d")
+        self.seen = self.cast.tpdos | self.cast.rpdos | self.cast.answers | {self.cast.sync}
+
+    def add(self, frames: Iterable[Frame]) -> None:
+        """Take frames, as they are told."""
+        newest = 0.0
+        for frame in frames:
+            if frame.can_id in self.seen:
+                heapq.heappush(self._waiting, (frame.time, frame.can_id))
+                newest = max(newest, frame.time)
+        while self._waiting and self._waiting[0][0] < newest - _LATE:
+            self._take(*heapq.heappop(self._waiting))
+
+    def finish(self) -> None:
+        """Take those that still wait."""
+        while self._waiting:
+            self._take(*heapq.heappop(self._waiting))
+
+    def _take(self, time: float, can_id: int) -> None:
+        if can_id == self.cast.sync:
+            self._close(time)
+            return
+        if self._began is None:
+            return
+        for wanted, times in (
+            (self.cast.tpdos, self._tpdos),
+            (self.cast.rpdos, self._rpdos),
+            (self.cast.answers, self._answers),
+        ):
+            if can_id in wanted:
+                times.append(time)
+
+    def _close(self, time: float) -> None:
+        """A SYNC: what came since the one before belongs to that."""
+        began, self._began = self._began, time
+        if began is not None:
+            steps = max(1, round((time - began) / self.period))
+            self.missing += steps - 1
+            self.cycles += 1
+            self.off.append(time - began - steps * self.period)
+            _last(self.last_tpdo, self._tpdos, began)
+            _last(self.last_rpdo, self._rpdos, began)
+            if len(self._answers) == len(self.cast.answers) > 1:
+                self.skew.append(max(self._answers) - min(self._answers))
+        for times in (self._tpdos, self._rpdos, self._answers):
+            del times[:]
+
+
+def _last(into: array[float], times: Collection[float], began: float) -> None:
+    if times:
+        into.append(max(times) - began)
+
+
+def spread(values: Iterable[float]) -> Spread | None:
+    """Return how values are spread, in either direction from 0; None where there are none."""
+    found = sorted(map(abs, values))
+    if not found:
+        return None
+    return Spread(len(found), found[0], found[len(found) // 2], found[int(len(found) * 0.99)], found[-1])
+
+
+def histogram(values: Sequence[float], bins: int) -> list[tuple[float, float, int]]:
+    """Return (from, to, how many) of so many equal bins between the least and the most; of one where all are equal."""
+    least, most = min(values), max(values)
+    if least == most:
+        return [(least, most, len(values))]
+    width = (most - least) / bins
+    counts = [0] * bins
+    for value in values:
+        counts[min(bins - 1, int((value - least) / width))] += 1
+    return [(least + place * width, least + (place + 1) * width, count) for place, count in enumerate(counts)]
