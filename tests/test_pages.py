@@ -44,6 +44,7 @@ ARCHITECTURE, COMMISSIONING, ERRORS, STOPPING = (
 LANGUAGES = {"sh", "bat", "python", "toml", "text"}
 # What ends with 1 where it is as it should be: nobody without a node-ID, two files that differ.
 FOUND_SOMETHING = {("lss", "find"), ("eds", "diff")}
+MAY_FIND = {"jitter"}  # 1: a busy computer leaves cycles out
 SET_UP = re.compile(r"python -m venv |.*python -m (pip install|pytest)")  # done already where this test runs
 INIT = ("init", "-i", "sim", "-c", "examples/cell.toml", "-o", "cell.toml")
 BOOT = ("boot", "examples/cell.toml")
@@ -155,8 +156,8 @@ def test_each_command_line_runs_as_printed_and_without_hardware(page, axisbus, c
         words = words.split()
         ran = axisbus(words)
         assert "Traceback" not in ran.err, f"{words}: {ran.err}"
-        expected = 1 if tuple(words[:2]) in FOUND_SOMETHING else 0
-        assert ran.code == expected, f"{words}: {ran.out}{ran.err}"
+        expected = {1} if tuple(words[:2]) in FOUND_SOMETHING else {0, 1} if words[0] in MAY_FIND else {0}
+        assert ran.code in expected, f"{words}: {ran.out}{ran.err}"
         assert ran.out.strip(), words
         for name in written:
             (folder / name).write_text(ran.out, encoding="utf-8")

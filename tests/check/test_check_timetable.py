@@ -119,3 +119,18 @@ def test_identifiers_of_29_bits_give_way_to_those_of_11_that_begin_alike():
 def test_a_table_without_frames_takes_nothing():
     table = Timetable(MBIT, 0.004, ())
     assert (table.fullest, table.load, table.fits) == (0.0, 0.0, True)
+
+
+def test_without_velocity_and_torque_their_targets_do_not_travel(tmp_path):
+    all_modes, files = made(tmp_path)
+    by_position, _ = made(tmp_path, axis='modes = ["pp", "hm", "csp"]')
+    sent = [
+        {slot.name for slot in timetable(cell, files, MBIT).slots if slot.kind == "RPDO"}
+        for cell in (all_modes, by_position)
+    ]
+    assert sent == [{"RPDO1", "RPDO2"}, {"RPDO1"}]
+    assert any(
+        'modes = ["pp", "hm", "csp"] in each axis' in change.what
+        for change in changes(all_modes, files, MBIT)
+    )
+    assert not any("modes = " in change.what for change in changes(by_position, files, MBIT))

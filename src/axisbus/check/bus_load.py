@@ -8,12 +8,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.cell import pdo_tables
-from axisbus.cell.model import BusConfig, CellConfig
+from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.pdo_plan import travelling
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia301.frame import worst_bits
 from axisbus.cia301.pdo import Pdo
-from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402 import objects
+from axisbus.cia402.axes import first_axis
+from axisbus.cia402.modes import FACTS, ModeOfOperation
 from axisbus.errors import LimitError
 from axisbus.motion.moves.interpolation import interpolation_period
 
@@ -25,7 +27,7 @@ _NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _HEARTBEAT_BYTES = 1
 _TIME_BYTES = 6
 
-_M = ModeOfOperation
+_TARGETS = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.TARGET_TORQUE})
 
 
 class Traffic(NamedTuple):
@@ -103,7 +105,11 @@ def _traffic(case: Case, cell: CellConfig) -> Iterator[Traffic]:
         for receive, pdo in travelling(cell, node, eds, dictionary):
             key = ("RPDO" if receive else "TPDO", worst_bits(pdo.size))
             asked_every = None if receive else pdo_tables.requested_pdos(node.pdos).get(pdo.number)
-            count = per_cycle(pdo, receive, bus) if asked_every is None else bus.scan_period / asked_every
+            count = (
+                per_cycle(pdo, receive, cell, node.node_id)
+                if asked_every is None
+                else bus.scan_period / asked_every
+            )
             frames[key] = frames.get(key, 0.0) + count
             if asked_every is not None:
                 remote = ("remote frame", worst_bits(0))
@@ -115,16 +121,33 @@ def _traffic(case: Case, cell: CellConfig) -> Iterator[Traffic]:
         yield Traffic("heartbeats", beats, worst_bits(_HEARTBEAT_BYTES))
 
 
-def per_cycle(pdo: Pdo, receive: bool, bus: BusConfig) -> float:
-    """Return how often a PDO travels in one cycle at worst: an event-driven one as often as its inhibit time lets it, or once.
+def per_cycle(pdo: Pdo, receive: bool, cell: CellConfig, node_id: int) -> float:
+    """Return how often a PDO of a node travels in one cycle at worst: an event-driven one as its inhibit time lets it, or once.
 
-    The master sends an event-driven RPDO when its values change, which may be in every cycle.
+    The master sends an event-driven RPDO when its values change, which may be in every cycle; one that holds only targets of modes
+    that are not in use, once at a stop.
     """
+    bus = cell.bus
+    if receive and not _serves(pdo, cell, node_id):
+        return 0.0
     if pdo.synchronous and pdo.transmission_type > 0 and not receive:
         return 1 / pdo.transmission_type
     if not receive and pdo.inhibit_time:
         return min(1.0, bus.scan_period / (pdo.inhibit_time * 1e-4))
     return 1.0
+
+
+def _serves(pdo: Pdo, cell: CellConfig, node_id: int) -> bool:
+    """Whether an RPDO holds more than targets of modes that none of the node's axes uses."""
+    held = {first_axis(mapped.index) for mapped in pdo.mapping if not mapped.is_dummy}
+    if not held <= _TARGETS:
+        return True
+    used = (mode for axis in cell.axes_of(node_id) for mode in _modes_of(axis))
+    return any(held.intersection(FACTS[mode].required) for mode in used)
+
+
+def _modes_of(axis: AxisConfig) -> Iterator[ModeOfOperation]:
+    return (mode for mode, facts in FACTS.items() if axis.modes is None or facts.short in axis.modes)
 
 
 # -- the period itself -----------------------------------------------------------------------------------------------

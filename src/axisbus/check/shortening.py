@@ -11,6 +11,7 @@ from axisbus.check.timetable import shortest
 from axisbus.cia305.services import BIT_TIMINGS
 from axisbus.eds.model import Eds
 
+_BY_POSITION = ("pp", "hm", "csp")  # modes that need no other target
 _SELDOM = 1.0  # seconds between two heartbeats
 
 
@@ -48,6 +49,12 @@ def _candidates(cell: CellConfig, bitrate: int) -> Iterator[tuple[str, CellConfi
                 _with_node(cell, replace(node, remap="auto")),
                 bitrate,
             )
+    wide = [name for name, axis in cell.axes.items() if not set(axis.modes or ("pv",)) <= set(_BY_POSITION)]
+    if wide:
+        where = "each axis" if len(wide) == len(cell.axes) else ", ".join(f"[axes.{name}]" for name in wide)
+        modes = ", ".join(f'"{mode}"' for mode in _BY_POSITION)
+        what = f"modes = [{modes}] in {where}: no velocities and torques are then commanded"
+        yield what, _with_modes(cell, wide), bitrate
     if cell.bus.heartbeat is not None and cell.bus.heartbeat < _SELDOM:
         yield (
             f'heartbeat = "{_SELDOM:g}s" in [bus]: a lost node is then noticed later',
@@ -65,6 +72,11 @@ def _candidates(cell: CellConfig, bitrate: int) -> Iterator[tuple[str, CellConfi
 
 def _with_node(cell: CellConfig, node: NodeConfig) -> CellConfig:
     return replace(cell, nodes={**cell.nodes, node.node_id: node})
+
+
+def _with_modes(cell: CellConfig, names: list[str]) -> CellConfig:
+    changed = {name: replace(cell.axes[name], modes=_BY_POSITION) for name in names}
+    return replace(cell, axes={**cell.axes, **changed})
 
 
 def _with_nodes(cell: CellConfig, kept: list[int]) -> CellConfig:

@@ -165,12 +165,13 @@ def _of_pdo(
     cell: CellConfig, node: NodeConfig, dictionary: Dictionary, receive: bool, pdo: Pdo
 ) -> Iterator[Slot]:
     kind = "RPDO" if receive else "TPDO"
-    name, share = f"{kind}{pdo.number}", per_cycle(pdo, receive, cell.bus)
+    name, share = f"{kind}{pdo.number}", per_cycle(pdo, receive, cell, node.node_id)
     asked_every = None if receive else requested_pdos(node.pdos).get(pdo.number)
     if asked_every is not None:
         share = min(1.0, cell.bus.scan_period / asked_every)
         yield Slot(pdo.cob_id, "request", node.node_id, name, (), 0, share)
-    yield Slot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
+    if share:
+        yield Slot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
 
 
 def _carried(pdo: Pdo, dictionary: Dictionary) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def _all(cell: CellConfig, files: Mapping[int, Eds]) -> Iterator[Stream]:
     for node, eds, dictionary in Case(cell, files).nodes:
         for receive, pdo in travelling(cell, node, eds, dictionary):
             kind = "RPDO" if receive else "TPDO"
-            rate = per_cycle(pdo, receive, bus) / bus.scan_period
+            rate = per_cycle(pdo, receive, cell, node.node_id) / bus.scan_period
             yield Stream(node.node_id, kind, f"{kind}{pdo.number}", rate, pdo.size, pdo.cob_id > 0x7FF)
     if bus.heartbeat is not None:
         for node_id in (*cell.nodes, bus.master_id):
