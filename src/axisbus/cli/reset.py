@@ -32,11 +32,8 @@ def command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -> int:
         machine.sleep(0.5)  # a fault explains itself by SDO
         chosen = [machine[name] for name in names]
         for axis in chosen:
-            say(
-                f"{axis.name}: {in_commands(axis.error)}"
-                if axis.error is not None
-                else f"{axis.name}: no fault"
-            )
+            told = "no fault" if axis.error is None else in_commands(axis.error)
+            say(told if told.startswith(f"{axis.name}: ") else f"{axis.name}: {told}")
         wait([axis.reset() for axis in chosen])
         for axis in chosen:
             say(f"{axis.name}: {axis.state.value}")
