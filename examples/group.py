@@ -1,4 +1,4 @@
-"""Axes together: enabled in one SYNC, on a straight line, each by its own profile, and halted on the line."""
+"""Axes together: enabled in one SYNC, on a straight line, each by its own profile, halted on the line and resumed."""
 
 from pathlib import Path
 
@@ -21,3 +21,5 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
         line.wait()
     except Stopped as stopped:
         print(stopped)
+    xyz.resume().wait()  # goes on from there, to the same end
+    print("resumed:", [round(axis.position, 2) for axis in xyz])

@@ -120,6 +120,8 @@ BETWEEN_ROOMS = {
     "Axis.absolute_command": "groups make commands by it",
     "Axis.absolute_increments": "groups make commands by it",
     "Axis.absolute_position": "groups make commands by it",
+    "Axis.place_window": "groups look by it whether an axis is on their line",
+    "Axis.unwrapped": "groups keep by it where their line began",
     "Axis.default_acceleration": "groups make commands by it",
     "Handle.finish": "the end of its command ends a handle by it",
     "Handle.hear": "what the core tells of its command reaches it so",

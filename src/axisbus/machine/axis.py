@@ -113,11 +113,25 @@ class Axis:
         Raises:
             StaleError: it is unknown (never received, or older than its maximum age).
         """
-        snapshot = self.snapshot
-        raw = self._known(snapshot.position, "position (6064h)")
-        value = self._parameters.units.position.to_units(raw - snapshot.origin)
-        modulo = self._parameters.units.modulo
+        value, modulo = self.unwrapped, self._parameters.units.modulo
         return value if modulo is None else value % modulo
+
+    @property
+    def unwrapped(self) -> float:
+        """As ``position``, but of an endless axis not within its modulo: how far it has turned in all; for groups."""
+        snapshot = self.snapshot
+        return self._parameters.units.position.to_units(
+            self._known(snapshot.position, "position (6064h)") - snapshot.origin
+        )
+
+    @property
+    def place_window(self) -> float:
+        """How far it may be from a place and is there all the same, in its unit; for groups."""
+        parameters = self._parameters
+        known = parameters.position_window
+        return parameters.units.position.to_units(
+            round(parameters.pull_window / 10) if known is None else known
+        )
 
     @property
     def velocity(self) -> float:

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
-from axisbus.errors import ArgumentError, LimitError
+from axisbus.errors import ArgumentError, LimitError, StaleError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import shown
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.path import nearest_on_line
 from axisbus.motion.numbers import number, told
+from axisbus.motion.ticket import Status
 from axisbus.session import Target
 from axisbus.wording import counted
+
+
+class _Line(NamedTuple):
+    """A straight line of this program's: where it began, what was asked for, and what became of it."""
+
+    starts: Mapping[str, float]
+    command: MoveLinear
+    handle: Handle
 
 
 class Group:
@@ -30,6 +41,7 @@ class Group:
         self._key = name if key is None else key
         self._axes = dict(axes)
         self._commanding = commanding
+        self._line: _Line | None = None  # the last one
 
     def __repr__(self) -> str:
         known = self._commanding.session.dead is None
@@ -89,7 +101,33 @@ class Group:
             "acceleration",
             self._smallest_acceleration(name) if acceleration is None else acceleration,
         )
-        return self._submit(name, MoveLinear(ends, speed, ramp))
+        return self._lead(name, MoveLinear(ends, speed, ramp), None)
+
+    def resume(self) -> Handle:
+        """Go on along the last straight line of this program, which was broken off, to its end (MC_GroupContinue).
+
+        With its velocity and acceleration, from where the axes stand: after a halt, a stop that was released, or an error that was
+        reset. Every axis must still be on the line, within ``position_window`` (a tenth of ``standstill_window`` where that is not
+        known): nothing goes on with what was moved meanwhile, or has left the line by a stop of the drive's own.
+
+        Raises:
+            StateError: there was no line, it is under way or at its end, or an axis has left it.
+            StaleError: an axis's position is not known.
+        """
+        line = self._line
+        name = "resume()"
+        if line is None:
+            raise StateError(
+                f"{self.name}.{name}: there is no line to go on with",
+                remedy="begin one: group.move_linear(positions, velocity=...)",
+            )
+        if line.handle.busy or line.handle.status is Status.DONE:
+            is_now = "is under way" if line.handle.busy else "has come to its end"
+            raise StateError(
+                f"{self.name}.{name}: {line.handle.name} {is_now}, so there is nothing to go on with"
+            )
+        self._require_on(line, name)
+        return self._lead(name, line.command, line.starts)
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.
@@ -106,6 +144,33 @@ class Group:
 
     def _all(self, name: str, make: Callable[[], c.Command], together: bool = False) -> Handle:
         return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
+
+    def _lead(self, name: str, command: MoveLinear, starts: Mapping[str, float] | None) -> Handle:
+        """Begin a line, and keep it in mind; ``starts``: where it began once, where it is gone on with."""
+        try:
+            begun = self._places() if starts is None else starts
+        except StaleError:  # it will be refused
+            return self._submit(name, command)
+        handle = self._submit(name, command)
+        self._line = _Line(begun, command, handle)
+        return handle
+
+    def _places(self) -> dict[str, float]:
+        return {name: axis.unwrapped for name, axis in self._axes.items()}
+
+    def _require_on(self, line: _Line, name: str) -> None:
+        here = self._places()
+        nearest = nearest_on_line(line.starts, line.command.ends, here)
+        away = {axis: abs(here[axis] - nearest[axis]) for axis in nearest}
+        worst = max(away, key=lambda axis: away[axis] / self._axes[axis].place_window)
+        allowed, unit = self._axes[worst].place_window, self._axes[worst].unit
+        if away[worst] > allowed:
+            places = ", ".join(f"{place:.6g}" for place in nearest.values())
+            raise StateError(
+                f"{self.name}.{name}: {worst} is no longer on the line",
+                observed=f"it is {away[worst]:.6g} {unit} away from it, of which {allowed:.6g} {unit} are allowed",
+                remedy=f"go back to it first: group.move_direct(({places},)); or begin a new one: group.move_linear(...)",
+            )
 
     def _submit(self, name: str, command: GroupCommand) -> Handle:
         return self._commanding.submit(self._key, command, f"{self.name}.{name}")

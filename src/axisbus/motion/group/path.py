@@ -50,6 +50,17 @@ class LineAxis:
         return self.start + (self.end - self.start) * self.way.position(t)
 
 
+def nearest_on_line(
+    start: Mapping[str, float], end: Mapping[str, float], here: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the place of the line from ``start`` to ``end`` that is nearest to ``here``; in units, by axis."""
+    way = {axis: end[axis] - start[axis] for axis in end}
+    length = sum(part * part for part in way.values())
+    done = sum((here[axis] - start[axis]) * way[axis] for axis in end) / length if length else 0.0
+    share = min(1.0, max(0.0, done))
+    return {axis: start[axis] + share * way[axis] for axis in end}
+
+
 def plan_line(
     starts: Mapping[str, float],
     ends: Mapping[str, float],

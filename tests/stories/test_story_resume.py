@@ -1,0 +1,145 @@
+"""A straight line that was broken off goes on to its end, from where its axes stand; and never from anywhere else."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from axisbus.errors import StateError
+from axisbus.motion.group.path import nearest_on_line
+from kit.cell import Cell
+
+AXIS = "max_acceleration = 1000.0"
+END = (400.0, 200.0, -100.0)
+
+
+def on_the_way(story, **changes):
+    """Three axes in the middle of a line, at full speed."""
+    cell = story.simulated("xyz", axis=AXIS, **changes)
+    group = cell.machine.group("x", "y", "z")
+    cell.enabled()
+    line = group.move_linear(END, velocity=300.0, acceleration=900.0)
+    cell.run(0.8)
+    assert line.active
+    return cell, group, line
+
+
+def must_have_kept_to_the_line(cell: Cell, since: float = 0.0) -> None:
+    start, end = dict.fromkeys("xyz", 0.0), dict(zip("xyz", END, strict=True))
+    for places in zip(*(cell.positions(name, since) for name in "xyz"), strict=True):
+        here = dict(zip("xyz", places, strict=True))
+        nearest = nearest_on_line(start, end, here)
+        assert max(abs(here[name] - nearest[name]) for name in "xyz") < 0.1
+
+
+def must_be_at_the_end(cell: Cell) -> None:
+    cell.run(0.3)
+    assert [cell.where(name) for name in "xyz"] == pytest.approx(END, abs=0.1)
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_after_a_halt_the_line_goes_on_to_its_end(story, times):
+    cell, group, _ = on_the_way(story)
+    for _ in range(times):
+        cell.end_of(group.halt())
+        assert [cell.machine[name].velocity for name in "xyz"] == pytest.approx([0.0] * 3, abs=0.5)
+        line = group.resume()
+        cell.run(0.25)
+        assert line.active
+    assert cell.end_of(line) is None
+    must_be_at_the_end(cell)
+    must_have_kept_to_the_line(cell)
+
+
+def test_a_halt_of_one_axis_stops_all_on_the_line_and_it_goes_on(story):
+    cell, group, _ = on_the_way(story)
+    cell.end_of(cell.machine["y"].halt())
+    cell.run(0.5)
+    assert cell.end_of(group.resume()) is None
+    must_be_at_the_end(cell)
+    must_have_kept_to_the_line(cell)
+
+
+def test_what_a_quick_stop_has_led_off_the_line_goes_back_to_it_first(story):
+    cell, group, _ = on_the_way(story)
+    cell.end_of(group.quick_stop())
+    cell.end_of(group.enable())
+    with pytest.raises(
+        StateError, match="is no longer on the line"
+    ) as told:  # each drive had a ramp of its own
+        group.resume()
+    places = re.search(r"group\.move_direct\(\((.*),\)\)", told.value.remedy)[1]
+    assert cell.end_of(group.move_direct([float(place) for place in places.split(",")])) is None
+    cell.run(0.3)
+    assert cell.end_of(group.resume()) is None
+    must_be_at_the_end(cell)
+
+
+def test_after_a_fault_the_line_goes_on_only_where_the_axes_are_still_on_it(story):
+    cell, group, _ = on_the_way(story)
+    cell.machine.stand_in(2).fault(0x2310)
+    cell.run(2.0)
+    cell.end_of(group.reset())
+    cell.end_of(group.enable())
+    assert all(cell.machine[name].enabled for name in "xyz")
+    before = [cell.where(name) for name in "xyz"]
+    with pytest.raises(StateError, match="is no longer on the line"):  # the drive's own reaction has left it
+        group.resume()
+    cell.run(0.3)
+    assert [cell.where(name) for name in "xyz"] == pytest.approx(before, abs=0.05)
+    assert cell.end_of(group.move_linear(END, velocity=300.0)) is None
+    must_be_at_the_end(cell)
+
+
+def test_an_axis_that_was_moved_meanwhile_keeps_the_line_from_going_on(story):
+    cell, group, _ = on_the_way(story)
+    cell.end_of(group.halt())
+    cell.end_of(cell.machine["z"].move_relative(-20.0))
+    with pytest.raises(StateError, match="z is no longer on the line") as told:
+        group.resume()
+    assert (
+        "19.0476 deg away" in told.value.observed
+    )  # of the line; it was moved by 20 deg, not quite across it
+    cell.end_of(cell.machine["z"].move_relative(20.0))
+    assert cell.end_of(group.resume()) is None
+    must_be_at_the_end(cell)
+
+
+def test_a_position_that_was_set_meanwhile_keeps_the_line_from_going_on(story):
+    cell, group, _ = on_the_way(story)
+    cell.end_of(group.halt())
+    cell.end_of(cell.machine["x"].set_position(0.0))
+    with pytest.raises(StateError, match="no longer on the line"):
+        group.resume()
+
+
+def test_without_a_line_that_was_broken_off_there_is_nothing_to_go_on_with(story):
+    cell = story.simulated("xy", axis=AXIS)
+    group = cell.machine.group("x", "y")
+    cell.enabled()
+    with pytest.raises(StateError, match="there is no line to go on with"):
+        group.resume()
+    line = group.move_linear((10.0, 10.0), velocity=50.0)
+    with pytest.raises(StateError, match="is under way"):
+        group.resume()
+    assert cell.end_of(line) is None
+    with pytest.raises(StateError, match="has come to its end"):
+        group.resume()
+
+
+def test_disabled_it_is_refused_as_any_line(story):
+    cell, group, _ = on_the_way(story)
+    cell.end_of(group.halt())
+    cell.end_of(group.disable())
+    assert "is Disabled" in str(cell.failure_of(group.resume()))
+    cell.end_of(group.enable())
+    assert cell.end_of(group.resume()) is None
+    must_be_at_the_end(cell)
+
+
+def test_the_nearest_place_of_a_line_is_within_it():
+    start, end = {"x": 0.0, "y": 0.0}, {"x": 10.0, "y": 0.0}
+    for here, nearest in (((4.0, 0.5), 4.0), ((-3.0, 0.0), 0.0), ((12.0, 1.0), 10.0)):
+        assert nearest_on_line(start, end, dict(zip("xy", here, strict=True))) == {"x": nearest, "y": 0.0}
+    assert nearest_on_line(end, end, {"x": 11.0, "y": 0.0}) == end
