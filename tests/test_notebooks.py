@@ -267,6 +267,25 @@ def test_an_interrupt_of_a_cell_that_moves_nothing_changes_nothing(bench):
     assert goes_on(bench)
 
 
+def test_an_interrupt_of_another_program_halts_only_where_it_has_the_command(bench):
+    bench.of.run(f"x.move_velocity({SPEED}).wait()")
+    await_turning(bench)
+    path = bench.folder / "cell.toml"
+    with Machine.attach(path) as guest:
+        guest.session.request_halt("the guest was interrupted", 1)
+        guest.sleep(0.5)
+        assert bench.turns()
+    with Machine.attach(path, take=True) as guest:
+        move = guest["x"].move_velocity(SPEED)
+        await_turning(bench)
+        guest.session.request_halt("the guest was interrupted", 2)
+        guest.sleep(1.0)
+        assert guest["x"].state is AxisState.STANDSTILL
+        assert move.done
+        guest["x"].move_relative(2.0).wait()
+    assert goes_on(bench)
+
+
 # -- the end of a kernel, and other machines ---------------------------------------------------------------------------
 
 
@@ -287,7 +306,7 @@ def turning(folder, of):
     return bench
 
 
-@pytest.mark.parametrize("way", ["shut_down", "kill"])
+@pytest.mark.parametrize("way", ["shut_down", "terminate", "kill"])
 def test_the_end_of_a_kernel_stops_its_axes(tmp_path, way):
     with kernel(folder_with(tmp_path), AXISBUS_PROCESS="own") as of:
         bench = turning(tmp_path, of)

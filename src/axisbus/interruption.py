@@ -4,14 +4,17 @@ Theory of operation
 -------------------
 In a notebook an interrupt ends a cell, and the machine goes on (``machine.interrupts``). So it must not be raised where a lock is
 held that a thread of axisbus takes as well, or in the midst of a cycle in virtual time. Such functions are ``sheltered``: what
-comes within one is postponed until it has returned. They are short, or wait in slices.
+comes within one is postponed until it has returned. They are short, or wait in slices. One that does not return, because code of
+the program's own that it calls does not, is torn apart by the next interrupt nevertheless.
 """
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from functools import wraps
@@ -20,6 +23,7 @@ from typing import ParamSpec, TypeVar
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+_LONG = 1.0  # seconds
 _OURS = "axisbus "  # how the names of all threads begin that may not wait for a machine, or for a disk
 
 
@@ -54,6 +58,7 @@ class _Shelters:
     def __init__(self) -> None:
         self.codes: set[CodeType] = set()
         self.postponed: Callable[[], object] | None = None
+        self.since = math.inf  # seconds, monotonic
 
 
 _shelters = _Shelters()
@@ -75,9 +80,15 @@ def sheltered(function: Callable[Given, Result]) -> Callable[Given, Result]:
 
 
 def postpone(frame: FrameType | None, do: Callable[[], object]) -> bool:
-    """Let ``do``, which may raise, follow the sheltered function in which ``frame`` is; return False where it is in none."""
-    if not _is_sheltered(frame):
+    """Let ``do``, which may raise, follow the sheltered function in which ``frame`` is.
+
+    Return False where it is in none, or in one that has not returned for long.
+    """
+    waits = _shelters.postponed is not None
+    if not _is_sheltered(frame) or (waits and time.monotonic() - _shelters.since > _LONG):
+        _shelters.postponed = None
         return False
+    _shelters.since = _shelters.since if waits else time.monotonic()
     _shelters.postponed = do
     return True
 

@@ -79,11 +79,15 @@ class Kernel:
         self.manager.shutdown_kernel()
         return at
 
-    def kill(self) -> float:
+    def kill(self, number: int = signal.SIGKILL) -> float:
         """Kill it; return when."""
         at = time.monotonic()
-        os.kill(self.process, signal.SIGKILL)
+        os.kill(self.process, number)
         return at
+
+    def terminate(self) -> float:
+        """Ask it to end by SIGTERM; return when."""
+        return self.kill(signal.SIGTERM)
 
 
 @contextmanager

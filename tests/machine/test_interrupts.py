@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+import time
 import types
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from axisbus import AxisState, Machine
 from axisbus.errors import Stopped
 from axisbus.interruption import postpone, sheltered
+from axisbus.machine import exit as exit_signals
 from axisbus.machine.exit import EXIT
 from axisbus.machine.interrupts import Interrupt, interactive
 from kit.pages import ROOT
@@ -188,6 +190,29 @@ def test_a_with_block_in_a_cell_is_left_by_it(shell):
     assert left[0]["x"].snapshot.state is AxisState.DISABLED
 
 
+@pytest.mark.parametrize(("seconds", "quick"), [(0.0, True), (3.0, False)])
+def test_one_that_follows_another_while_a_machine_is_left_is_a_quick_stop(shell, monkeypatch, seconds, quick):
+    machine = shell.cell(lambda: Machine.simulated(CELL))
+    now, asked = time.monotonic(), []
+    machine["x"].enable().wait()
+    with pytest.raises(KeyboardInterrupt):
+        shell.cell(interrupt)
+    monkeypatch.setattr(exit_signals.time, "monotonic", lambda: now + seconds)
+    request_stop = machine.session.request_stop
+
+    def requested(reason, quick=False):
+        asked.append(quick)
+        request_stop(reason, quick)
+
+    machine.session.request_stop("the way out")
+    monkeypatch.setattr(machine.session, "request_stop", requested)
+    with pytest.raises(KeyboardInterrupt):
+        shell.cell(interrupt)
+    assert asked == [quick]
+    monkeypatch.undo()
+    shell.cell(machine.close)
+
+
 def test_a_machine_that_another_thread_has_opened_is_heard_from_the_next_cell_on(shell):
     made = []
     thread = threading.Thread(target=lambda: made.append(Machine.simulated(CELL)))
@@ -255,6 +280,18 @@ def test_what_is_postponed_follows_the_outermost_shelter_once():
     assert outer() == "inner"
     assert done == ["done"]
     assert not postpone(sys._getframe(), lambda: done.append("again"))
+
+
+def test_what_does_not_return_is_interrupted_by_the_next(monkeypatch):
+    @sheltered
+    def endless():
+        assert postpone(sys._getframe(), lambda: None)
+        assert postpone(sys._getframe(), lambda: None)
+        now = time.monotonic()
+        monkeypatch.setattr(time, "monotonic", lambda: now + 1.5)
+        return postpone(sys._getframe(), lambda: None)
+
+    assert endless() is False
 
 
 def test_another_thread_leaves_what_is_postponed_to_the_main_thread():

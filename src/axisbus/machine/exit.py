@@ -26,11 +26,13 @@ a signal that comes in between waits until it has.
 from __future__ import annotations
 
 import atexit
+import math
 import os
 import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import CodeType, FrameType
@@ -41,6 +43,8 @@ from axisbus.core.process.ear import INTERRUPTED, STOPPING
 from axisbus.machine.interrupts import Cells, is_ours, shell
 from axisbus.machine.wakeup import Wakeup
 from axisbus.session import AxisSession
+
+_MOMENT = 2.0  # seconds in which what was halted may still move
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +70,9 @@ class ExitSignals:
         self._sessions: dict[
             AxisSession, int
         ] = {}  # with the number of signals that had come before it was there
-        self._halted: dict[AxisSession, int] = {}  # with the number of the last signal that was a halt
+        self._halted: dict[
+            AxisSession, tuple[int, float]
+        ] = {}  # the last signal that was a halt: its number, and when
         self._before: dict[signal.Signals, Any] = {}
         self._cells = Cells(self._interrupted, self._cell_begins)
         self._wakeup: Wakeup | None = None
@@ -254,11 +260,16 @@ class ExitSignals:
     def _ask(self, number: int, count: int) -> None:
         for session, before in self._sessions.items():
             if self._is_halt(number) and session.leaving_because is None:
-                self._halted[session] = count
+                self._halted[session] = count, time.monotonic()
                 session.request_halt(INTERRUPTED, count)
             else:
-                since = max(before, self._halted.get(session, 0))
+                since = max(before, self._counted_from(session))
                 session.request_stop(STOPPING[signal.Signals(number)], quick=count - since > 1)
+
+    def _counted_from(self, session: AxisSession) -> int:
+        """Which signal was the last one that has nothing to do with the way out: a halt, if it was not a moment ago."""
+        number, stamp = self._halted.get(session, (0, -math.inf))
+        return number if time.monotonic() - stamp > _MOMENT else number - 1
 
 
 EXIT = ExitSignals()

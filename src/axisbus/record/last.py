@@ -9,12 +9,13 @@ another is drawn with that one, and moves that were asked for together are drawn
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
-from axisbus.errors import ArgumentError, AxisbusError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, StateError, in_a_line
 from axisbus.motion.numbers import number, told
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING
@@ -24,6 +25,7 @@ from axisbus.record.packed import AxisSample, PackedRows
 from axisbus.record.picture import Picture
 from axisbus.record.recorded import Happening, Recorded
 
+log = logging.getLogger("axisbus")
 KEPT = 60.0  # seconds
 _BEFORE, _AFTER = 0.2, 0.4  # seconds of rest that are drawn with a motion
 _ON_THEIR_WAY = 0.2  # seconds that rows may be
@@ -54,6 +56,13 @@ class LastMinute:
         self._machine.session.observe(self._observe)
 
     def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        try:
+            self._keep(now, snapshots)
+        except Exception as error:  # noqa: BLE001  # whoever draws may do without, the scan goes on
+            self._machine.session.forget(self._observe)
+            log.warning("the last motion is not kept any more: %s", in_a_line(error))
+
+    def _keep(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         if len(snapshots) != len(self._forms):
             facts = self._machine.session.axes
             self._forms = {name: AxisForm.of(facts[name].parameters) for name in snapshots if name in facts}
