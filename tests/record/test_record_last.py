@@ -36,7 +36,7 @@ def states(picture, axis):
 def test_where_nobody_types_it_is_not_kept():
     with Machine.simulated(CELL) as machine, pytest.raises(StateError, match="not kept") as raised:
         machine.plot_last()
-    assert "cell.recording" in raised.value.remedy
+    assert "begin a recording" in raised.value.remedy
 
 
 def test_the_last_move_is_drawn_from_before_it_until_after_its_end(cell):

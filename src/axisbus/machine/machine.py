@@ -373,7 +373,7 @@ class Machine:
         if self._last is None:
             raise StateError(
                 "the last motion is not kept: nobody types this program as it runs",
-                remedy="record it in a with block of cell.recording, and let plot draw the file",
+                remedy="begin a recording before the motion, and plot its file",
             )
         return self._last.picture(seconds, axes)
 
