@@ -334,7 +334,8 @@ def test_with_the_core_in_the_kernel_an_interrupt_halts_as_well(tmp_path):
         time.sleep(0.3)
         of.interrupt()
         assert of.end(cell).error == "KeyboardInterrupt"
-        assert of.run(f"cell.sleep(1.0)\n{ENDS}\nprint(x.state.value)").split()[-1] == "Standstill"
+        told = of.run(f"cell.sleep(1.0)\n{ENDS}\nprint(x.error)\nprint(x.state.value)")
+        assert told.splitlines() == ["True True Stopped True", "None", "Standstill"], told
         assert of.run("x.move_relative(2.0).wait()\nprint(x.state.value)") == "Standstill"
         of.run("cell.close()")
 
