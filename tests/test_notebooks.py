@@ -157,7 +157,9 @@ class Bench:
 
 def folder_with(folder, names="xy", process="own"):
     bus = f'process = "{process}"\n' + ('options = { history = "plant.csv" }' if process == "own" else "")
-    (folder / "cell.toml").write_text(cell_text(names, heartbeat="1s", bus=bus), encoding="utf-8")
+    period = "10ms" if process == "own" else "20ms"  # beside a program it needs more time
+    text = cell_text(names, period=period, heartbeat="1s", bus=bus)
+    (folder / "cell.toml").write_text(text, encoding="utf-8")
     return folder
 
 
@@ -328,6 +330,7 @@ def test_an_interrupt_while_a_machine_is_closed_waits_until_all_stands(tmp_path)
 
 def test_with_the_core_in_the_kernel_an_interrupt_halts_as_well(tmp_path):
     with kernel(folder_with(tmp_path, process="thread")) as of:
+        of.show_a_traceback()  # for which IPython loads much, once
         Bench(tmp_path, of).open()
         of.run("wait(axis.enable() for axis in cell)")
         cell = of.begin(f"print('begun', flush=True)\n{MIDST['waits']}")

@@ -67,6 +67,10 @@ class Kernel:
         assert not ran.error, ran
         return ran.text
 
+    def show_a_traceback(self) -> None:
+        """Run a cell that fails."""
+        assert self.end(self._client.execute("1 / 0")).error == "ZeroDivisionError"
+
     def interrupt(self) -> float:
         """Press the stop button; return when, by the monotonic clock."""
         at = time.monotonic()
