@@ -150,6 +150,12 @@ class AxisSession(Protocol):
     def request_stop(self, reason: str, quick: bool = False) -> None:
         """Ask for the stop of all that this program has commanded, and take no command any more; safe in a signal handler."""
 
+    def request_halt(self, reason: str, number: int) -> None:
+        """Ask for a halt of all that this program has commanded, and end what waits; it may command on. Safe in a signal handler.
+
+        ``number`` (from 1) tells one interrupt, which may be told twice, from the next: that is a quick stop while something moves.
+        """
+
     def observe(self, observer: Observer) -> None:
         """Let ``observer`` have the time and the image after each cycle, in the core's thread."""
 

@@ -124,7 +124,7 @@ def test_the_demo_without_matplotlib_points_to_what_is_there(monkeypatch, capsys
     def missing(*_):
         raise UserError("drawing needs matplotlib, which is not installed")
 
-    monkeypatch.setattr(plot, "_pyplot", missing)
+    monkeypatch.setattr(plot, "_maker", missing)
     monkeypatch.setattr(demo, "_job", lambda machine, _: machine.sleep(0.05))
     code, out, _ = commands.runner(monkeypatch, capsys)("demo", "-o", tmp_path / "out")
     assert code == 0

@@ -36,6 +36,7 @@ SLOW = {
         "stories/test_story_ways_out.py",
         "test_pages.py",
         "test_examples.py",
+        "test_notebooks.py",
         "test_start.py",
         "bus/test_bus_durand.py",
         "core/test_core_faults.py",

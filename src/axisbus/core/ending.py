@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.core.inbox import AT_ONCE, MOST
-from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
+from axisbus.errors import AxisbusError, ScanError, StateError, Stopped, in_a_line
 from axisbus.motion.stop.diagnosis import join_remedies
 
 _OPEN_AGAIN = "mend the cause, and open the machine again"
@@ -17,6 +17,11 @@ def refused_while_leaving(what: str, reason: str) -> StateError:
         observed=f"every axis is being stopped: {reason}",
         remedy="close it, and open it again to go on",
     )
+
+
+def interrupted(what: str, reason: str) -> Stopped:
+    """A command waited when its program was interrupted, because of which everything halts."""
+    return Stopped(f"{what} was not begun: {reason}")
 
 
 def too_many(what: str) -> StateError:

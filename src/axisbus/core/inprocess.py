@@ -149,6 +149,10 @@ class InProcess:
         """As ``Session.request_stop``."""
         self._scan.request_stop(reason, quick)
 
+    def request_halt(self, reason: str, number: int) -> None:
+        """As ``Session.request_halt``."""
+        self._scan.request_halt(reason, number)
+
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``."""
         self._scan.observers.append(observer)

@@ -29,7 +29,7 @@ from typing import Protocol
 
 from axisbus.cia402.port import Cycle, Port
 from axisbus.cia402.starvation import DRIVES, Starvation
-from axisbus.core.ending import ended, refused_while_leaving, too_many
+from axisbus.core.ending import ended, interrupted, refused_while_leaving, too_many
 from axisbus.core.inbox import Inbox, Waiting
 from axisbus.core.inherited import inherited
 from axisbus.core.lateness import Lateness, cause_of, hanging
@@ -42,6 +42,7 @@ from axisbus.motion.commands import Command, PolicyStop, Shutdown
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.stop.halting import Halting
 from axisbus.motion.stop.leaving import Leaving
 from axisbus.motion.stop.policy import FaultPolicy, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
@@ -94,6 +95,8 @@ class Scan:
             self._sending
         ) = -math.inf  # of the cycle before: when it ended, and for how long it sent
         self._stop_requests: deque[tuple[str, bool]] = deque()
+        self._halt_requests: deque[tuple[str, int]] = deque()
+        self._halting = Halting()
         self._trips: deque[AxisbusError] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
@@ -146,6 +149,13 @@ class Scan:
             self._refusing, self.leaving_since = reason, self.cycle.now()
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
+
+    def request_halt(self, reason: str, number: int) -> None:
+        """Ask for a halt of everything that was commanded, and end what waits; safe in a signal handler. Does not block.
+
+        Commands are taken as before. ``number``: see ``motion.stop.halting``.
+        """
+        self._halt_requests.append((reason, number))
 
     @property
     def leaving_because(self) -> str | None:
@@ -334,8 +344,19 @@ class Scan:
         if self._refusing is not None:  # what waited when the stop was asked for
             self._refuse_waiting()
             return
+        while self._halt_requests:
+            self._halt(*self._halt_requests.popleft())
         for waiting in self._inbox.take():
             self._accept(waiting)
+
+    def _halt(self, reason: str, number: int) -> None:
+        """Halt what moves because of an interrupt; of what waits only stops are done."""
+        for waiting in self._inbox.clear():
+            if waiting.is_stop:
+                self._accept(waiting)
+            else:
+                waiting.ticket.finish(Status.ABORTED, interrupted(waiting.ticket.name, reason))
+        self._halting.begin(self.axes, reason, number)
 
     def _accept(self, waiting: Waiting) -> None:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.core.inherited import inherited
 from axisbus.errors import AxisbusError, StateError
+from axisbus.interruption import sheltered
 
 if TYPE_CHECKING:  # who waits for another process has no scan
     from axisbus.core.scan import Scan
@@ -41,14 +42,21 @@ class ThreadWaiter:
         if threading.get_ident() == self.scan_thread:
             raise StateError("a command cannot be waited for in the scan's own thread")
         deadline = None if timeout is None else time.monotonic() + timeout
-        with self._condition:
-            while not done():
-                left = 0.1 if deadline is None else min(0.1, deadline - time.monotonic())
-                if left <= 0:
-                    break
-                self._condition.wait(left)
+        while self._sleep(done, deadline):
+            pass
         return done()
 
+    @sheltered  # the scan takes the condition too
+    def _sleep(self, done: Callable[[], bool], deadline: float | None) -> bool:
+        """Wait for a slice, and return whether there may be more to wait for."""
+        with self._condition:
+            left = 0.1 if deadline is None else min(0.1, deadline - time.monotonic())
+            if done() or left <= 0:
+                return False
+            self._condition.wait(left)
+        return True
+
+    @sheltered
     def notify(self) -> None:
         """Wake everybody who waits."""
         with self._condition:
@@ -77,6 +85,7 @@ class PumpWaiter:
             self.pump()
         return done()
 
+    @sheltered  # an interrupt in the midst of a cycle would end the scan
     def pump(self) -> None:
         """Do one cycle; a failing scan ends every handle and raises here."""
         scan = self._scan

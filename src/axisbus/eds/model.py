@@ -316,6 +316,12 @@ class Eds:
     _names: dict[str, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
     _texts: dict[str, str] = field(default_factory=dict, compare=False, repr=False)  # made once on first use
 
+    def _repr_html_(self) -> str:
+        """Let a notebook show it."""
+        from axisbus.eds.report.glance import html  # only a notebook needs it
+
+        return html(self)
+
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What reading found odd, in the order of the lines; the first look goes through the whole file."""

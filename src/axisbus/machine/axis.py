@@ -61,6 +61,12 @@ class Axis:
             where = ", its position is unknown"
         return f"<Axis {self.name}: {self.snapshot.state.value}{where}>"
 
+    def _repr_html_(self) -> str:
+        """Let a notebook show it."""
+        from axisbus.machine.shown import axis_html  # only a notebook needs it
+
+        return axis_html(self)
+
     # -- what it is and where it is ----------------------------------------------------------------------------------
 
     @property

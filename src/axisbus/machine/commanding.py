@@ -6,6 +6,7 @@ import itertools
 import threading
 from collections import deque
 
+from axisbus.interruption import sheltered
 from axisbus.machine.handle import Handle
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
@@ -29,6 +30,7 @@ class Commanding:
         self._giving = 0  # how many submissions are under way: more than one where a user's log handler gives one as well
         session.listen(self._hear)
 
+    @sheltered
     def submit(self, target: Target, command: Command | GroupCommand, name: str) -> Handle:
         """Give a command, and return its handle: that of the same command where it waits already; does not block.
 

@@ -15,6 +15,10 @@ Leaving begins with the *call* of what leaves: of two signals that come together
 ``__exit__``, before any of its lines could say so, or on the first of the first one's own handler, which must not be thrown off its
 way by it. The interrupted frames tell it.
 
+Where the program is given in cells, as in a notebook, Ctrl-C is none of its ways out: it ends a cell, and the program goes on.
+Then it is a halt, and the machines stay open (``interrupts``). A second one while something moves still is a quick stop; one that
+comes while a machine is left does as everywhere.
+
 A forked child has its parent's handlers and, in the operating system's eyes, its ends of the sockets: it gives all of them up, and
 a signal that comes in between waits until it has.
 """
@@ -22,20 +26,25 @@ a signal that comes in between waits until it has.
 from __future__ import annotations
 
 import atexit
+import math
 import os
 import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import CodeType, FrameType
 from typing import Any
 
 from axisbus.bus.link.inherited import disown_in_children
-from axisbus.core.process.ear import STOPPING
+from axisbus.core.process.ear import INTERRUPTED, STOPPING
+from axisbus.machine.interrupts import Cells, is_ours, shell
 from axisbus.machine.wakeup import Wakeup
 from axisbus.session import AxisSession
+
+_MOMENT = 2.0  # seconds in which what was halted may still move
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +70,13 @@ class ExitSignals:
         self._sessions: dict[
             AxisSession, int
         ] = {}  # with the number of signals that had come before it was there
+        self._halted: dict[
+            AxisSession, tuple[int, float]
+        ] = {}  # the last signal that was a halt: its number, and when
         self._before: dict[signal.Signals, Any] = {}
+        self._cells = Cells(self._interrupted, self._cell_begins)
         self._wakeup: Wakeup | None = None
+        self._listens = False  # whether it is to be there
         self._ends: tuple[socket.socket, socket.socket] | None = None
         self._heard = 0
         self._handled = 0
@@ -79,18 +93,18 @@ class ExitSignals:
         """
         with self._lock:
             self._sessions = {**self._sessions, session: self._came}
+        self._cells.begin()
+        self._listens = self._listens or listen
         if threading.current_thread() is not threading.main_thread():
             return
         self._take_over()
-        if listen and self._wakeup is None:
-            self._handled = self._heard = self._came
-            self._wakeup = Wakeup(STOPPING, self._hear, lambda: self._handled >= self._heard, self.ends)
-            self._wakeup.start()
+        self._listen()
 
     def part(self, session: AxisSession) -> None:
         """Let signals no longer stop ``session``; harmless when repeated. Without any left, the signals are given back."""
         with self._lock:
             self._sessions = {other: came for other, came in self._sessions.items() if other is not session}
+            self._halted.pop(session, None)
         self._settle()
 
     def take(self) -> BaseException | None:
@@ -102,10 +116,12 @@ class ExitSignals:
         """Let a forked child have its signals to itself."""
         self._lock = threading.Lock()
         self._sessions = {}
+        self._cells.end()
         self.pending = None
         if self._wakeup is not None:
             self._wakeup.drop()
             self._wakeup = None
+        self._listens = False
         self.close_ends()
         self._give_back()
 
@@ -124,6 +140,11 @@ class ExitSignals:
         self._ends = None
 
     @property
+    def in_cells(self) -> bool:
+        """Whether this program is given in cells, so that Ctrl-C ends one of them and not it."""
+        return self._cells.there or shell() is not None
+
+    @property
     def listens(self) -> bool:
         """Whether signals are heard in a thread."""
         return self._wakeup is not None
@@ -134,10 +155,22 @@ class ExitSignals:
 
     def _take_over(self) -> None:
         for number in map(signal.Signals, STOPPING):
+            if number == signal.SIGINT and self._cells.there:
+                self._cells.take_over()
+                continue
             now = signal.getsignal(number)
             if now != self._handle:
                 self._before[number] = now
                 signal.signal(number, self._handle)
+
+    def _listen(self) -> None:
+        """Let the thread hear; main thread only."""
+        if self._wakeup is not None:
+            self._wakeup.renew()
+        elif self._listens:
+            self._handled = self._heard = self._came
+            self._wakeup = Wakeup(STOPPING, self._hear, lambda: self._handled >= self._heard, self.ends)
+            self._wakeup.start()
 
     def _settle(self) -> None:
         """Give the signals back where nobody is left to be stopped; done by the main thread when it comes to it."""
@@ -146,9 +179,21 @@ class ExitSignals:
         if self._wakeup is not None:
             self._wakeup.stop()
             self._wakeup = None
+        self._listens = False
         self._give_back()
 
+    def _cell_begins(self) -> None:
+        """Be heard in it as well: by whoever runs the cells, our handler and our thread are put out of force in between."""
+        if threading.current_thread() is not threading.main_thread():
+            return
+        if self._sessions:
+            self._take_over()
+            self._listen()
+        else:  # the last machine was closed in another thread
+            self._settle()
+
     def _give_back(self) -> None:
+        self._cells.end()
         for number, handler in self._before.items():
             if signal.getsignal(number) == self._handle:  # else somebody has taken it since, and keeps it
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
@@ -165,6 +210,20 @@ class ExitSignals:
             self.pending = error
         else:
             raise error
+
+    def _interrupted(self, frame: FrameType | None) -> bool:
+        """An interrupt of a cell, in the main thread; return whether it is only to be remembered, until a machine has been left.
+
+        The halt is asked for once more where the listening thread has done so: a command may have come in between.
+        """
+        if not self._sessions:
+            return False
+        self._handled = max(self._handled + 1, self._heard)
+        self._ask(signal.SIGINT, self._handled)
+        leaving = self._interrupts_us(frame)
+        if leaving:
+            self.pending = KeyboardInterrupt()
+        return leaving
 
     def _pass_on(self, number: int, frame: FrameType | None) -> None:
         """Let whoever had the signal before us have it: no machine is there."""
@@ -186,14 +245,31 @@ class ExitSignals:
 
     def _hear(self, number: int) -> None:
         """Ask for the stop (the listening thread calls this); a second request for the same signal does no harm."""
-        if not self._sessions or signal.getsignal(number) != self._handle:
+        handler = signal.getsignal(number)
+        ours = handler == self._handle or is_ours(handler)
+        if not self._sessions or not (ours or self._is_halt(number)):
             return  # nobody is left to be stopped, or the program has taken the signal for itself
         self._heard += 1
+        if not ours:  # whoever has it now need not be woken by us
+            self._handled = self._heard
         self._ask(number, self._heard)
+
+    def _is_halt(self, number: int) -> bool:
+        return number == signal.SIGINT and self._cells.there
 
     def _ask(self, number: int, count: int) -> None:
         for session, before in self._sessions.items():
-            session.request_stop(STOPPING[signal.Signals(number)], quick=count - before > 1)
+            if self._is_halt(number) and session.leaving_because is None:
+                self._halted[session] = count, time.monotonic()
+                session.request_halt(INTERRUPTED, count)
+            else:
+                since = max(before, self._counted_from(session))
+                session.request_stop(STOPPING[signal.Signals(number)], quick=count - since > 1)
+
+    def _counted_from(self, session: AxisSession) -> int:
+        """Which signal was the last one that has nothing to do with the way out: a halt, if it was not a moment ago."""
+        number, stamp = self._halted.get(session, (0, -math.inf))
+        return number if time.monotonic() - stamp > _MOMENT else number - 1
 
 
 EXIT = ExitSignals()

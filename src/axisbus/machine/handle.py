@@ -57,6 +57,12 @@ class Handle:
         note = f" ({self.note})" if self.note else ""
         return f"<Handle {self.name}: {self.status.value}{note}>"
 
+    def _repr_html_(self) -> str:
+        """Let a notebook show it."""
+        from axisbus.machine.shown import handle_html  # only a notebook needs it
+
+        return handle_html(self)
+
     @property
     def busy(self) -> bool:
         """Whether the command has not ended."""

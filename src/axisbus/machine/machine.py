@@ -18,6 +18,7 @@ from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
+from axisbus.machine.interrupts import interactive
 from axisbus.machine.opening import attached, opened, simulated
 from axisbus.machine.roster import Roster
 from axisbus.session import LatenessReport, Program, Session
@@ -34,6 +35,8 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.machine.node_access import NodeAccess
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
+    from axisbus.record.last import LastMinute
+    from axisbus.record.picture import Picture
     from axisbus.record.recording import Recording
     from axisbus.sim.device import Device
 
@@ -57,6 +60,7 @@ class Machine:
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._recordings: list[Recording | Capture] = []
         self._inherited = False  # by a forked child
+        self._last: LastMinute | None = None
 
     @property
     def session(self) -> Session:
@@ -122,11 +126,19 @@ class Machine:
         """Let the scan run, and return itself."""
         try:
             self._begin()
+            if interactive():
+                self._keep_last()
         except BaseException:  # a signal, as a rule: nobody has the machine yet who could close it
             self._close("opening it was interrupted")
             EXIT.take()
             raise
         return self
+
+    def _keep_last(self) -> None:
+        from axisbus.record.last import LastMinute
+
+        self._last = LastMinute(self)
+        self._last.begin()
 
     # -- what is in it -----------------------------------------------------------------------------------------------
 
@@ -151,6 +163,12 @@ class Machine:
         """Tell the cell and its axes, each with its state."""
         axes = ", ".join(f"{name} {self.session.snapshots[name].state.value}" for name in self.axes)
         return f"<Machine {Path(self.cell.file).name}: {axes}>"
+
+    def _repr_html_(self) -> str:
+        """Let a notebook show it."""
+        from axisbus.machine.shown import machine_html  # only a notebook needs it
+
+        return machine_html(self)
 
     @property
     def axes(self) -> Mapping[str, Axis]:
@@ -339,6 +357,25 @@ class Machine:
         made = Capture(self, path, when, before=before, after=after, axes=axes, realtime=self._core.realtime)
         self._recordings.append(made)
         return made
+
+    def plot_last(self, seconds: float | None = None, *, axes: Iterable[str] | None = None) -> Picture:
+        """Draw the last motion, from a little before it until a little after its end, or until now; a notebook shows the picture.
+
+        ``seconds``: draw so many until now instead (at most 60 are kept). ``axes``: those that moved, if None. The picture has a
+        ``save(path)``. Blocks while it is drawn, and until the core has told what happened meanwhile. The last minute is kept where
+        somebody types the program: in a notebook, in IPython, and in Python's own interpreter; also after the machine was closed.
+
+        Raises:
+            StateError: the last minute is not kept here, nothing has moved in it, or there is no such axis.
+            ArgumentError: no such time.
+            UserError: matplotlib is not installed.
+        """
+        if self._last is None:
+            raise StateError(
+                "the last motion is not kept: nobody types this program as it runs",
+                remedy="begin a recording before the motion, and plot its file",
+            )
+        return self._last.picture(seconds, axes)
 
     def _joined(self, booted: Booted) -> None:
         self._roster.join(booted)

@@ -147,7 +147,9 @@ def _apart(cell: CellConfig, problems: list[Problem], shared: bool) -> Owner:
     except BaseException:
         process.abandon()
         raise
-    return RemoteCore(cell, process, m.Open(__version__, path_of(cell), cell.bus.beside, shared))
+    return RemoteCore(
+        cell, process, m.Open(__version__, path_of(cell), cell.bus.beside, shared, EXIT.in_cells)
+    )
 
 
 def _here(cell: CellConfig) -> Core:

@@ -115,6 +115,9 @@ class _Stage:
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """Nothing to do: a group's commands are judged axis by axis."""
 
+    def request_halt(self, reason: str, number: int) -> None:
+        """There is nothing to halt."""
+
     def request_stop(self, reason: str, quick: bool = False) -> None:
         """Nothing moves."""
 

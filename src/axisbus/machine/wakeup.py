@@ -51,6 +51,12 @@ class Wakeup:
         self._before = signal.set_wakeup_fd(self._outside.fileno(), warn_on_full_buffer=False)
         self._thread.start()
 
+    def renew(self) -> None:
+        """Have the descriptor again where somebody has taken it, or given it back to nobody; main thread only."""
+        before = signal.set_wakeup_fd(self._outside.fileno(), warn_on_full_buffer=False)
+        if before != self._outside.fileno():
+            self._before = before
+
     def stop(self) -> None:
         """Give the descriptor back and end the thread; main thread only."""
         ours = signal.set_wakeup_fd(self._before, warn_on_full_buffer=False)

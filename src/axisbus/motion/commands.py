@@ -121,7 +121,7 @@ class PolicyStop:
 
 @dataclass(frozen=True, slots=True)
 class HandOver:
-    """A halt of what moves, because the command of the machine goes to another program, or who had it is gone."""
+    """A halt of what moves, because the command of the machine goes to another program, or who had it is gone or interrupted."""
 
     reason: str
 

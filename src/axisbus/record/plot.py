@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ _LINES = ("#1f6fb4", "#c8553d", "#3a7d44", "#7a4fa3", "#8a6d1d", "#1d7f86")
 _COMMANDED = "#555555"
 _SUFFIXES = (".png", ".svg")
 _WIDTH = 11.0  # inches
+_DOTS = 110  # of an inch
 _LEFT, _RIGHT = 0.1, 0.985  # of the width
 _POINTS = 4000  # of a line: of more, the lowest and the highest of each piece are drawn
 
@@ -68,15 +70,25 @@ def plot(
         raise UserError(
             f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
         )
-    pyplot = load_pyplot()
+    figure = _figure(recording, title, begin, end)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=_DOTS)
+    return path
+
+
+def png(recording: Recorder | Recorded | Path | str, title: str = "") -> bytes:
+    """Return the same picture as a PNG. Blocks for it; raises as ``plot``."""
+    file = BytesIO()
+    _figure(recording, title, -math.inf, math.inf).savefig(file, format="png", dpi=_DOTS)
+    return file.getvalue()
+
+
+def _figure(recording: Recorder | Recorded | Path | str, title: str, begin: float, end: float) -> Any:
+    make = _maker()
     shown = _recorded(recording).within(begin, end)
     if not any(track.times for track in shown.tracks.values()):
         raise UserError("nothing was recorded, so there is nothing to draw")
-    figure = _Figure(pyplot, shown, title).drawn()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    pyplot.close(figure)
-    return path
+    return _Figure(make, shown, title).drawn()
 
 
 def _recorded(recording: Recorder | Recorded | Path | str) -> Recorded:
@@ -85,24 +97,35 @@ def _recorded(recording: Recorder | Recorded | Path | str) -> Recorded:
     return recording if isinstance(recording, Recorded) else load(recording)
 
 
+def _maker() -> Any:
+    """Return what makes a figure: matplotlib's own class, which leaves the pictures of the program itself alone."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise _missing() from None
+    return Figure
+
+
 def load_pyplot() -> Any:
     """Return matplotlib's pyplot, which draws without a screen; raises UserError where it is not installed."""
     try:
         import matplotlib
     except ImportError:
-        raise UserError(
-            "drawing needs matplotlib, which is not installed", remedy="pip install 'axisbus[plot]'"
-        ) from None
+        raise _missing() from None
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
     return pyplot
 
 
+def _missing() -> UserError:
+    return UserError("drawing needs matplotlib, which is not installed", remedy="pip install 'axisbus[plot]'")
+
+
 class _Figure:
     """One picture under work: its panels from the top down, measured in inches; holds how far down it is."""
 
-    def __init__(self, pyplot: Any, shown: Recorded, title: str) -> None:
+    def __init__(self, make: Any, shown: Recorded, title: str) -> None:
         self._tracks = [track for track in shown.tracks.values() if track.times]
         times = [time for track in self._tracks for time in (track.times[0], track.times[-1])]
         self._span = min(times), max(max(times), min(times) + 1e-3)
@@ -111,7 +134,7 @@ class _Figure:
         self._panels = [_panels_of(track) for track in self._tracks]
         self._states = {state for track in self._tracks for state in track.columns["state"]}
         self._height = self._needed(bool(title) + bool(shown.lacks))
-        self._figure = pyplot.figure(figsize=(_WIDTH, self._height))
+        self._figure = make(figsize=(_WIDTH, self._height))
         self._top = 0.12
         for text, size, colour in ((title, 12, "black"), (shown.lacks, 8, "#b02020")):
             if text:

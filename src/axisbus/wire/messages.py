@@ -35,13 +35,14 @@ from axisbus.wire.values import Codec
 class Open:
     """Open the cell of a file; ``version`` is that of the program's axisbus. The first message, and once.
 
-    ``shared``: this program commands nothing; whoever is joined to it may.
+    ``shared``: this program commands nothing; whoever is joined to it may. ``in_cells``: Ctrl-C ends one of its cells, and not it.
     """
 
     version: str
     cell: str
     beside: bool = False
     shared: bool = False
+    in_cells: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +148,14 @@ class RequestStop:
 
     reason: str
     quick: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RequestHalt:
+    """``Session.request_halt``."""
+
+    reason: str
+    number: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,6 +293,7 @@ Message = (
     | StreamOver
     | AddGroup
     | RequestStop
+    | RequestHalt
     | Observe
     | Tap
     | Ask

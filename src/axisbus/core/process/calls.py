@@ -12,6 +12,7 @@ from typing import Any
 from axisbus.bus.link.inbox import Inbox
 from axisbus.core.inherited import inherited
 from axisbus.errors import ScanError, in_a_line
+from axisbus.interruption import sheltered
 from axisbus.link import alarm
 from axisbus.motion.stop.diagnosis import join_remedies
 from axisbus.wire import messages as m
@@ -75,7 +76,7 @@ class Calls:
         self._waiting[number] = (answered, answers)
         try:
             self.send(m.CODEC.pack(m.Ask(number, what, node, arguments)))  # here: what cannot cross is raised
-            while not answered.wait(_SLICE) and not self._over:
+            while not _wait_a_moment(answered) and not self._over:
                 pass
         finally:
             del self._waiting[number]
@@ -143,6 +144,11 @@ class Calls:
         if waiting is not None:
             waiting[1].append(answer)
             waiting[0].set()
+
+
+@sheltered  # who answers takes its lock too
+def _wait_a_moment(answered: threading.Event) -> bool:
+    return answered.wait(_SLICE)
 
 
 def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:

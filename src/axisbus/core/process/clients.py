@@ -191,6 +191,12 @@ class Clients:
         if desk is self._holder:
             threading.Thread(target=self.halt, args=(f"{desk.name}: {reason}", quick), name="halting").start()
 
+    def request_halt(self, desk: Desk, reason: str, number: int) -> None:
+        """A client was interrupted and goes on: what it has commanded halts. One that commands nothing has set nothing going."""
+        if desk is self._holder:
+            by = f"{desk.name}: {reason}" if desk.place else reason
+            self.core.session.request_halt(by, desk.place * NUMBERS + number)
+
     # -- commands ------------------------------------------------------------------------------------------------------
 
     def submit(self, number: int, target: Target, command: Command, name: str) -> CommandEvent | None:

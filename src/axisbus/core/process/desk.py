@@ -162,6 +162,9 @@ class Desk:
     def _request_stop(self, message: m.RequestStop) -> None:
         self._clients.request_stop(self, message.reason, message.quick)
 
+    def _request_halt(self, message: m.RequestHalt) -> None:
+        self._clients.request_halt(self, message.reason, message.number)
+
     def _leave(self, message: m.Leave) -> None:
         """Only a guest's: the program that opened the cell leaves all of it."""
         self.leaving = message.reason
@@ -179,6 +182,7 @@ _TAKES: dict[type, Callable[[Desk, Any], None]] = {
     m.Samples: Desk._feed,
     m.NoSamples: Desk._fail,
     m.RequestStop: Desk._request_stop,
+    m.RequestHalt: Desk._request_halt,
     m.Leave: Desk._leave,
 }
 

@@ -17,6 +17,7 @@ STOPPING: dict[int, str] = {
     signal.SIGINT: "Ctrl-C",
     signal.SIGTERM: "SIGTERM",
 }  # what ends a program, and stops its axes
+INTERRUPTED = "its program was interrupted (Ctrl-C, or the stop button of a notebook)"
 _PATIENCE = 0.1  # seconds
 _MOST = 64
 

@@ -35,7 +35,7 @@ from axisbus.core.process.clients import Clients, Guests
 from axisbus.core.process.desk import Desk
 from axisbus.core.process.door import Door, text_of
 from axisbus.core.process.duty import Duty
-from axisbus.core.process.ear import STOPPING, Ear
+from axisbus.core.process.ear import INTERRUPTED, STOPPING, Ear
 from axisbus.core.process.kept.faults import Faults
 from axisbus.core.process.kept.journal import journal
 from axisbus.core.process.lifeline import Lifeline
@@ -86,6 +86,7 @@ class Server:
         self._drives = drives
         self._who = who
         self._ear: Ear | None = None
+        self._in_cells = False
         self._lifeline: Lifeline | None = None
         self._core: Core | None = None
         self._clients: Clients | None = None
@@ -158,6 +159,7 @@ class Server:
         self._clients = Clients(core, outlet, self._asked)
         self._program = self._clients.admit(self._stream, self._who)
         self._clients.open_for(self._program, wanted.shared)
+        self._in_cells = wanted.in_cells
         self._lifeline = Lifeline(self._memory, size_of(self._axes), core, names)
         self._take_signals()
         self._degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
@@ -255,7 +257,10 @@ class Server:
         heard = None if self._ear is None else self._ear.look(time.monotonic())
         if heard is not None and self._core is not None:
             name, count = heard
-            self._core.session.request_stop(name, quick=count > 1)
+            if self._in_cells and name == STOPPING[signal.SIGINT] and count == 1:
+                self._core.session.request_halt(INTERRUPTED, 0)
+            else:
+                self._core.session.request_stop(name, quick=count > 1)
 
     def _tell_condition(self) -> None:
         assert self._core is not None

@@ -19,6 +19,7 @@ from axisbus.core.process.calls import Calls, gone
 from axisbus.core.process.streams import Trajectories
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
+from axisbus.interruption import sheltered
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.snapshot import Snapshot
@@ -55,6 +56,7 @@ class Errors:
             self._found[told.number] = told.error
             self._arrived.notify_all()
 
+    @sheltered  # who tells the next one takes the condition too
     def of(self, number: int) -> AxisbusError | None:
         """Return an error by its number; blocks while it is on its way, which is shorter than a cycle."""
         found = self._found.get(number)
@@ -218,6 +220,10 @@ class RemoteSession:
         """As ``Session.request_stop``."""
         self._asked = self._asked or (time.monotonic(), reason)
         self._calls.send(m.RequestStop(reason, quick))
+
+    def request_halt(self, reason: str, number: int) -> None:
+        """As ``Session.request_halt``."""
+        self._calls.send(m.RequestHalt(reason, number))
 
     def observe(self, observer: Observer) -> None:
         """As ``Session.observe``; in the thread that tells events, a few cycles at a time."""

@@ -1,0 +1,54 @@
+"""What a notebook shows of a file: whose it is, for which device, and how many objects it has of each kind."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from axisbus.markup import guarded, table
+from axisbus.wording import counted
+
+if TYPE_CHECKING:  # a file is shown by this module, which so cannot import it
+    from axisbus.eds.model import Eds
+
+_MANY = 5000  # objects: what is odd in such a file is not looked for by the way
+# CiA 301 table 1: the areas of an object dictionary.
+_AREAS = (
+    (range(0x1000, 0x2000), "communication, 1000h to 1FFFh"),
+    (range(0x2000, 0x6000), "the maker's own, 2000h to 5FFFh"),
+    (range(0x6000, 0xA000), "device profile, 6000h to 9FFFh"),
+)
+_PDOS = ((range(0x1400, 0x1600), "RPDO"), (range(0x1800, 0x1A00), "TPDO"))
+
+
+def html(eds: Eds) -> str:
+    """Return a file as HTML."""
+    return guarded("Eds", lambda: table(f"EDS {eds.source}", _rows(eds)))
+
+
+def _rows(eds: Eds) -> Iterator[tuple[str, str]]:
+    device, identity = eds.info.get("deviceinfo", {}), eds.identity
+    yield "device", device.get("productname", "") or "not named"
+    yield "maker", device.get("vendorname", "") or "not named"
+    yield "vendor ID, product code", f"{_hex(identity.vendor_id)}, {_hex(identity.product_code)}"
+    yield "device type (1000h)", _hex(eds.device_type)
+    if eds.node_id is not None:
+        yield "made for node", str(eds.node_id)
+    for area, name in _AREAS:
+        yield name, counted(sum(index in area for index in eds.objects), "object")
+    pdos = ((sum(index in those for index in eds.objects), name) for those, name in _PDOS)
+    yield "PDOs", ", ".join(counted(number, name) for number, name in pdos)
+    yield "found while reading", _findings(eds)
+
+
+def _findings(eds: Eds) -> str:
+    if len(eds.objects) > _MANY:
+        return "see axisbus eds check"
+    found = Counter(finding.severity.value for finding in eds.findings)
+    told = [counted(number, severity) for severity, number in found.items()]
+    return f"{', '.join(told)}; axisbus eds check tells them" if told else "nothing odd"
+
+
+def _hex(value: int | None) -> str:
+    return "unknown" if value is None else f"{value:08X}h"

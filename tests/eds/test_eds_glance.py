@@ -1,0 +1,35 @@
+"""What a notebook shows of an EDS."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus import eds
+from kit.pages import ROOT
+
+FILES = sorted((ROOT / "eds").glob("*.eds"))
+EVIL = "<b>Drive & Co</b>"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_file_says_whose_it_is_and_what_it_has(path):
+    read = eds.load(path)
+    shown = read._repr_html_()
+    assert read.info["deviceinfo"]["productname"] in shown
+    assert "cannot be shown" not in shown
+    assert "4 RPDOs, 4 TPDOs" in shown
+
+
+def test_what_a_file_says_is_text():
+    data = FILES[0].read_text(encoding="ascii").replace("\nProductName=", f"\nProductName={EVIL}")
+    shown = eds.loads(data.encode("ascii"), "<i>file</i>")._repr_html_()
+    assert EVIL not in shown
+    assert "&lt;b&gt;Drive &amp; Co" in shown
+    assert "<i>" not in shown
+
+
+def test_a_file_that_says_little_shows_that_nothing_is_known():
+    data = b"[MandatoryObjects]\nSupportedObjects=1\n1=0x1001\n[1001]\nParameterName=Error register\nDataType=5\nAccessType=ro\n"
+    shown = eds.loads(data, "x.eds")._repr_html_()
+    assert "not named" in shown
+    assert "unknown, unknown" in shown
