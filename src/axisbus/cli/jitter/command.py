@@ -23,6 +23,7 @@ from axisbus.core.files import load_dictionaries
 from axisbus.errors import UserError
 from axisbus.machine.machine import Machine
 from axisbus.trace.pace import MEASURED, Cast, Pace, histogram, spread
+from axisbus.wording import counted
 
 _ANY_RATE = 1_000_000  # identifiers are wanted, not times
 _SLICE = 0.1  # seconds
@@ -111,7 +112,7 @@ def _first(slots: Sequence[Slot]) -> frozenset[int]:
 
 
 def _show(pace: Pace, late: str) -> None:
-    say(f"{pace.cycles} cycles of {pace.period * 1000:g} ms, {pace.missing} missing")
+    say(f"{counted(pace.cycles, 'cycle')} of {pace.period * 1000:g} ms, {pace.missing} missing")
     say(f"since it was opened: {late}")
     for name, words in MEASURED.items():
         values = getattr(pace, name)

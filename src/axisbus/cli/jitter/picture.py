@@ -6,6 +6,7 @@ from pathlib import Path
 
 from axisbus.record.plot import load_pyplot
 from axisbus.trace.pace import MEASURED, Pace, spread
+from axisbus.wording import counted
 
 _BINS = 60
 _US = 1e6
@@ -31,6 +32,8 @@ def draw(pace: Pace, path: Path, name: str) -> None:
             found.p99, color=_MARK, linewidth=1.2, linestyle="--", label=f"99 % up to {found.p99:.0f} µs"
         )
         panel.legend(frameon=False, loc="upper right")
-    figure.suptitle(f"{name}: {pace.cycles} cycles of {pace.period * 1000:g} ms, {pace.missing} missing")
+    figure.suptitle(
+        f"{name}: {counted(pace.cycles, 'cycle')} of {pace.period * 1000:g} ms, {pace.missing} missing"
+    )
     figure.savefig(path, dpi=110)
     pyplot.close(figure)
