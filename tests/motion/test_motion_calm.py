@@ -24,7 +24,7 @@ class Thorough:
         self.core = core
 
     def step(self, inputs):
-        self.core._was_calm = False
+        self.core._was_calm, self.core._cruise = False, None
         return self.core.step(inputs)
 
 
@@ -58,7 +58,7 @@ def differences(a, b, where: str, seen: set) -> list[str]:
     return [
         found
         for path, x, y in pairs
-        if not path.endswith("._was_calm")
+        if not path.endswith(("._was_calm", "._cruise"))
         for found in differences(x, y, path, seen)
     ]
 

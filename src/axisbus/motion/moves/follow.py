@@ -8,7 +8,7 @@ from typing import NoReturn
 
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import LimitError, MotionTimeout
+from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
@@ -23,10 +23,15 @@ from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.trajectory import Trajectory
+from axisbus.units import INT32_HALF, INT32_LEAST
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
 _BRAKING = 1.1  # by how much a path that is braked may be harder than its deceleration: it bends meanwhile
 _ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
+Foreseen = tuple[
+    float, float, int
+]  # the next place, the velocity with which the path comes there, and the target there
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
 class Follow(Activity):
@@ -100,6 +105,47 @@ class Follow(Activity):
             self.rests_from = image.now
             return False
         return self._arrived(image)
+
+    def foresee(self) -> Foreseen | None:
+        """Return the next target where it is as most are: on the way, and nowhere near too much; ``step`` finds the same.
+
+        Nothing changes by this.
+        """
+        clock, trajectory, before, pace = self.clock, self._trajectory, self._step, self._pace
+        if not self._running or clock.braking or trajectory is None or before is None or pace is None:
+            return None
+        period, limits = self._period, self._limits
+        t = clock.t + period if self._own_clock else clock.t
+        if t >= trajectory.duration:
+            return None
+        try:
+            if self._own_clock and (self._stream is not None or (limits is not None and not self._is_known)):
+                self._look_beyond(trajectory)
+            place = trajectory.position(t)
+            target = self._units.to_increments(place) + self._origin
+        except AxisbusError:
+            self.brakes_along = False  # ``step`` finds that again, and raises it
+            return None
+        velocity = (place - before.position) / period
+        rate = (velocity - before.velocity) / period
+        if (
+            not INT32_LEAST <= target < INT32_HALF
+            or (pace.velocity is not None and not -pace.velocity <= velocity <= pace.velocity)
+            or (pace.acceleration is not None and not -pace.acceleration <= rate <= pace.acceleration)
+            or (limits is not None and not limits[0] <= place <= limits[1])
+        ):
+            return None
+        return place, velocity, target
+
+    def go_on(self, foreseen: Foreseen, now: float) -> int:
+        """Take what was foreseen in the cycle at ``now``, as ``step`` does; return the target in increments."""
+        self._stepped = True
+        if self._own_clock:
+            self.clock.advance(self._period)
+        place, velocity, self._last = foreseen
+        self._step = _tuple(Step, (place, velocity))
+        self.rests_from = now
+        return self._last
 
     def reference(self, image: Image) -> int:
         """Return the position to start from, in increments: the demand, else the actual position."""
@@ -201,15 +247,12 @@ class Follow(Activity):
             start = units.to_units(reference - image.origin)
             self._limits = widened(self._parameters.limits.position, start, margin)
 
-    def _look_ahead(self, trajectory: Trajectory) -> None:
+    def _look_ahead(self, trajectory: Guarded) -> None:
         """Raise what is wrong where the next target would be too much, or the axis could not be kept within its limits any more.
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
-        if self._stream is not None:
-            self._look_at_stream(self._stream)
-        if self._limits is not None and not self._is_known:
-            self._look_at_limits(partial(self._way, trajectory), self._limits)
+        self._look_beyond(trajectory)
         assert self._pace is not None
         assert self._step is not None
         t, before, end = self.clock.t + self._period, self._step, trajectory.duration
@@ -218,6 +261,13 @@ class Follow(Activity):
         if found is not None:
             self._refuse(found, trajectory, t)
         self._ahead = t, after
+
+    def _look_beyond(self, trajectory: Guarded) -> None:
+        """Raise where the axis could not be braked any more within what is known, or within its limits."""
+        if self._stream is not None:
+            self._look_at_stream(self._stream)
+        if self._limits is not None and not self._is_known:
+            self._look_at_limits(partial(self._way, trajectory), self._limits)
 
     def _look_at_stream(self, stream: Streamed) -> None:
         """Look whether the axis could still be braked within what is known."""

@@ -111,6 +111,22 @@ class Following:
             return None
         return self._failed(image, way, allowed)
 
+    def is_used_to(self, activity: Activity) -> bool:
+        """Whether ``activity`` is watched, in a position mode of the drive, and by no more than how far the drive is led."""
+        return activity is self._activity and self._mode is not None and activity.behind is None
+
+    def close(self, led: int, now: float) -> None:
+        """Note as ``error`` does that the axis is within its window of ``led``, the target before that of the cycle at ``now``."""
+        before, stamp = self._led, self._led_stamp
+        self._led, self._led_stamp = led, now
+        self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
+        self._misses, self._since = 0, math.inf
+
+    @property
+    def led_at(self) -> float:
+        """When the axis was led last, as far as that was looked at."""
+        return self._led_stamp
+
     @staticmethod
     def _skew(image: Image) -> float:
         """Seconds between the two values that are compared: one that is polled is of another moment."""
