@@ -92,8 +92,10 @@ def test_the_short_look_gives_what_the_whole_one_gives(node: Node, drive, seed: 
             short._incoming.steady = (
                 False  # now and then the whole look has to find everything as it would be
             )
-    alone = "6041/16 6061/8" not in str(drive[1:])  # else one value comes in two TPDOs: never the short look
-    assert alone is (short_looks > 0)
+    if drive in DRIVES[:2]:
+        assert short_looks > 20
+    if drive == DRIVES[3]:
+        assert not short_looks
     short.close()
     whole.close()
 

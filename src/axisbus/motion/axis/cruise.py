@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from axisbus.cia402.port import Inputs, Outputs
-from axisbus.cia402.state import State
+from axisbus.cia402.state import State, decode
 from axisbus.motion.axis.order import GO_ON
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
@@ -32,7 +32,7 @@ _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without t
 
 
 class Cruise:
-    """Holds what the cycles of one axis need, close together, and the word and NMT state that are to stay as they are."""
+    """Holds what the cycles of one axis need, close together, and the NMT state that is to stay as it is."""
 
     __slots__ = (
         "_core",
@@ -52,7 +52,6 @@ class Cruise:
         "_stopping",
         "_track",
         "_window",
-        "_word",
         "_words_age",
     )
 
@@ -66,7 +65,7 @@ class Cruise:
         self._period, self._window = core.parameters.scan_period, core.parameters.pull_window
         self._words_age, self._modes_age, self._positions_age = image.max_age[:3]
         self._fastest = image.fastest
-        self._word, self._nmt = image.statusword, image.nmt
+        self._nmt = image.nmt
 
     def step(self, inputs: Inputs) -> Outputs | None:
         """Do what ``AxisCore.step`` does in such a cycle, and return what the drive is to get; in any other do nothing: None."""
@@ -96,14 +95,14 @@ class Cruise:
             or not self._order.is_clear
         ):
             return None
-        # The values: fresh, word and mode as they were, and the position not far from where it was.
+        # The values: fresh, the drive still enabled and in its mode, and not far from where it is led.
         late = now - image.now - self._period
         since = now - late if late > 0.0 else now
         raw, came = position
         target, window = self._led.target, self._window
         if (
             late >= self._period
-            or word.value != self._word
+            or (word.value != image.statusword and decode(word.value) is not _ENABLED)
             or word.stamp < since - self._words_age
             or mode.value != _CSP
             or mode.stamp < since - self._modes_age

@@ -157,10 +157,11 @@ class Image:
             self.take_demand(demand, since - ages[5])
 
     def go_on(self, now: float, word: Sample, mode: Sample, position: Sample) -> None:
-        """Take the cycle at ``now`` as ``update`` does, where word and mode are as they were and the position has not wrapped."""
+        """Take the cycle at ``now`` as ``update`` does, where state and mode are as they were and the position has not wrapped."""
         self.gap = now - self.now
         self.now = now
-        self.statusword_stamp, self.mode_stamp = word.stamp, mode.stamp
+        self.statusword, self.statusword_stamp = word
+        self.mode_stamp = mode.stamp
         raw, stamp = position
         self._raw_position = self.position = self.last_position = raw
         if stamp != self.position_stamp:
