@@ -183,7 +183,6 @@ class AxisCore:
         self._cruise = cruise_of(self) if calm and self.state is _SYNCHRONIZED else None
         return outputs
 
-    @property
     def may_cruise(self) -> bool:
         """Whether the axis, calm in the cycle before, is still so as far as others may change it between two cycles."""
         return (

@@ -87,12 +87,12 @@ class Cruise:
         core, image = self._core, self._image
         if (
             core.state is not _SYNCHRONIZED
-            or not core.may_cruise
+            or not core.may_cruise()
             or self._running.activity is not self._follow
             or self._running.set_point is not None
             or self._stopping.ladder is not None
             or self._rest_waits.waiting
-            or not self._order.is_clear
+            or not self._order.is_clear()
         ):
             return None
         # The values: fresh, the drive still enabled and in its mode, and not far from where it is led.

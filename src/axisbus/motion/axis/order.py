@@ -21,7 +21,6 @@ _HOLD = {
     State.NOT_READY_TO_SWITCH_ON: 0,
 }
 GO_ON = _HOLD[_ENABLED]
-_NO_NUMBERS = (None,) * 5
 
 
 class Order:
@@ -68,12 +67,15 @@ class Order:
         if self.sdo or self.cancel:
             self.sdo, self.cancel = [], []
 
-    @property
     def is_clear(self) -> bool:
         """Whether nothing is wished for but the goal."""
-        numbers = self.target_position, self.mode, self.word, self.target_velocity, self.target_torque
-        return numbers == _NO_NUMBERS and not (
-            self.bits or self.sdo or self.cancel or self.halt or self.nmt_stop
+        return (
+            self.mode is None
+            and self.word is None
+            and self.target_position is None
+            and self.target_velocity is None
+            and self.target_torque is None
+            and not (self.bits or self.sdo or self.cancel or self.halt or self.nmt_stop)
         )
 
     def request(self, index: int, subindex: int, value: int | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import NoReturn
@@ -28,9 +29,11 @@ from axisbus.units import INT32_HALF, INT32_LEAST
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
 _BRAKING = 1.1  # by how much a path that is braked may be harder than its deceleration: it bends meanwhile
 _ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
-Foreseen = tuple[
-    float, float, int
-]  # the next place, the velocity with which the path comes there, and the target there
+# The next place, the velocity with which the path comes there, and the target there.
+Foreseen = tuple[float, float, int]
+# Of a path: the position at a time, its duration, whether it is to be looked at ahead, the period, how fast and how hard it may be,
+# between which limits, and how a place becomes a target: by a factor, and from the origin.
+_Way = tuple[Callable[[float], float], float, bool, float, float, float, float, float, float, int]
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
@@ -78,6 +81,7 @@ class Follow(Activity):
         self._pace: Pace | None = None
         self._step: Step | None = None  # to the last target, before it was rounded to increments
         self._ahead: tuple[float, Step] | None = None  # to the next one, and when: looked at, and good
+        self._known_way: _Way | None = None
         self.brakes_along = False
         if trajectory is not None:
             self.begin(trajectory)
@@ -111,31 +115,52 @@ class Follow(Activity):
 
         Nothing changes by this.
         """
-        clock, trajectory, before, pace = self.clock, self._trajectory, self._step, self._pace
-        if not self._running or clock.braking or trajectory is None or before is None or pace is None:
+        clock, before = self.clock, self._step
+        if clock.braking or before is None or not self._running:
             return None
-        period, limits = self._period, self._limits
+        way = self._known_way or self._get_to_know()
+        position, duration, looks, period, fastest, hardest, lowest, highest, factor, origin = way
         t = clock.t + period if self._own_clock else clock.t
-        if t >= trajectory.duration:
+        if t >= duration:
             return None
         try:
-            if self._own_clock and (self._stream is not None or (limits is not None and not self._is_known)):
-                self._look_beyond(trajectory)
-            place = trajectory.position(t)
-            target = self._units.to_increments(place) + self._origin
-        except AxisbusError:
-            self.brakes_along = False  # ``step`` finds that again, and raises it
+            if looks:
+                self._look_beyond()
+            place = position(t)
+            target = round(place * factor) + origin
+        except (AxisbusError, OverflowError):  # ``step`` finds that again, and raises it
+            self.brakes_along = False
             return None
         velocity = (place - before.position) / period
-        rate = (velocity - before.velocity) / period
         if (
-            not INT32_LEAST <= target < INT32_HALF
-            or (pace.velocity is not None and not -pace.velocity <= velocity <= pace.velocity)
-            or (pace.acceleration is not None and not -pace.acceleration <= rate <= pace.acceleration)
-            or (limits is not None and not limits[0] <= place <= limits[1])
+            -fastest <= velocity <= fastest
+            and -hardest <= (velocity - before.velocity) / period <= hardest
+            and lowest <= place <= highest
+            and INT32_LEAST <= target < INT32_HALF
         ):
-            return None
-        return place, velocity, target
+            return place, velocity, target
+        return None
+
+    def _get_to_know(self) -> _Way:
+        """Keep together what is asked of the path in every cycle, and stays as it is as long as the axis is on it."""
+        trajectory, pace, limits = self._trajectory, self._pace, self._limits or (-math.inf, math.inf)
+        assert trajectory is not None
+        assert pace is not None
+        looks = self._own_clock and (
+            self._stream is not None or (self._limits is not None and not self._is_known)
+        )
+        self._known_way = way = (
+            trajectory.position,
+            trajectory.duration,
+            looks,
+            self._period,
+            math.inf if pace.velocity is None else pace.velocity,
+            math.inf if pace.acceleration is None else pace.acceleration,
+            *limits,
+            self._units.factor,
+            self._origin,
+        )
+        return way
 
     def go_on(self, foreseen: Foreseen, now: float) -> int:
         """Take what was foreseen in the cycle at ``now``, as ``step`` does; return the target in increments."""
@@ -160,6 +185,7 @@ class Follow(Activity):
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
         self._trajectory, self._told = Guarded(trajectory, self._parameters.name), trajectory
+        self._known_way = None
         if isinstance(trajectory, Streamed):
             self._stream = trajectory
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
@@ -173,6 +199,7 @@ class Follow(Activity):
         """Go on from the last target of ``before``, which lies one cycle back, with the trajectory that has been begun."""
         assert self._told is not None
         self._prepared = self._running = True
+        self._known_way = None
         self._last, self._step, self._limits = before._last, before._step, before._limits
         self._origin = before._origin
         self._pace = pace_of(self._parameters, self._told)
@@ -239,6 +266,7 @@ class Follow(Activity):
                 remedy="begin it at axis.position",
             )
         self._running = True
+        self._known_way = None
         self._last, self._origin = reference, image.origin
         self._is_known = isinstance(self._told, Known)
         self._pace = pace_of(self._parameters, self._told)
@@ -252,7 +280,7 @@ class Follow(Activity):
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
-        self._look_beyond(trajectory)
+        self._look_beyond()
         assert self._pace is not None
         assert self._step is not None
         t, before, end = self.clock.t + self._period, self._step, trajectory.duration
@@ -262,8 +290,10 @@ class Follow(Activity):
             self._refuse(found, trajectory, t)
         self._ahead = t, after
 
-    def _look_beyond(self, trajectory: Guarded) -> None:
+    def _look_beyond(self) -> None:
         """Raise where the axis could not be braked any more within what is known, or within its limits."""
+        trajectory = self._trajectory
+        assert trajectory is not None
         if self._stream is not None:
             self._look_at_stream(self._stream)
         if self._limits is not None and not self._is_known:

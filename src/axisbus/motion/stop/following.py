@@ -47,13 +47,12 @@ class Peak:
 class Following:
     """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off.
 
-    ``_mode`` is the position mode in which its activity leads it; None where that is another mode.
+    ``_mode`` is the position mode in which its activity leads it; None where that is another mode. ``led_at``: when it was led so.
     """
 
     __slots__ = (
         "_activity",
         "_led",
-        "_led_stamp",
         "_misses",
         "_mode",
         "_parameters",
@@ -61,6 +60,7 @@ class Following:
         "_since",
         "_stamp",
         "_window",
+        "led_at",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -73,7 +73,7 @@ class Following:
         self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
         self._peak = Peak()
         self._led: int | None = None
-        self._led_stamp = -math.inf
+        self.led_at = -math.inf
         self._stamp = -math.inf
         self._misses = 0
         self._since = math.inf
@@ -117,15 +117,10 @@ class Following:
 
     def close(self, led: int, now: float) -> None:
         """Note as ``error`` does that the axis is within its window of ``led``, the target before that of the cycle at ``now``."""
-        before, stamp = self._led, self._led_stamp
-        self._led, self._led_stamp = led, now
+        before, stamp = self._led, self.led_at
+        self._led, self.led_at = led, now
         self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
         self._misses, self._since = 0, math.inf
-
-    @property
-    def led_at(self) -> float:
-        """When the axis was led last, as far as that was looked at."""
-        return self._led_stamp
 
     @staticmethod
     def _skew(image: Image) -> float:
@@ -138,10 +133,10 @@ class Following:
         led, when = image.led.target, image.now
         if led is None:
             led, when = image.demand, image.demand_stamp
-        if led is None or when <= self._led_stamp:
+        if led is None or when <= self.led_at:
             return 0.0
-        before, stamp = self._led, self._led_stamp
-        self._led, self._led_stamp = led, when
+        before, stamp = self._led, self.led_at
+        self._led, self.led_at = led, when
         return 0.0 if before is None else abs(led - before) / (when - stamp)
 
     def _failed(self, image: Image, way: float, allowed: float) -> FollowingError:
