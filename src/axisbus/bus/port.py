@@ -41,8 +41,6 @@ assert Inputs._fields[2:8] == tuple(INPUT_OBJECTS)  # ``read`` takes them in thi
 _ALL_QUIET = Inputs(0.0, True, *(None,) * 6, nmt=int(_OPERATIONAL))[
     8:
 ]  # of a node that is operational, and says nothing more
-_SELDOM = Outputs._fields.index("sdo")
-_NOTHING_SELDOM = Outputs()[_SELDOM:]  # no SDO request, none taken back, no NMT command
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
 
@@ -169,10 +167,9 @@ class CanPort:
         Raises:
             StateError: an RPDO would have to be sent although the port was not primed.
         """
-        image, controlword = self._only_image, outputs.controlword
-        seldom = (
-            outputs[_SELDOM:] != _NOTHING_SELDOM or controlword is None or self._nmt_stopped or self._doubtful
-        )
+        image = self._only_image
+        controlword, _, _, _, _, sdo, cancel, nmt_stop = outputs
+        seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped or self._doubtful
         if image is None or seldom or self._nmt.bootups != self._bootups:
             self._write_any(outputs)
             return
