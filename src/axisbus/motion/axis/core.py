@@ -12,7 +12,8 @@ In each cycle ``step`` does four things, in this order:
 4. ``Order`` turns the wishes into ``Outputs``.
 
 In a *calm* cycle after a calm one (``_is_calm``) only the watches over motion and rest are done of 2.: they alone look at what
-changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new.
+changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new. Where an axis then
+goes on along its trajectory and nothing else is going on, all of the cycle is done by one function (``cruise``).
 
 Nothing is sent to a drive before a command asks for something (``Order.goal`` is None until then): a drive found enabled is left as
 it is. Once enabled by us, a drive that leaves *operation enabled* is never enabled again by the planner, whatever state the axis is

@@ -150,5 +150,6 @@ def cruise_of(core: AxisCore) -> Cruise | None:
     follow, image = core.running.activity, core.image
     if type(follow) is not Follow or image.state is not _ENABLED or image.position is None:
         return None
-    usual = image.flight.word == GO_ON and image.led.leads_on(image.mode) and not image.replies
+    quiet = image.bus is None and not (image.replies or image.emcy or image.overdue)
+    usual = quiet and image.flight.word == GO_ON and image.led.leads_on(image.mode)
     return Cruise(core, follow) if usual and core.supervision.only_follows(follow) else None
