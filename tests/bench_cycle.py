@@ -308,6 +308,14 @@ def compare(count: int, period: float, pairs: int, seconds: float) -> dict[str, 
     return {"axes": count, "period": period, **medians, "ratio": ratio("theirs"), "to_usual": ratio("usual")}
 
 
+def _each_more(before: tuple[int, float] | None, found: dict[str, float]) -> str:
+    """What each axis costs that ``found`` has more than the run ``before``, of that many axes and CPU seconds."""
+    if before is None:
+        return ""
+    axes, seconds = before
+    return f"{(found['ours'] - seconds) / (found['axes'] - axes) * 1e6:.1f} µs"
+
+
 def main() -> int:
     """Compare, or (with a side) measure one."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -329,15 +337,18 @@ def main() -> int:
             )
         return 0
     print(f"CPU per cycle of {chosen.period * 1000:g} ms, medians of {chosen.pairs} runs of each in turn")
-    print(f"{'axes':>6}{'ours':>12}{'canopen':>12}{'ratio':>8}{'its usual':>14}{'ratio':>8}{'floor':>12}")
-    for count in (1, 8, 16, 32):
+    titles = f"{'axes':>6}{'ours':>12}{'canopen':>12}{'ratio':>8}{'its usual':>14}{'ratio':>8}{'floor':>12}"
+    print(f"{titles}{'of ours, each axis more':>26}")
+    before: tuple[int, float] | None = None
+    for count in (1, 8, 16, 32, 64):
         found = compare(count, chosen.period, chosen.pairs, chosen.seconds)
         cost = {side: f"{found[side] * 1e6:.0f} µs" for side in COMPARED}
         print(
             f"{count:>6}{cost['ours']:>12}{cost['theirs']:>12}{found['ratio']:>7.2f}x"
-            f"{cost['usual']:>14}{found['to_usual']:>7.2f}x{cost['floor']:>12}",
+            f"{cost['usual']:>14}{found['to_usual']:>7.2f}x{cost['floor']:>12}{_each_more(before, found):>26}",
             flush=True,
         )
+        before = count, found["ours"]
     return 0
 
 

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import functools
-from collections import deque
+from collections import Counter, deque
 from enum import Enum
 
 import pytest
 
+from axisbus.cia402.port import Sample, Source
 from axisbus.cia402.state import State
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.cruise import Cruise
+from axisbus.motion.commands import FollowTrajectory
+from axisbus.motion.group.commands import MoveLinear
+from axisbus.motion.group.core import GroupCore
 from axisbus.motion.states import AxisState
+from axisbus.motion.ticket import Ticket
+from axisbus.motion.trajectory import Trapezoid
 from kit.motion.randomplay import Play
-from kit.motion.rig import rig
+from kit.motion.rig import PERIOD, SCALE, rig
 
 CYCLES = 700
 
@@ -24,7 +31,7 @@ class Thorough:
         self.core = core
 
     def step(self, inputs):
-        self.core._was_calm = False
+        self.core._was_calm, self.core._cruise = False, None
         return self.core.step(inputs)
 
 
@@ -58,14 +65,53 @@ def differences(a, b, where: str, seen: set) -> list[str]:
     return [
         found
         for path, x, y in pairs
-        if not path.endswith("._was_calm")
+        if not path.endswith(("._was_calm", "._cruise", "._here", "._known_way"))
         for found in differences(x, y, path, seen)
     ]
 
 
+class GroupPlay(Play):
+    """A life mostly on paths, of which half are lines of a group, which has a clock of its own."""
+
+    every = 90
+
+    def __init__(self, seed: int, count: int = 1) -> None:
+        super().__init__(seed, count)
+        self.groups = [GroupCore({"x": core}, PERIOD) for core in self.cores]
+
+    def _some_command(self):
+        core = self.cores[0]
+        if not core.powered or core.ladder is not None or self.random.random() < 0.3:
+            return super()._some_command()
+        return FollowTrajectory(
+            Trapezoid(self.here, self.here + self.random.choice((-90.0, 90.0)), 40.0, 300.0)
+        )
+
+    @property
+    def here(self) -> float:
+        image = self.cores[0].image
+        return 0.0 if image.position is None else (image.position - image.origin) / SCALE
+
+    def command(self, command):
+        if not isinstance(command, FollowTrajectory) or self.random.random() < 0.5:
+            super().command(command)
+            return
+        line = MoveLinear({"x": self.here + self.random.choice((-20.0, 4.0, 35.0))}, 40.0, 300.0)
+        for group, tickets in zip(self.groups, self.tickets, strict=True):
+            tickets.append(Ticket("line"))
+            group.accept(line, tickets[-1])
+
+    def inputs(self, cycles):
+        for inputs in super().inputs(cycles):
+            for group in self.groups:
+                group.step()
+            yield inputs
+
+
+@pytest.mark.parametrize("kind", [Play, GroupPlay])
 @pytest.mark.parametrize("seed", range(16))
-def test_calm_cycles_change_nothing_of_what_an_axis_does_and_holds(seed):
-    play = Play(seed, 2)
+def test_calm_cycles_change_nothing_of_what_an_axis_does_and_holds(seed, kind):
+    play = kind(seed, 2)
     core, other = play.cores
     thorough = Thorough(other)
     for number, inputs in enumerate(play.inputs(CYCLES)):
@@ -99,6 +145,126 @@ def test_the_lives_have_calm_cycles_in_every_state_that_is_powered_and_others():
         AxisState.STANDSTILL,
         AxisState.SYNCHRONIZED_MOTION,
     }
+
+
+@pytest.mark.parametrize("kind", [Play, GroupPlay])
+def test_the_lives_have_cycles_that_are_done_by_one_function(kind, monkeypatch):
+    taken, step = [], Cruise.step
+
+    def noted(cruise, inputs):
+        outputs = step(cruise, inputs)
+        taken.append((outputs is not None, cruise._follow._own_clock, inputs.demand is not None))
+        return outputs
+
+    monkeypatch.setattr(Cruise, "step", noted)
+    for seed in range(16):
+        play = kind(seed)
+        for inputs in play.inputs(CYCLES):
+            play.port.write(play.cores[0].step(inputs))
+    counted = Counter(taken)
+    if kind is Play:
+        assert counted[True, True, False] > 100
+        assert counted[False, True, False] > 10
+    else:
+        assert min(counted[True, own, demand] for own in (True, False) for demand in (True, False)) > 50
+        assert counted[False, False, False] > 30
+
+
+def cruising():
+    """An axis on a long trajectory, and the inputs of its next cycle."""
+    made = rig(port={"inputs": {"demand": Source.NONE}}).enabled()
+    made.axis.follow(Trapezoid(0.0, 500.0, 20.0, 400.0))
+    made.run(0.5)
+    core, port, cycle = made.core, made.ports["x"], made.cycle
+    cycle.wait_until(core.image.now + PERIOD)
+    cycle.sync()
+    return core, port.read(cycle.now())
+
+
+def test_an_axis_on_its_way_takes_the_short_cycle():
+    core, inputs = cruising()
+    assert core._cruise.step(inputs) is not None
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [
+        (lambda core: core, "state", AxisState.STOPPING),
+        (lambda core: core, "powered", False),
+        (lambda core: core, "touched", False),
+        (lambda core: core, "halted", True),
+        (lambda core: core, "tripped", "an error"),
+        (lambda core: core, "_broken", "an error"),
+        (lambda core: core, "_story", "a fault's"),
+        (lambda core: core.order, "goal", State.SWITCHED_ON),
+        (lambda core: core.order, "mode", 1),
+        (lambda core: core.order, "word", 0x06),
+        (lambda core: core.order, "bits", 0x10),
+        (lambda core: core.order, "halt", True),
+        (lambda core: core.order, "sdo", ["one"]),
+        (lambda core: core.order, "cancel", [1]),
+        (lambda core: core.order, "nmt_stop", True),
+        (lambda core: core.order, "target_position", 5),
+        (lambda core: core.order, "target_velocity", 0),
+        (lambda core: core.order, "target_torque", 0),
+        (lambda core: core.stopping, "ladder", "one"),
+        (lambda core: core.rest_waits, "waiting", ["one"]),
+        (lambda core: core.running, "set_point", "one"),
+        (lambda core: core.running, "activity", None),
+        (lambda core: core.activity.clock, "braking", True),
+        (lambda core: core.image.led, "target", None),
+        (lambda core: core.image.led, "target", 10_000_000),
+        (lambda core: core.image, "had_demand", True),
+    ],
+)
+def test_one_thing_that_a_command_may_have_changed_leaves_the_cycle_to_the_whole_step(part, name, value):
+    core, inputs = cruising()
+    setattr(part(core), name, value)
+    assert core._cruise.step(inputs) is None
+
+
+def other(sample, value=None, age=0.0):
+    """A sample with another value, or one that is older."""
+    return Sample(sample.value if value is None else value, sample.stamp - age)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda _: {"operational": False},
+        lambda _: {"emcy": ("one",)},
+        lambda _: {"sdo": ("a reply",)},
+        lambda _: {"nmt": 127},
+        lambda _: {"bus": "off"},
+        lambda _: {"overdue": True},
+        lambda _: {"statusword": None},
+        lambda i: {"statusword": other(i.statusword, 0x0233)},
+        lambda i: {"statusword": other(i.statusword, age=9.0)},
+        lambda _: {"mode": None},
+        lambda i: {"mode": other(i.mode, 3)},
+        lambda i: {"mode": other(i.mode, age=9.0)},
+        lambda _: {"position": None},
+        lambda i: {"position": other(i.position, age=9.0)},
+        lambda i: {"position": other(i.position, age=0.02)},
+        lambda i: {"position": other(i.position, age=-9.0)},
+        lambda i: {"position": other(i.position, i.position.value + 100_000)},
+        lambda i: {"position": other(i.position, i.position.value - 2**32)},
+        lambda i: {"velocity": other(i.velocity, age=9.0)},
+        lambda i: {"torque": other(i.torque, age=9.0)},
+        lambda i: {"demand": other(i.position, i.position.value + 100_000)},
+        lambda i: {"now": i.now + PERIOD},
+        lambda i: {"now": i.now + 9.0},
+        lambda i: {"now": i.now - 0.5},
+    ],
+)
+def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_changes_nothing(change):
+    core, inputs = cruising()
+    twin, _ = cruising()
+    assert core._cruise.step(inputs._replace(**change(inputs))) is None
+    found = differences(core, twin, "core", set())
+    assert not [
+        path for path in found if "image.now" not in path and "stamp" not in path and "since" not in path
+    ], found[:9]
 
 
 @pytest.mark.parametrize(

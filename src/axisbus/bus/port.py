@@ -10,10 +10,11 @@ from axisbus.bus.link.channel import Receiver
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import edge, freshness
 from axisbus.bus.pdo.edge import CONTROLWORD
+from axisbus.bus.pdo.incoming import Incoming
 from axisbus.bus.pdo.plan import Plan
 from axisbus.bus.pdo.poller import Poller
 from axisbus.bus.pdo.prime import prime_inputs, prime_outputs
-from axisbus.bus.pdo.reception import Deadline, Deadlines
+from axisbus.bus.pdo.reception import Deadline
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
 from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
 from axisbus.bus.pdo.sdo_output import SdoOutputs, is_motion
@@ -30,17 +31,16 @@ from axisbus.cia402.port import (
     Capabilities,
     Inputs,
     Outputs,
-    Sample,
     SdoReply,
     SdoRequest,
 )
 from axisbus.errors import BusError
 
 _OPERATIONAL = NmtState.OPERATIONAL  # looked at in every cycle
-_INPUTS = tuple(INPUT_OBJECTS)
-assert Inputs._fields[2 : 2 + len(_INPUTS)] == _INPUTS  # ``read`` takes them in this order
-_SELDOM = Outputs._fields.index("sdo")
-_NOTHING_SELDOM = Outputs()[_SELDOM:]  # no SDO request, none taken back, no NMT command
+assert Inputs._fields[2:8] == tuple(INPUT_OBJECTS)  # ``read`` takes them in this order
+_ALL_QUIET = Inputs(0.0, True, *(None,) * 6, nmt=int(_OPERATIONAL))[
+    8:
+]  # of a node that is operational, and says nothing more
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 _QUICK_STOP_SDO = bytes((0x2B, 0, 0, 0)) + Command.QUICK_STOP.word.to_bytes(4, "little")
 
@@ -81,16 +81,13 @@ class CanPort:
         )
         self._nmt = node.nmt
         self._bootups = node.nmt.bootups
-        self._samples: dict[str, Sample] = {}
         received = [pdo for pdo in plan.active if not pdo.receive]
         self._slots = [TpdoSlot(pdo, self._dropping(pdo.target.cob_id)) for pdo in received]
-        self._deadlines = Deadlines(
-            [
-                Deadline(node.node_id, pdo.name, pdo.target.cob_id, freshness.pdo_age(pdo, scan_period))
-                for pdo in received
-            ],
-            scan_period,
-        )
+        deadlines = [
+            Deadline(node.node_id, pdo.name, pdo.target.cob_id, freshness.pdo_age(pdo, scan_period))
+            for pdo in received
+        ]
+        self._incoming = Incoming(list(zip(self._slots, deadlines, strict=True)), scan_period)
         self._requests = Requests(self._slots)
         self.asks = bool(self._requests)  # whether there are TPDOs to be asked for at all
         sent = [pdo for pdo in plan.active if pdo.receive]
@@ -132,7 +129,20 @@ class CanPort:
 
     def read(self, now: float) -> Inputs:
         """Return the newest values and start what polling is due; does not block."""
-        nmt = self._nmt
+        nmt, incoming = self._nmt, self._incoming
+        if incoming.steady and not self._emergencies and not self._replies:
+            channel = self._channel
+            if (
+                nmt.state is _OPERATIONAL
+                and now <= nmt.deadline
+                and nmt.bootups == self._bootups
+                and channel.offs == self._offs
+                and channel.off is None
+            ):
+                samples = incoming.renewed(now)
+                if samples is not None:
+                    self._now = now
+                    return _tuple(Inputs, (now, True, *samples, *_ALL_QUIET))
         emcy = self._emcy.take() if self._emergencies else ()
         replies = self._take_replies() if self._replies else ()
         rebooted, channel = nmt.bootups != self._bootups, self._channel
@@ -146,17 +156,10 @@ class CanPort:
         if operational and not self._operational:
             self._pace.forget()  # what was sent before, it has not taken
         self._now, self._operational = now, operational
-        samples = self._samples
-        stamps = []
-        for slot in self._slots:  # no list comprehension: that is a call more
-            stamps.append(slot.read_into(samples))  # noqa: PERF401
-        if events := self._deadlines.step(now, stamps, operational):
+        samples, events = incoming.look(now, operational, self._poller)
+        if events:
             self.node.pdo_events.extend(events)
-        if self._poller is not None:
-            self._poller.read_into(samples)
-            self._poller.poll(now)
-        known = map(samples.get, _INPUTS)
-        return _tuple(Inputs, (now, operational, *known, emcy, replies, int(state), bus, silent))
+        return _tuple(Inputs, (now, operational, *samples, emcy, replies, int(state), bus, silent))
 
     def write(self, outputs: Outputs) -> None:
         """Take the outputs of this cycle; what travels by PDO is sent by ``Cycle.commit``. Does not block.
@@ -164,10 +167,9 @@ class CanPort:
         Raises:
             StateError: an RPDO would have to be sent although the port was not primed.
         """
-        image, controlword = self._only_image, outputs.controlword
-        seldom = (
-            outputs[_SELDOM:] != _NOTHING_SELDOM or controlword is None or self._nmt_stopped or self._doubtful
-        )
+        image = self._only_image
+        controlword, _, _, _, _, sdo, cancel, nmt_stop = outputs
+        seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped or self._doubtful
         if image is None or seldom or self._nmt.bootups != self._bootups:
             self._write_any(outputs)
             return
@@ -246,8 +248,9 @@ class CanPort:
             BootError: an RPDO holds an object that cannot be read.
             SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
         """
-        self._samples.update(prime_inputs(self.node.sdo, self.plan, self.index))
-        prime_outputs(self.node.sdo, self.plan, self._images, self._samples)
+        samples = self._incoming.samples
+        samples.update(prime_inputs(self.node.sdo, self.plan, self.index))
+        prime_outputs(self.node.sdo, self.plan, self._images, samples)
 
     def close(self) -> None:
         """Stop listening; harmless when repeated."""

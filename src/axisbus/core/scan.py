@@ -237,10 +237,14 @@ class Scan:
         self._take_commands(now)
         for group in self.groups.values():
             group.step()
-        snapshots = self.snapshots
+        snapshots, news = self.snapshots, self._stops_begun > 0
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
             snapshots[name] = core.snapshot()
+            if (
+                core.tripped is not None or core.running.ended
+            ):  # here, where it is at hand, and not in loops of their own
+                news = True
         if self._stops_begun:
             self._leaving.step(now)
         began = cycle.now()
@@ -251,8 +255,11 @@ class Scan:
             cycle.sync()
         cycle.heartbeat()
         self._sending = (now - woken) + (cycle.now() - began)
-        self._apply_policy()
-        self._wake()
+        if news or self._trips:
+            self._apply_policy()
+            self._wake()
+        elif self.groups:
+            self._wake_for_groups(False)
         for observer in self.observers:
             observer(now, snapshots)
         self._done_at = cycle.now()
@@ -394,6 +401,10 @@ class Scan:
         for _, _, core in self._work:
             if core.running.ended:
                 core.running.ended, ended = False, True
+        self._wake_for_groups(ended)
+
+    def _wake_for_groups(self, ended: bool) -> None:
+        """Wake who waits, where a group's command has ended, or ``ended`` another."""
         for group in self.groups.values():
             ended = group.take_ended() or ended
         if ended and self.waiter is not None:

@@ -40,6 +40,8 @@ CHANGES = (
 class Play:
     """One life; ``cores`` all take the same inputs and commands, the first one's outputs go to the drive."""
 
+    every = EVERY
+
     def __init__(self, seed: int, count: int = 1) -> None:
         self.random = random.Random(seed)
         dictionary = dictionary_of(GENERIC)
@@ -62,7 +64,7 @@ class Play:
                 due += self.random.choice((0.005, PERIOD, 3 * PERIOD, 0.4))
             self.cycle.wait_until(due + self.random.random() * 0.0003)
             self.cycle.sync()
-            if self.random.random() < 1 / EVERY:
+            if self.random.random() < 1 / self.every:
                 self.command(self._some_command())
             self._before = self._spoilt(self.port.read(self.cycle.now()))
             yield self._before

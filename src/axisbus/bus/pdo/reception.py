@@ -52,15 +52,16 @@ def _ms(seconds: float) -> str:
 class Deadline:
     """The deadline of one TPDO; holds state: since when it is waited for, whether it is missing, and what is excused.
 
-    What is never due has a deadline of infinity: a TPDO that is sent on change only, whose silence says nothing. ``since`` is
-    infinite while nothing is waited for. Where a frame has come as it should, ``Deadlines`` notes it without ``step``.
+    ``age`` is how many seconds may pass between two frames: infinity for what is never due, a TPDO that is sent on change only,
+    whose silence says nothing. ``since`` is infinite while nothing is waited for. Where a frame has come as it should,
+    ``Deadlines`` notes it without ``step``.
     """
 
-    __slots__ = ("_age", "_cob_id", "_name", "_node_id", "excused", "missing", "since", "stamp")
+    __slots__ = ("_cob_id", "_name", "_node_id", "age", "excused", "missing", "since", "stamp")
 
     def __init__(self, node_id: int, name: str, cob_id: int, age: float) -> None:
         """``age``: seconds that may pass between two frames."""
-        self._node_id, self._name, self._cob_id, self._age = node_id, name, cob_id, age
+        self._node_id, self._name, self._cob_id, self.age = node_id, name, cob_id, age
         self.since = math.inf  # when the last frame came, or when waiting began
         self.stamp = -math.inf
         self.excused = 0.0
@@ -80,7 +81,7 @@ class Deadline:
         if stamp > self.since:
             return self._came(now, stamp)
         self.excused += held_up
-        if self.missing or now - self.since - self.excused <= self._age:
+        if self.missing or now - self.since - self.excused <= self.age:
             return None
         self.missing = True
         return self._event(Reception.MISSING, now - self.since, now)
@@ -94,7 +95,7 @@ class Deadline:
 
     def _event(self, what: Reception, age: float, now: float) -> PdoEvent:
         never = self.stamp == -math.inf
-        return PdoEvent(self._node_id, self._name, self._cob_id, what, age, self._age, now, never)
+        return PdoEvent(self._node_id, self._name, self._cob_id, what, age, self.age, now, never)
 
 
 class Deadlines:
@@ -105,6 +106,19 @@ class Deadlines:
         self._deadlines = tuple(deadlines)
         self._period = period
         self._before: float | None = None
+
+    def all_met(self, stamps: Sequence[float]) -> bool:
+        """Whether each TPDO has come as it should: with ``stamps``, in their order, begins what is waited for now."""
+        pairs = zip(self._deadlines, stamps, strict=True)
+        return all(deadline.since == stamp and not deadline.missing for deadline, stamp in pairs)
+
+    def met(self, stamps: Sequence[float], now: float) -> None:
+        """Note looks that were left out, the last one at ``now``: nothing had become of a TPDO, which came last with ``stamps``."""
+        self._before = now
+        for deadline, stamp in zip(self._deadlines, stamps, strict=True):
+            if deadline.since != stamp:
+                deadline.since = deadline.stamp = stamp
+                deadline.excused = 0.0
 
     def step(self, now: float, stamps: Sequence[float], expected: bool) -> list[PdoEvent]:
         """Return what has happened since the last call; ``stamps`` are in the order of the deadlines."""

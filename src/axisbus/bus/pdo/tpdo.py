@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from axisbus.bus.link.channel import Receiver
 from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cia301.pdo import PdoCodec
-from axisbus.cia402.port import Sample
+from axisbus.cia402.port import INPUT_OBJECTS, Sample
 
+_PLACES = {name: place for place, name in enumerate(INPUT_OBJECTS)}
 _tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
@@ -17,20 +18,22 @@ class TpdoSlot:
     """The newest frame of a TPDO; holds state: one (data, stamp) pair, replaced as a whole, so that no reader sees half of one.
 
     A frame shorter than the mapping is not decoded: it is counted in ``short``, and the values it should have brought grow old. The
-    surplus of a longer one is ignored (CiA 301 7.2.2.5).
+    surplus of a longer one is ignored (CiA 301 7.2.2.5). ``latest`` is that pair, ``seen`` the one that was looked at last, for the
+    one reader; ``places`` says which of the frame's values are which inputs, by position in both.
     """
 
     __slots__ = (
         "_drop",
-        "_latest",
         "_names",
-        "_seen",
-        "_unpack",
         "cob_id",
+        "latest",
         "name",
+        "places",
         "request",
+        "seen",
         "short",
         "size",
+        "unpack",
     )
 
     def __init__(self, pdo: PlannedPdo, drop: Receiver | None = None) -> None:
@@ -41,15 +44,16 @@ class TpdoSlot:
         self.short = 0
         codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self.size = codec.size  # data bytes of a whole frame
-        self._unpack = codec.unpack_from
+        self.unpack = codec.unpack_from
         self._names = tuple((position, name) for position, name in enumerate(pdo.values) if name is not None)
+        self.places = tuple((position, _PLACES[name]) for position, name in self._names)
         self._drop = drop
-        self._latest = self._seen = (b"", -math.inf)
+        self.latest = self.seen = (b"", -math.inf)
 
     @property
     def stamp(self) -> float:
         """When the newest whole frame came, in seconds; minus infinity where none has."""
-        return self._latest[1]
+        return self.latest[1]
 
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; called in the receive thread."""
@@ -58,19 +62,19 @@ class TpdoSlot:
             if self._drop is not None:
                 self._drop(data, stamp)
             return
-        self._latest = (data, stamp)
+        self.latest = (data, stamp)
 
     def read_into(self, samples: dict[str, Sample]) -> float:
         """Put the values of a frame that has come since the last call into ``samples``, where they are newer; for one reader.
 
         Return its ``stamp``.
         """
-        latest = self._latest
+        latest = self.latest
         data, stamp = latest
-        if latest is self._seen:
+        if latest is self.seen:
             return stamp
-        self._seen = latest
-        values = self._unpack(data)
+        self.seen = latest
+        values = self.unpack(data)
         for position, name in self._names:
             known = samples.get(name)
             if known is None or known.stamp <= stamp:

@@ -12,7 +12,8 @@ In each cycle ``step`` does four things, in this order:
 4. ``Order`` turns the wishes into ``Outputs``.
 
 In a *calm* cycle after a calm one (``_is_calm``) only the watches over motion and rest are done of 2.: they alone look at what
-changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new.
+changes from cycle to cycle. The others would find what they found in the cycle before, and note nothing new. Where an axis then
+goes on along its trajectory and nothing else is going on, all of the cycle is done by one function (``cruise``).
 
 Nothing is sent to a drive before a command asks for something (``Order.goal`` is None until then): a drive found enabled is left as
 it is. Once enabled by us, a drive that leaves *operation enabled* is never enabled again by the planner, whatever state the axis is
@@ -28,6 +29,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Source
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, UncommandedMotion
+from axisbus.motion.axis.cruise import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.running import Running
@@ -95,10 +97,13 @@ class AxisCore:
         self._story: FaultStory | None = None
         self._arrival = Arrival(parameters)
         self._aftermath = Aftermath(parameters)
-        self._rest_waits = RestWaits(parameters)
+        self.rest_waits = RestWaits(parameters)
         self._keeps_target = capabilities.outputs.get("target_position") is Source.SYNC_PDO
         self._stopped_for_sure = False
         self._was_calm = False  # in the cycle before
+        self._cruise: Cruise | None = (
+            None  # as long as it goes on along a trajectory, with nothing else to be done
+        )
 
     @property
     def activity(self) -> Activity | None:
@@ -143,6 +148,10 @@ class AxisCore:
 
     def step(self, inputs: Inputs) -> Outputs:
         """Do one cycle's work and return what the drive is to get."""
+        if self._cruise is not None:
+            outputs = self._cruise.step(inputs)
+            if outputs is not None:
+                return outputs
         image, order = self.image, self.order
         image.update(inputs)
         calm = self._is_calm(image)
@@ -172,7 +181,20 @@ class AxisCore:
         if outputs.controlword != image.flight.word or outputs.mode is not None:
             image.flight.note(outputs, image.now)
         order.clear()  # now, not at the start: what a command takes back between two cycles goes out with the next
+        self._cruise = cruise_of(self) if calm and self.state is _SYNCHRONIZED else None
         return outputs
+
+    def may_cruise(self) -> bool:
+        """Whether the axis, calm in the cycle before, is still so as far as others may change it between two cycles."""
+        return (
+            self.powered
+            and self.touched
+            and not self.halted
+            and self.order.goal is _ENABLED
+            and self.tripped is None
+            and self._broken is None
+            and self._story is None
+        )
 
     def _is_calm(self, image: Image) -> bool:
         """Whether the drive is enabled, heard and asked to stay so, and nothing but a command's motion or a rest is going on."""
@@ -185,7 +207,7 @@ class AxisCore:
             and self.state in POWERED
             and self.stopping.ladder is None
             and image.gap <= self.supervision.longest_gap
-            and not (image.lost_count or image.emcy or self._rest_waits.waiting)
+            and not (image.lost_count or image.emcy or self.rest_waits.waiting)
             and self.tripped is None
             and self._broken is None
             and self._story is None
@@ -213,8 +235,8 @@ class AxisCore:
             self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
-        if self._rest_waits.waiting and self.leading_path is None:
-            self._rest_waits.step(image, self.finish)
+        if self.rest_waits.waiting and self.leading_path is None:
+            self.rest_waits.step(image, self.finish)
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
         """A drive that falls from a velocity or torque mode into a position mode goes to its 607Ah: that is where it is now."""
@@ -246,7 +268,7 @@ class AxisCore:
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
         tickets = self.stopping.drop()
-        tickets += self._rest_waits.drop()
+        tickets += self.rest_waits.drop()
         if self._story is not None:
             tickets += self._story.tickets
         if self.running.ticket is not None:
@@ -445,7 +467,7 @@ class AxisCore:
             then()
             self.finish(ticket)
         else:
-            self._rest_waits.add(ticket, then)
+            self.rest_waits.add(ticket, then)
 
     def finish(self, ticket: Ticket, error: AxisbusError | None = None) -> None:
         """End a ticket, well (no error) or with the reason."""

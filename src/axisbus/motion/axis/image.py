@@ -26,11 +26,8 @@ class Image:
     """
 
     __slots__ = (
-        "_had_demand",
-        "_max_age",
         "_period",
         "_raw_position",
-        "_seen_position",
         "bus",
         "demand",
         "demand_repeats",
@@ -40,8 +37,11 @@ class Image:
         "fastest",
         "flight",
         "gap",
+        "had_demand",
+        "last_position",
         "led",
         "lost_count",
+        "max_age",
         "mode",
         "mode_stamp",
         "nmt",
@@ -67,7 +67,7 @@ class Image:
     def __init__(self, capabilities: Capabilities, period: float, tolerance: float, window: float) -> None:
         """``period``: of the scan, in seconds; ``tolerance``: increments that a standing axis may wander within ``window`` s."""
         ages = capabilities.max_age
-        self._max_age = tuple(
+        self.max_age = tuple(
             ages.get(name, math.inf)
             for name in ("statusword", "mode", "position", "velocity", "torque", "demand")
         )
@@ -78,7 +78,7 @@ class Image:
         self.statusword_by_event = capabilities.inputs.get("statusword") is Source.EVENT_PDO
         self.edge_delay = capabilities.edge_delay
         self._raw_position: int | None = None
-        self._seen_position = 0  # the last known one, unwrapped
+        self.last_position = 0  # the last one that was known, however old (0: there was none), unwrapped
         self.fastest = _HALF  # increments per s: more than 606Ch can say
         self.lost_count = False  # in this cycle: half the drive's count may have passed unseen
         self.now = -math.inf
@@ -102,8 +102,8 @@ class Image:
         self.led = Led()
         self.flight = Flight(period)
         self.demand_stamp = -math.inf
-        self._had_demand = False  # in the cycle before one had come
-        self.demand_repeats = math.isfinite(self._max_age[5])  # else its silence says that it has not changed
+        self.had_demand = False  # in the cycle before one had come
+        self.demand_repeats = math.isfinite(self.max_age[5])  # else its silence says that it has not changed
         self.starvation = Starvation()
         self.replies: dict[int, SdoReply] = {}
         self.emcy: tuple[Emcy, ...] = ()
@@ -130,7 +130,7 @@ class Image:
         # In a late cycle the values are as old as it is late, because no SYNC went out meanwhile: that is not the drive's silence.
         self.gap = gap = now - self.now
         self.now = now
-        since, late, ages = now, gap - self._period, self._max_age
+        since, late, ages = now, gap - self._period, self.max_age
         if late > 0.0:
             since -= late if late < self._period else self._late(late)
         if word is None or word.stamp < since - ages[0]:
@@ -151,15 +151,27 @@ class Image:
             self.velocity_stamp = velocity.stamp
         self.torque = None if torque is None or torque.stamp < since - ages[4] else torque.value
         if (
-            demand is not None or self._had_demand
+            demand is not None or self.had_demand
         ):  # where there is none, there is nothing to be judged but that once
-            self._had_demand = demand is not None
-            self._take_demand(demand, since - ages[5])
+            self.had_demand = demand is not None
+            self.take_demand(demand, since - ages[5])
+
+    def go_on(self, now: float, word: Sample, mode: Sample, position: Sample) -> None:
+        """Take the cycle at ``now`` as ``update`` does, where state and mode are as they were and the position has not wrapped."""
+        self.gap = now - self.now
+        self.now = now
+        self.statusword, self.statusword_stamp = word
+        self.mode_stamp = mode.stamp
+        raw, stamp = position
+        self._raw_position = self.position = self.last_position = raw
+        if stamp != self.position_stamp:
+            self.position_stamp = stamp
+            self.still.feed(raw, stamp)
 
     def rebase(self) -> None:
         """Count from the drive's own value again: after homing, where the drive's position jumps."""
         if self._raw_position is not None:
-            self.position = self._seen_position = self._raw_position
+            self.position = self.last_position = self._raw_position
         self.still.forget()
         self.still_demand.forget()
         self.demand = None  # it counted from the old one
@@ -168,11 +180,6 @@ class Image:
     def restart(self) -> None:
         """Count from the drive's own value with the next one: it counts anew."""
         self._raw_position = None
-
-    @property
-    def last_position(self) -> int:
-        """The last position that was known, however old (0: there was none)."""
-        return self._seen_position
 
     @property
     def standstill(self) -> bool:
@@ -204,15 +211,16 @@ class Image:
         position = raw
         if self._raw_position is not None:
             self.lost_count = (stamp - self.position_stamp) * self.fastest >= _HALF
-            if not INT32_LEAST <= raw - self._seen_position < INT32_HALF:
-                position = unwrap(self._seen_position, raw)
+            if not INT32_LEAST <= raw - self.last_position < INT32_HALF:
+                position = unwrap(self.last_position, raw)
         self._raw_position = raw
-        self.position = self._seen_position = position
+        self.position = self.last_position = position
         if stamp != self.position_stamp:
             self.position_stamp = stamp
             self.still.feed(position, stamp)
 
-    def _take_demand(self, sample: Sample | None, oldest: float) -> None:
+    def take_demand(self, sample: Sample | None, oldest: float) -> None:
+        """Take 6062h; what is older than ``oldest`` is unknown."""
         demand, position, led = None, self.position, self.led
         if sample is not None:
             self.demand_stamp = sample.stamp

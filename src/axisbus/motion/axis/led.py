@@ -82,6 +82,10 @@ class Led:
         if is_edge and mode == _PP and target is not None and target != self.set_point:
             self.set_point, self.set_point_at = target, now
 
+    def leads_on(self, mode: int | None) -> bool:
+        """Whether a target in csp is all that a ``note`` of the present ``mode`` would change."""
+        return mode == _CSP and mode == self._mode and self.searching_since == math.inf
+
     def judge(self, demand: int | None, position: int | None, state: State, mode: int | None) -> bool:
         """Return whether 6062h is the actual position: nothing that moves is time and again exactly where it is led."""
         if demand is None or demand != position:

@@ -20,7 +20,7 @@ _HOLD = {
     State.FAULT_REACTION_ACTIVE: 0,
     State.NOT_READY_TO_SWITCH_ON: 0,
 }
-_GO_ON = _HOLD[_ENABLED]
+GO_ON = _HOLD[_ENABLED]
 
 
 class Order:
@@ -67,6 +67,17 @@ class Order:
         if self.sdo or self.cancel:
             self.sdo, self.cancel = [], []
 
+    def is_clear(self) -> bool:
+        """Whether nothing is wished for but the goal."""
+        return (
+            self.mode is None
+            and self.word is None
+            and self.target_position is None
+            and self.target_velocity is None
+            and self.target_torque is None
+            and not (self.bits or self.sdo or self.cancel or self.halt or self.nmt_stop)
+        )
+
     def request(self, index: int, subindex: int, value: int | None) -> int:
         """Ask for an SDO transfer (``value`` None reads) and return its id."""
         self._next_id += 1
@@ -105,7 +116,7 @@ class Order:
         if target is not None and not INT32_LEAST <= target < INT32_HALF:
             target = wrap(target)
         if state is _ENABLED and self.goal is _ENABLED and self.word is None and not self.halt:
-            word: int | None = _GO_ON | self.bits  # as ``controlword``, in most cycles
+            word: int | None = GO_ON | self.bits  # as ``controlword``, in most cycles
         else:
             word = self.controlword(state)
         sdo, cancel = tuple(self.sdo), tuple(self.cancel)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import NoReturn
 
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.errors import LimitError, MotionTimeout
+from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
@@ -23,10 +24,17 @@ from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.trajectory import Trajectory
+from axisbus.units import INT32_HALF, INT32_LEAST
 
 START_TOLERANCE = 20  # increments between where the axis stands and where its trajectory begins
 _BRAKING = 1.1  # by how much a path that is braked may be harder than its deceleration: it bends meanwhile
 _ARRIVAL = 2.0  # seconds that the axis may need to come up with the last target
+# The next place, the velocity with which the path comes there, and the target there.
+Foreseen = tuple[float, float, int]
+# Of a path: the position at a time, its duration, whether it is to be looked at ahead, the period, how fast and how hard it may be,
+# between which limits, and how a place becomes a target: by a factor, and from the origin.
+_Way = tuple[Callable[[float], float], float, bool, float, float, float, float, float, float, int]
+_tuple = tuple.__new__  # makes a named tuple of what is known to fit, without the call of its own ``__new__``
 
 
 class Follow(Activity):
@@ -73,6 +81,7 @@ class Follow(Activity):
         self._pace: Pace | None = None
         self._step: Step | None = None  # to the last target, before it was rounded to increments
         self._ahead: tuple[float, Step] | None = None  # to the next one, and when: looked at, and good
+        self._known_way: _Way | None = None
         self.brakes_along = False
         if trajectory is not None:
             self.begin(trajectory)
@@ -101,6 +110,68 @@ class Follow(Activity):
             return False
         return self._arrived(image)
 
+    def foresee(self) -> Foreseen | None:
+        """Return the next target where it is as most are: on the way, and nowhere near too much; ``step`` finds the same.
+
+        Nothing changes by this.
+        """
+        clock, before = self.clock, self._step
+        if clock.braking or before is None or not self._running:
+            return None
+        way = self._known_way or self._get_to_know()
+        position, duration, looks, period, fastest, hardest, lowest, highest, factor, origin = way
+        t = clock.t + period if self._own_clock else clock.t
+        if t >= duration:
+            return None
+        try:
+            if looks:
+                self._look_beyond()
+            place = position(t)
+            target = round(place * factor) + origin
+        except (AxisbusError, OverflowError):  # ``step`` finds that again, and raises it
+            self.brakes_along = False
+            return None
+        velocity = (place - before.position) / period
+        if (
+            -fastest <= velocity <= fastest
+            and -hardest <= (velocity - before.velocity) / period <= hardest
+            and lowest <= place <= highest
+            and INT32_LEAST <= target < INT32_HALF
+        ):
+            return place, velocity, target
+        return None
+
+    def _get_to_know(self) -> _Way:
+        """Keep together what is asked of the path in every cycle, and stays as it is as long as the axis is on it."""
+        trajectory, pace, limits = self._trajectory, self._pace, self._limits or (-math.inf, math.inf)
+        assert trajectory is not None
+        assert pace is not None
+        looks = self._own_clock and (
+            self._stream is not None or (self._limits is not None and not self._is_known)
+        )
+        self._known_way = way = (
+            trajectory.position,
+            trajectory.duration,
+            looks,
+            self._period,
+            math.inf if pace.velocity is None else pace.velocity,
+            math.inf if pace.acceleration is None else pace.acceleration,
+            *limits,
+            self._units.factor,
+            self._origin,
+        )
+        return way
+
+    def go_on(self, foreseen: Foreseen, now: float) -> int:
+        """Take what was foreseen in the cycle at ``now``, as ``step`` does; return the target in increments."""
+        self._stepped = True
+        if self._own_clock:
+            self.clock.advance(self._period)
+        place, velocity, self._last = foreseen
+        self._step = _tuple(Step, (place, velocity))
+        self.rests_from = now
+        return self._last
+
     def reference(self, image: Image) -> int:
         """Return the position to start from, in increments: the demand, else the actual position."""
         if self._mode.reference is not None:
@@ -114,6 +185,7 @@ class Follow(Activity):
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
         self._trajectory, self._told = Guarded(trajectory, self._parameters.name), trajectory
+        self._known_way = None
         if isinstance(trajectory, Streamed):
             self._stream = trajectory
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
@@ -127,6 +199,7 @@ class Follow(Activity):
         """Go on from the last target of ``before``, which lies one cycle back, with the trajectory that has been begun."""
         assert self._told is not None
         self._prepared = self._running = True
+        self._known_way = None
         self._last, self._step, self._limits = before._last, before._step, before._limits
         self._origin = before._origin
         self._pace = pace_of(self._parameters, self._told)
@@ -193,6 +266,7 @@ class Follow(Activity):
                 remedy="begin it at axis.position",
             )
         self._running = True
+        self._known_way = None
         self._last, self._origin = reference, image.origin
         self._is_known = isinstance(self._told, Known)
         self._pace = pace_of(self._parameters, self._told)
@@ -201,15 +275,12 @@ class Follow(Activity):
             start = units.to_units(reference - image.origin)
             self._limits = widened(self._parameters.limits.position, start, margin)
 
-    def _look_ahead(self, trajectory: Trajectory) -> None:
+    def _look_ahead(self, trajectory: Guarded) -> None:
         """Raise what is wrong where the next target would be too much, or the axis could not be kept within its limits any more.
 
         The path is then braked from where it is (``brakes_along``), or where it breaks off by the drive's quick stop.
         """
-        if self._stream is not None:
-            self._look_at_stream(self._stream)
-        if self._limits is not None and not self._is_known:
-            self._look_at_limits(partial(self._way, trajectory), self._limits)
+        self._look_beyond()
         assert self._pace is not None
         assert self._step is not None
         t, before, end = self.clock.t + self._period, self._step, trajectory.duration
@@ -218,6 +289,15 @@ class Follow(Activity):
         if found is not None:
             self._refuse(found, trajectory, t)
         self._ahead = t, after
+
+    def _look_beyond(self) -> None:
+        """Raise where the axis could not be braked any more within what is known, or within its limits."""
+        trajectory = self._trajectory
+        assert trajectory is not None
+        if self._stream is not None:
+            self._look_at_stream(self._stream)
+        if self._limits is not None and not self._is_known:
+            self._look_at_limits(partial(self._way, trajectory), self._limits)
 
     def _look_at_stream(self, stream: Streamed) -> None:
         """Look whether the axis could still be braked within what is known."""

@@ -29,6 +29,10 @@ class ModeWatch:
         self._misses = 0
         self._stamp = -math.inf
 
+    def has_agreed(self, activity: Activity) -> bool:
+        """Whether the drive shows the mode of ``activity``, and has done so before: as long as it does, ``error`` does nothing."""
+        return activity is self._activity and self._agreed and not self._misses
+
     def error(self, image: Image, activity: Activity | None) -> ModeError | None:
         """Return that the drive has left the mode of ``activity`` by itself; None when it has not (as far as is known)."""
         if activity is not self._activity:

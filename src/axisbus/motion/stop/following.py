@@ -47,13 +47,12 @@ class Peak:
 class Following:
     """Watches one axis; holds where it was led last, the highest speed of that, and how often in a row it was too far off.
 
-    ``_mode`` is the position mode in which its activity leads it; None where that is another mode.
+    ``_mode`` is the position mode in which its activity leads it; None where that is another mode. ``led_at``: when it was led so.
     """
 
     __slots__ = (
         "_activity",
         "_led",
-        "_led_stamp",
         "_misses",
         "_mode",
         "_parameters",
@@ -61,6 +60,7 @@ class Following:
         "_since",
         "_stamp",
         "_window",
+        "led_at",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -73,7 +73,7 @@ class Following:
         self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
         self._peak = Peak()
         self._led: int | None = None
-        self._led_stamp = -math.inf
+        self.led_at = -math.inf
         self._stamp = -math.inf
         self._misses = 0
         self._since = math.inf
@@ -111,6 +111,17 @@ class Following:
             return None
         return self._failed(image, way, allowed)
 
+    def is_used_to(self, activity: Activity) -> bool:
+        """Whether ``activity`` is watched, in a position mode of the drive, and by no more than how far the drive is led."""
+        return activity is self._activity and self._mode is not None and activity.behind is None
+
+    def close(self, led: int, now: float) -> None:
+        """Note as ``error`` does that the axis is within its window of ``led``, the target before that of the cycle at ``now``."""
+        before, stamp = self._led, self.led_at
+        self._led, self.led_at = led, now
+        self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
+        self._misses, self._since = 0, math.inf
+
     @staticmethod
     def _skew(image: Image) -> float:
         """Seconds between the two values that are compared: one that is polled is of another moment."""
@@ -122,10 +133,10 @@ class Following:
         led, when = image.led.target, image.now
         if led is None:
             led, when = image.demand, image.demand_stamp
-        if led is None or when <= self._led_stamp:
+        if led is None or when <= self.led_at:
             return 0.0
-        before, stamp = self._led, self._led_stamp
-        self._led, self._led_stamp = led, when
+        before, stamp = self._led, self.led_at
+        self._led, self.led_at = led, when
         return 0.0 if before is None else abs(led - before) / (when - stamp)
 
     def _failed(self, image: Image, way: float, allowed: float) -> FollowingError:

@@ -49,6 +49,16 @@ class Guard:
         self._edges = None if edges is None else (edges[0], edges[1])  # in increments, from the origin
         self._free_since: float | None = None
 
+    @property
+    def tracks(self) -> tuple[Track, Track | None]:
+        """The tracks of the position, and of the demand where that is looked at."""
+        return self._position, None if self._edges is None else self._demand
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the axis was seen to move to no place and along no path: ``danger`` then has to note that this has ended."""
+        return self._free_since is not None
+
     def look(self, image: Image) -> None:
         """Take the positions of this cycle; in every cycle, whatever the axis does."""
         self._position.take(image.position, image.position_stamp)

@@ -47,7 +47,7 @@ class Supervision:
     def __init__(self, parameters: AxisParameters, capabilities: Capabilities) -> None:
         self._parameters = parameters
         self.guard = Guard(parameters)
-        self._following = Following(parameters)
+        self.following = Following(parameters)
         self._mode = ModeWatch(parameters.name)
         self._resting = Resting(parameters)
         self._met_operational = False
@@ -105,7 +105,7 @@ class Supervision:
     ) -> Finding | None:
         """Return what ``power`` finds of an axis that is enabled and heard, after ``guard.look``."""
         moving = activity if state in MOVING else None
-        astray = self._mode.error(image, moving) or self._following.error(image, moving)
+        astray = self._mode.error(image, moving) or self.following.error(image, moving)
         if astray is not None:  # not under control: a quick stop is surer than a halt
             return Finding(astray, Rung.QUICK_STOP)
         if activity is None:
@@ -119,6 +119,14 @@ class Supervision:
             course = activity.course
         danger = self.guard.danger(image, state, bounded=bounded, course=course)
         return None if danger is None else self._endangered(danger, course)
+
+    def only_follows(self, activity: Activity) -> bool:
+        """Whether ``motion`` has nothing to do for ``activity`` but to look how close the axis is ``following`` it.
+
+        That stays so while ``activity`` leads it along its path in a mode that the drive shows.
+        """
+        otherwise = self._resting.place is not None or self.guard.is_free
+        return not otherwise and self._mode.has_agreed(activity) and self.following.is_used_to(activity)
 
     def at_work(self) -> None:
         """The axis is being stopped, or is not ours to watch: its next rest begins anew."""

@@ -1,0 +1,148 @@
+"""The short look at TPDOs that come as they should: in every life of a port it gives what a whole look in each cycle gives."""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections.abc import Iterator
+
+import pytest
+
+from axisbus.bus.link.channel import Channel
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo.mapping import DevicePdos
+from axisbus.bus.pdo.plan import Policy, Wanted, make_plan
+from axisbus.bus.port import CanPort
+from axisbus.cia301.nmt import NmtState
+from axisbus.cia402.port import INPUT_OBJECTS, Sample
+from axisbus.errors import BusOff
+from kit.bus.peer import FakeBus
+from kit.bus.plan import objects, tpdo
+
+NODE, PERIOD, CYCLES = 5, 0.004, 800
+# The mappings of a drive's TPDOs, and their transmission types: 255 is sent on change, or by an event timer.
+DRIVES = (
+    (("6041/16 6061/8 6064/32", 1),),
+    (("6041/16 6061/8 6064/32", 1), ("606C/32 6077/16", 3)),
+    (("6041/16", 1), ("6061/8", 255), ("6064/32", 1)),
+    (("6041/16 6064/32", 1), ("6041/16 6061/8", 1)),  # one value in two
+    (("6041/16 6064/32", 255),),
+)
+CODES = {16: "H", 8: "b", 32: "i"}
+
+
+@pytest.fixture
+def node(channel: Channel, fake: FakeBus) -> Iterator[Node]:
+    with Node(channel, NODE) as node:
+        yield node
+
+
+def port_on(node: Node, drive: tuple[tuple[str, int], ...], primed: dict[str, Sample]) -> CanPort:
+    pdos = tuple(
+        tpdo(n + 1, mapping, kind, cob_id=0x180 + 0x100 * n + NODE) for n, (mapping, kind) in enumerate(drive)
+    )
+    names = tuple(name for name, index in INPUT_OBJECTS.items() if f"{index:04X}/" in str(drive))
+    plan = make_plan(
+        NODE, DevicePdos((), pdos), objects(), Wanted(names, ()), Policy(remap=False, communication=False)
+    )
+    port = CanPort(node, plan, scan_period=PERIOD)
+    port._poller = None
+    port._incoming.samples.update(primed)
+    return port
+
+
+def packed(dice: random.Random, mapping: str) -> bytes:
+    sizes = [int(entry.split("/")[1]) for entry in mapping.split()]
+    whole = b"".join(struct.pack("<" + CODES[size], dice.randrange(100)) for size in sizes)
+    return whole if dice.random() < 0.97 else whole[:-1]
+
+
+def events(node: Node, port: CanPort, now: float) -> tuple[object, list[object]]:
+    """What a port reads, and what it has to tell of its TPDOs."""
+    before = len(node.pdo_events)
+    inputs = port.read(now)
+    told = [str(event) for event in list(node.pdo_events)[before:]]
+    return inputs, told
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("seed", range(6))
+def test_the_short_look_gives_what_the_whole_one_gives(node: Node, drive, seed: int) -> None:
+    dice = random.Random(f"{seed} {drive}")
+    primed = {"demand": Sample(7, 0.5), "position": Sample(3, dice.choice((0.5, 1.01)))}
+    short, whole = port_on(node, drive, primed), port_on(node, drive, primed)
+    now, silent, short_looks, node.nmt.state = 1.0, set(), 0, NmtState.OPERATIONAL
+    for cycle in range(CYCLES):
+        now += PERIOD * dice.choice((1, 1, 1, 1, 1, 1.2, 0.9, 2.01, 8) if dice.random() < 0.2 else (1,))
+        trouble(dice, node, now)
+        if dice.random() < 0.02:
+            silent = {n for n in range(len(drive)) if dice.random() < 0.4}
+        for n, (mapping, kind) in enumerate(drive):
+            if n in silent or (kind == 3 and cycle % 3) or (kind == 255 and dice.random() < 0.7):
+                continue
+            data, stamp = packed(dice, mapping), now - dice.choice((0.001, 0.0, 0.0035, 0.02, -0.0001))
+            for port in (short, whole):
+                port._slots[n].on_frame(data, stamp)
+        whole._incoming.steady = False
+        steady = short._incoming.steady
+        found = events(node, short, now)
+        assert found == events(node, whole, now), cycle
+        short_looks += steady and short._incoming._ahead
+        if dice.random() < 0.01:
+            short._incoming.steady = (
+                False  # now and then the whole look has to find everything as it would be
+            )
+    if drive in DRIVES[:2]:
+        assert short_looks > 20
+    if drive == DRIVES[3]:
+        assert not short_looks
+    short.close()
+    whole.close()
+
+
+def trouble(dice: random.Random, node: Node, now: float) -> None:
+    """What may befall a node and its bus between two cycles."""
+    what, nmt, channel = dice.random(), node.nmt, node.channel
+    if what < 0.004:
+        nmt.state = dice.choice((NmtState.PRE_OPERATIONAL, NmtState.STOPPED))
+    elif what < 0.04:
+        nmt.state = NmtState.OPERATIONAL
+    elif what < 0.044:
+        nmt.deadline = now - 0.001
+    elif what < 0.06:
+        nmt.deadline = now + 10.0
+    elif what < 0.063:
+        channel.off = channel.last_off = BusOff("the bus is off")
+        channel.offs += 1
+    elif what < 0.08:
+        channel.off = None
+    elif what < 0.09:
+        node.emcy._on_frame(bytes.fromhex("1042090000000000"), now)
+
+
+def test_a_boot_up_a_bus_off_and_a_node_that_is_not_operational_end_the_short_look_at_once(
+    node: Node,
+) -> None:
+    port = port_on(node, DRIVES[0], {})
+    node.nmt.state, now = NmtState.OPERATIONAL, 1.0
+    for change, back in (
+        (
+            lambda: setattr(node.nmt, "state", NmtState.STOPPED),
+            lambda: setattr(node.nmt, "state", NmtState.OPERATIONAL),
+        ),
+        (lambda: setattr(node.nmt, "deadline", 0.0), lambda: setattr(node.nmt, "deadline", 1e9)),
+        (lambda: setattr(node.channel, "off", BusOff("off")), lambda: setattr(node.channel, "off", None)),
+        (lambda: setattr(node.nmt, "bootups", 1), lambda: None),
+    ):
+        for _ in range(3):
+            now += PERIOD
+            port._slots[0].on_frame(struct.pack("<Hbi", 0x1637, 8, 5), now - 0.001)
+            inputs = port.read(now)
+        assert inputs.operational
+        assert port._incoming._ahead
+        change()
+        now += PERIOD
+        assert not port.read(now).operational
+        back()
+    assert port.read(now + PERIOD).statusword is None  # after the boot-up
+    port.close()
