@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import pytest
 from axisbus.bus.link import adapter, listen, socketcan
 from axisbus.bus.link.socketcan import Link
 from axisbus.errors import AdapterError, ArgumentError
+from kit.bus.peer import FakeBus
 
 
 def test_an_unknown_interface_gets_its_nearest_names() -> None:
@@ -164,6 +166,29 @@ def test_ip_is_asked_and_what_it_does_not_answer_is_nothing(
     assert socketcan._ip("can0") == answer
     monkeypatch.setattr(socketcan.shutil, "which", lambda *_, **__: None)
     assert socketcan._ip("can0") == ""
+
+
+@pytest.mark.parametrize(("interface", "told"), [("pcan", True), ("socketcan", False)])
+def test_a_rate_is_given_to_the_adapters_that_set_it_alone(
+    interface: str, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[dict[str, object]] = []
+    monkeypatch.setattr(can, "Bus", lambda **arguments: given.append(arguments))
+    adapter._construct(interface, "can0", 500_000, {})
+    assert [arguments.get("bitrate") for arguments in given] == [500_000 if told else None]
+
+
+def test_a_listener_looks_often_enough_whether_it_is_to_go_on(fake: FakeBus) -> None:
+    waits: list[float] = []
+
+    def recv(timeout: float) -> None:
+        waits.append(timeout)
+        time.sleep(min(timeout, 0.1))
+
+    fake.recv = recv  # type: ignore[method-assign,assignment]
+    assert list(listen.Listener(fake, "fake").frames(0.3)) == []
+    assert len(waits) >= 3
+    assert max(waits) <= 0.1
 
 
 def test_only_of_socketcan_links_the_system_knows_the_bit_rate(monkeypatch: pytest.MonkeyPatch) -> None:

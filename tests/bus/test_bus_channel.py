@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import sys
 import threading
 import time
 
@@ -230,6 +232,25 @@ def test_what_it_has_carried_is_counted_in_both_directions(channel: Channel, fak
     now = channel.carried
     assert (now.frames - began.frames, now.octets - began.octets) == (4, 6)
     assert now.time > began.time
+
+
+class SocketcanBus(FakeBus):
+    """As python-can's SocketCAN: frames go straight into its socket."""
+
+    def __init__(self, end: socket.socket) -> None:
+        super().__init__()
+        self.socket = end
+
+
+def test_on_socketcan_a_frame_is_sent_without_a_lock_and_counted() -> None:
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with near, far, Channel(SocketcanBus(near), "socketcan:can0") as channel:
+        channel._send_lock.acquire()  # by another thread, which is stuck
+        channel.send(0x201, b"\x0f\x00\x01")
+        channel._send_lock.release()
+        far.settimeout(1.0)
+        assert far.recv(64)[:4] == (0x201).to_bytes(4, sys.byteorder)
+        assert (channel.counters.sent, channel.counters.octets) == (1, 3)
 
 
 def test_an_ear_that_fails_is_known_and_does_not_end_in_silence(channel: Channel, fake: FakeBus) -> None:
