@@ -120,29 +120,38 @@ def trouble(dice: random.Random, node: Node, now: float) -> None:
         node.emcy._on_frame(bytes.fromhex("1042090000000000"), now)
 
 
-def test_a_boot_up_a_bus_off_and_a_node_that_is_not_operational_end_the_short_look_at_once(
-    node: Node,
-) -> None:
+def short_bus_off(node: Node) -> None:
+    """One that has ended again before anybody looked."""
+    node.channel.last_off = BusOff("off")
+    node.channel.offs += 1
+
+
+@pytest.mark.parametrize(
+    ("change", "back"),
+    [
+        (lambda node: setattr(node.nmt, "state", NmtState.STOPPED), True),
+        (lambda node: setattr(node.nmt, "deadline", 0.0), True),
+        (lambda node: setattr(node.channel, "off", BusOff("off")), False),
+        (short_bus_off, True),
+        (lambda node: setattr(node.nmt, "bootups", 1), False),
+    ],
+)
+def test_what_befalls_the_node_or_the_bus_ends_the_short_look_at_once(node: Node, change, back: bool) -> None:
     port = port_on(node, DRIVES[0], {})
     node.nmt.state, now = NmtState.OPERATIONAL, 1.0
-    for change, back in (
-        (
-            lambda: setattr(node.nmt, "state", NmtState.STOPPED),
-            lambda: setattr(node.nmt, "state", NmtState.OPERATIONAL),
-        ),
-        (lambda: setattr(node.nmt, "deadline", 0.0), lambda: setattr(node.nmt, "deadline", 1e9)),
-        (lambda: setattr(node.channel, "off", BusOff("off")), lambda: setattr(node.channel, "off", None)),
-        (lambda: setattr(node.nmt, "bootups", 1), lambda: None),
-    ):
-        for _ in range(3):
-            now += PERIOD
-            port._slots[0].on_frame(struct.pack("<Hbi", 0x1637, 8, 5), now - 0.001)
-            inputs = port.read(now)
-        assert inputs.operational
-        assert port._incoming._ahead
-        change()
+
+    def look() -> bool:
+        port._slots[0].on_frame(struct.pack("<Hbi", 0x1637, 8, 5), now - 0.001)
+        return port.read(now).operational
+
+    for _ in range(3):
         now += PERIOD
-        assert not port.read(now).operational
-        back()
-    assert port.read(now + PERIOD).statusword is None  # after the boot-up
+        assert look()
+    assert port._incoming._ahead
+    change(node)
+    now += PERIOD
+    assert not look()
+    node.nmt.state, node.nmt.deadline = NmtState.OPERATIONAL, 1e9
+    now += PERIOD
+    assert look() is back
     port.close()

@@ -401,3 +401,23 @@ def test_a_handle_of_nobody_never_blocks():
     handle.finish(Status.ERROR, AxisbusError("x"))
     with pytest.raises(AxisbusError):
         handle.wait()
+
+
+def test_who_waits_is_woken_in_the_cycle_in_which_a_command_ends_and_in_no_other():
+    made = rig().enabled()
+
+    class Woken:
+        times = 0
+
+        def notify(self) -> None:
+            self.times += 1
+
+    made.scan.waiter, handle, cycles = Woken(), made.axis.disable(), 0
+    while handle.active or handle.busy:
+        assert not made.scan.waiter.times
+        made.scan.once()
+        cycles += 1
+        assert cycles < 1000
+    assert made.scan.waiter.times == 1
+    made.scan.once()
+    assert made.scan.waiter.times == 1

@@ -215,11 +215,20 @@ def test_an_axis_on_its_way_takes_the_short_cycle():
         (lambda core: core.image.led, "target", None),
         (lambda core: core.image.led, "target", 10_000_000),
         (lambda core: core.image, "had_demand", True),
+        (lambda core: core.image, "position_stamp", -1e9),
+        (lambda core: core.supervision.following, "led_at", 1e9),
     ],
 )
 def test_one_thing_that_a_command_may_have_changed_leaves_the_cycle_to_the_whole_step(part, name, value):
     core, inputs = cruising()
     setattr(part(core), name, value)
+    assert core._cruise.step(inputs) is None
+
+
+def test_a_place_beyond_the_limits_leaves_the_cycle_to_the_whole_step():
+    core, inputs = cruising()
+    path = core.activity
+    path._limits, path._known_way, path._is_known = (-1.0, 0.5), None, True
     assert core._cruise.step(inputs) is None
 
 

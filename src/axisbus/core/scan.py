@@ -241,9 +241,8 @@ class Scan:
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
             snapshots[name] = core.snapshot()
-            if (
-                core.tripped is not None or core.running.ended
-            ):  # here, where it is at hand, and not in loops of their own
+            # Looked at here, where it is at hand, and not in a loop of its own after the sends.
+            if core.tripped is not None or core.running.ended:
                 news = True
         if self._stops_begun:
             self._leaving.step(now)
