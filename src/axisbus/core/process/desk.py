@@ -51,7 +51,16 @@ class Desk:
         try:
             _TAKES[type(message)](self, message)
         except Exception:  # a mistake in one: the program's others, a stop among them, are taken all the same
-            log.exception("a message of %s could not be taken: %s", self.name, type(message).__name__)
+            level = (
+                logging.INFO if self.place else logging.ERROR
+            )  # what a guest sends is not for the program's log
+            log.log(
+                level,
+                "a message of %s could not be taken: %s",
+                self.name,
+                type(message).__name__,
+                exc_info=True,
+            )
             return False
         return True
 
