@@ -194,6 +194,12 @@ def test_a_bus_in_operation_is_left_alone(
     assert fake.sent == []
 
 
+def test_beside_operation_it_is_not_asked_whether_the_bus_is_quiet(channel: Channel, fake: FakeBus) -> None:
+    fake.peers.append(slave())
+    with again(lambda: fake.inject(0x080, ""), 0.02):
+        assert LssMaster(channel, PATIENT, beside_operation=True).inquire(ADDRESS).address == ADDRESS
+
+
 def test_a_bus_whose_nodes_are_stopped_is_not_in_operation(channel: Channel, fake: FakeBus) -> None:
     fake.peers.append(slave())
     with again(lambda: fake.inject(0x703, "04"), 0.02):

@@ -238,7 +238,9 @@ def test_whoever_comes_in_disturbs_neither_the_cycle_nor_the_motion(machine, fil
         if meanwhile <= 2 * before + 3:
             break
     assert meanwhile <= 2 * before + 3
-    assert "could not be taken" not in caplog.text  # its program has done nothing that it would have to be told of
+    assert (
+        "could not be taken" not in caplog.text
+    )  # its program has done nothing that it would have to be told of
     until = time.monotonic() + 10.0
     while True:  # who was there is gone, and others may come
         try:

@@ -47,6 +47,7 @@ from axisbus.motion.stop.standing import Standing
 from axisbus.motion.stop.still import Still
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
+from axisbus.units import Scale
 from kit.motion.steps import TIMING, Drive, T
 
 ENABLED, READY, FAULT = 0x0237, 0x0231, 0x0218
@@ -913,6 +914,9 @@ def test_what_the_parameters_derive():
     base = Drive().parameters
     assert base.pull_window == 4000.0  # 10 ms at 400 deg/s
     assert replace(base, limits=Limits()).pull_window == 1000.0  # at the default velocity
+    fine = replace(base.units, position=Scale.of(1e7, "deg"))
+    bare = replace(base, units=fine, limits=Limits(), defaults=Defaults())
+    assert bare.pull_window == 20.0  # where no velocity is known: no more than what a quiet encoder wanders
     assert base.standstill_tolerance == 2.0
     assert replace(base, standstill_speed=160.0).standstill_tolerance == 10.0
     assert base.lag_allowed(1000.0) == 4250.0
