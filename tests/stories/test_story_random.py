@@ -603,6 +603,23 @@ FOUND: Mapping[str, Script] = {
         scene="held-by-brake",
         ending="close",
     ),
+    # A halt of an axis whose quick stop goes on for longer than its time counted as done: it was taken for locked at rest.
+    "a halt while the drive's own quick stop goes on": Script(
+        "sagging",
+        (
+            Event(0.0, "move_fast", "y", 0.86),
+            Event(1.5, "slips_to_pp", "y", 0.09),
+            Event(0.02, "slips_to_csp", "y", 0.45),
+            Event(1.5, "jog", "y", -0.18),
+            Event(0.0, "slips_no_more", "y", 0.0),
+            Event(0.0, "reset", "y", 0.0),
+            Event(0.0, "enable", "y", 0.0),
+            Event(0.5, "halt", "x", 0.0),
+            Event(0.0, "halt", "y", 0.0),
+        ),
+        scene="held-by-torque",
+        ending="close",
+    ),
 }
 
 

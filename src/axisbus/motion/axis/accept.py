@@ -148,8 +148,10 @@ def _halt(core: AxisCore, _: c.Halt, ticket: Ticket, __: Gate) -> None:
         _stop_if_powered(core, ticket, StopKind.HALT, Rung.HALT)
     elif core.ladder is not None:
         core.stopping.join(ticket)
-    else:
-        core.finish(ticket)  # it stands, locked
+    elif core.image.standstill:  # locked
+        core.finish(ticket)
+    else:  # held in quick stop active by its drive, which brakes still: so it is after a stop that was not confirmed
+        _stop_if_powered(core, ticket, StopKind.STOP, Rung.HALT)
 
 
 def _stop(core: AxisCore, _: c.Stop, ticket: Ticket, __: Gate) -> None:
