@@ -106,6 +106,7 @@ def _property(column: Column, unit: str) -> dict[str, Any]:
     return {"type": [column.type, "null"], "description": column.text, **({"unit": unit} if unit else {})}
 
 
+@cache
 def _short(mode: int) -> str:
     return short(ModeOfOperation(mode))
 
