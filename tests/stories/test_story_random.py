@@ -620,6 +620,23 @@ FOUND: Mapping[str, Script] = {
         scene="held-by-torque",
         ending="close",
     ),
+    # A halt had become a quick stop in the cycle before, which the drive did not show yet.
+    "an enable in the cycle in which a halt becomes a quick stop": Script(
+        "compliant",
+        (
+            Event(0.01, "jog", "x", 0.69),
+            Event(0.2, "creeps", "x", 0.25),
+            Event(0.4, "slips_to_pv", "x", -0.49),
+            Event(0.02, "group_release", "", 0.17),
+            Event(0.0, "slips_no_more", "x", 0.0),
+            Event(0.0, "creeps_no_more", "x", 0.0),
+            Event(1.0, "release", "x", 0.0),
+            Event(0.1, "reset", "x", 0.0),
+            Event(0.5, "enable", "x", 0.0),
+        ),
+        scene="usual",
+        ending="busy-close",
+    ),
 }
 
 

@@ -44,7 +44,10 @@ def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> No
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
         raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
     accept_motion.require_no_stop(core, ticket)
-    if core.powered and core.image.state is State.OPERATION_ENABLED:
+    keeps_power = (
+        core.ladder is None or core.ladder.rung is Rung.HALT
+    )  # a quick stop may be on its way to the drive
+    if core.powered and keeps_power and core.image.state is State.OPERATION_ENABLED:
         core.finish(ticket)  # it is; and where it is locked in Stopping, it stays so
         return
     if core.ladder is not None:
