@@ -15,7 +15,7 @@ from axisbus.wire.image import ImageWriter
 from axisbus.wire.messages import Cycles, ErrorTold, Frames, Told
 from axisbus.wire.stream import Stream
 
-_EVERY = 0.02  # seconds between two messages with images
+_EVERY = 0.1  # seconds between two messages with images: each wakes who records
 _MOST = 2000  # messages that wait: then images are left out, and counted
 
 
