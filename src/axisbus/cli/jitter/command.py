@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import queue
-import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import click
 
 from axisbus.cell.model import CellConfig
 from axisbus.check.timetable import Slot, timetable
-from axisbus.cia301.frame import Frame
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
+from axisbus.cli.shared.joined_frames import frames_of
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
@@ -26,7 +25,6 @@ from axisbus.trace.pace import MEASURED, Cast, Pace, histogram, spread
 from axisbus.wording import counted
 
 _ANY_RATE = 1_000_000  # identifiers are wanted, not times
-_SLICE = 0.1  # seconds
 _BINS, _BAR = 16, 48
 _US = 1e6
 
@@ -72,24 +70,12 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
 
 def measure(machine: Machine, seconds: float) -> Pace:
     """Look at the frames of a machine for so long; blocks."""
-    told: queue.Queue[Sequence[Frame]] = queue.Queue()
     pace = Pace(_cast(machine.cell), machine.cell.bus.scan_period)
-    machine.session.tap(told.put, sorted(pace.seen))
-    until = time.monotonic() + seconds
-    try:
-        while time.monotonic() < until and not machine.session.ended:
-            _take(pace, told)
-    finally:
-        machine.session.untap(told.put)
+    with ExitStack() as stack:
+        for frame in frames_of(stack, machine, seconds, sorted(pace.seen)):
+            pace.add((frame,))
     pace.finish()
     return pace
-
-
-def _take(pace: Pace, told: queue.Queue[Sequence[Frame]]) -> None:
-    try:
-        pace.add(told.get(timeout=_SLICE))
-    except queue.Empty:
-        return
 
 
 def _cast(cell: CellConfig) -> Cast:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -25,9 +25,17 @@ def frames_of_machine(stack: ExitStack, cell: Path, seconds: float | None) -> It
     if machine is None:
         return None
     stack.enter_context(machine)
+    return frames_of(stack, machine, seconds)
+
+
+def frames_of(
+    stack: ExitStack, machine: Machine, seconds: float | None, can_ids: Collection[int] = ()
+) -> Iterator[Frame]:
+    """Return the frames of a machine from now on, those of ``can_ids`` or all, as above; ``stack`` ends the telling."""
     told: queue.Queue[Sequence[Frame]] = queue.Queue()
-    machine.session.tap(told.put)
-    stack.callback(machine.session.untap, told.put)
+    hear = told.put
+    machine.session.tap(hear, can_ids)
+    stack.callback(machine.session.untap, hear)
     return _frames(machine, told, seconds)
 
 
