@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -55,6 +55,12 @@ class AxisForm:
     velocity: float
     torque: float
     units: Mapping[str, str]  # by quantity
+    _digits: tuple[int, int, int] = field(init=False, repr=False, compare=False)  # of the three above
+
+    def __post_init__(self) -> None:
+        """Find out once what each sample needs."""
+        told = digits(self.position), digits(self.velocity), digits(1.0 / self.torque)
+        object.__setattr__(self, "_digits", told)
 
     @classmethod
     def of(cls, parameters: AxisParameters) -> AxisForm:
@@ -75,12 +81,13 @@ class AxisForm:
     def values(self, sample: AxisSample) -> tuple[float | str | bool | None, ...]:
         """Return a sample in units, in the order of ``COLUMNS``; None is unknown."""
         position, velocity, torque, target, demand, origin, mode, word, state, power, homed = sample
-        factor, fine = self.position, digits(self.position)
+        factor = self.position
+        fine, of_velocity, of_torque = self._digits
         led = demand if demand is not None else target if mode in _LED else None
         return (
             None if position is None else round((position - origin) / factor, fine),
-            None if velocity is None else round(velocity / self.velocity, digits(self.velocity)),
-            None if torque is None else round(torque * self.torque, digits(1.0 / self.torque)),
+            None if velocity is None else round(velocity / self.velocity, of_velocity),
+            None if torque is None else round(torque * self.torque, of_torque),
             None if target is None else round((target - origin) / factor, fine),
             None if demand is None else round((demand - origin) / factor, fine),
             None if led is None or position is None else round((led - position) / factor, fine),

@@ -29,7 +29,7 @@ from axisbus.session import AxisSession
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-_ROUND = 0.2  # seconds between two looks at the rows
+_ROUND = 0.5  # seconds between two looks at the rows
 _LOOK = 1.0  # seconds between two looks at what has happened
 _MOST = 15_000  # rows that wait: a minute at 4 ms
 _ON_THEIR_WAY = 0.2  # seconds that rows may be

@@ -7,6 +7,8 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+import msgspec
+
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import Value
 from axisbus.eds.builtin import resolve
@@ -18,6 +20,7 @@ from axisbus.record.mcap_writer import McapWriter
 from axisbus.record.packed import RowForm
 from axisbus.record.recorded import Happening
 
+_Row = msgspec.defstruct("_Row", NAMES)  # twice as fast into JSON as a dict
 _SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
 
 
@@ -90,7 +93,7 @@ class Target:
         assert self._writer is not None
         for now, samples in self._row.rows(b"".join(rows)):
             for (name, form), sample in zip(self.forms.items(), samples, strict=True):
-                self._writer.write(self._axes[name], now, dict(zip(NAMES, form.values(sample), strict=True)))
+                self._writer.write(self._axes[name], now, _Row(*form.values(sample)))
             self.newest = now
             self.rows += 1
 
