@@ -460,17 +460,16 @@ def line(ends: dict[str, float], velocity: float = 5.0, acceleration: float = 10
 
 
 def test_a_line_has_the_speed_of_its_length_and_no_axis_is_faster_than_it_may_be():
-    shares, way = line({"x": 30.0, "y": -40.0})
-    assert way.velocity * 50.0 == pytest.approx(5.0)
-    assert way.acceleration * 50.0 == pytest.approx(10.0)
-    assert [shares[name].position(way.duration) for name in "xy"] == [30.0, -40.0]
-    assert (shares["x"].top_speed, shares["y"].top_speed) == pytest.approx((3.0, 4.0))
-    assert (shares["x"].top_acceleration, shares["y"].top_acceleration) == pytest.approx((6.0, 8.0))
-    assert (shares["y"].span, shares["x"].duration) == ((-40.0, 0.0), way.duration)
+    way, speed = line({"x": 30.0, "y": -40.0})
+    assert speed * 50.0 == pytest.approx(5.0)
+    assert way.accelerations == pytest.approx((6.0, 8.0))
+    assert (way.at(0.0), way.at(way.length)) == ((0.0, 0.0), (30.0, -40.0))
+    assert tuple(speed * share for share in way.shares) == pytest.approx((3.0, 4.0))
+    assert (way.lowest, way.highest) == ((0.0, -40.0), (30.0, 0.0))
     slow, _ = line({"x": 30.0, "y": -40.0}, y=Limits(velocity=2.0))
-    assert (slow["x"].top_speed, slow["y"].top_speed) == pytest.approx((1.5, 2.0))
+    assert slow.speeds == pytest.approx((1.5, 2.0))
     soft, _ = line({"x": 30.0, "y": -40.0}, x=Limits(acceleration=3.0))
-    assert (soft["x"].top_acceleration, soft["y"].top_acceleration) == pytest.approx((3.0, 4.0))
+    assert soft.accelerations == pytest.approx((3.0, 4.0))
 
 
 def test_a_line_of_more_than_a_year_was_not_meant():

@@ -7,9 +7,12 @@ import math
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.path import LineAxis
+from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.group.pieces import Straight
+from axisbus.motion.group.way import way_of
 from axisbus.motion.moves.lookahead import Known, excess, widened
+from axisbus.motion.parameters import Limits
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from kit.motion.rig import PERIOD
 
@@ -71,7 +74,8 @@ def test_what_is_told_of_an_excess_is_where_it_would_have_stopped():
 
 
 def test_trapezoids_samples_and_lines_tell_how_far_and_how_fast_they_go():
-    line = LineAxis(5.0, -3.0, Trapezoid(0.0, 1.0, 0.5, 2.0))
+    way = way_of([Straight((5.0,), (-3.0,), 1.0)], [Limits(velocity=4.5)], 2.0)
+    line = Share(Along(way, 0.0, (5.0,)), 0, 0.5)
     known = [
         Trapezoid(4.0, -2.0, 3.0, 10.0),
         Trapezoid(0.0, 1.0, 3.0, 4.0),

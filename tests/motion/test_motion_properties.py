@@ -143,25 +143,22 @@ def test_a_line_is_straight_and_keeps_every_axis_s_limits(rows, velocity, accele
     }
     length = math.dist(list(starts.values()), list(ends.values()))
     assume(length == 0 or length > 1e-3)
-    shares, way = plan_line(starts, ends, axes, velocity, acceleration)
-    assert {share.duration for share in shares.values()} == {way.duration}
-    for name, share in shares.items():
-        assert share.position(0.0) == starts[name]
-        assert share.position(way.duration) == pytest.approx(ends[name])
-        far = abs(ends[name] - starts[name])
-        limits = axes[name].limits
-        assert way.velocity * far <= min(velocity, limits.velocity or math.inf) * (1 + 1e-9) or length == 0
-        assert (
-            way.acceleration * far <= min(acceleration, limits.acceleration or math.inf) * (1 + 1e-9)
-            or length == 0
-        )
-    third = way.duration / 3
+    way, speed = plan_line(starts, ends, axes, velocity, acceleration)
+    assert way.at(0.0) == tuple(starts.values())
+    assert way.at(way.length) == pytest.approx(tuple(ends.values()))
+    if length == 0:
+        return
+    for number, name in enumerate(names):
+        far, limits = abs(ends[name] - starts[name]), axes[name].limits
+        assert min(speed, *way.tops) * far <= min(velocity, limits.velocity or math.inf) * (1 + 1e-9)
+        assert way.accelerations[number] <= min(acceleration, limits.acceleration or math.inf) * (1 + 1e-9)
+    third = way.at(way.length / 3)
     parts = [
-        (share.position(third) - starts[name]) / (ends[name] - starts[name])
-        for name, share in shares.items()
+        (third[number] - starts[name]) / (ends[name] - starts[name])
+        for number, name in enumerate(names)
         if abs(ends[name] - starts[name]) > 1
     ]
-    assert all(part == pytest.approx(parts[0], abs=1e-6) for part in parts)
+    assert all(part == pytest.approx(1 / 3, abs=1e-6) for part in parts)
 
 
 # The clock of a path.

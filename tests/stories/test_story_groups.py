@@ -12,7 +12,7 @@ from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError,
 from axisbus.machine.groups import Group
 from axisbus.motion.axis import accept_motion
 from axisbus.motion.group import line
-from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.group.travel import Travel
 from kit.cell import Cell
 from kit.probe import ENABLED, OFF, SWITCH_ON_DISABLED
 
@@ -393,7 +393,7 @@ def test_an_exception_while_a_line_is_planned_ends_it_and_nobody_has_moved(story
 def test_an_exception_in_the_middle_of_a_line_stops_all_of_its_axes(story, monkeypatch):
     cell, _, handle = on_a_line(story)
     with monkeypatch.context() as patch:
-        patch.setattr(PathClock, "advance", lambda *_: 1 // 0)
+        patch.setattr(Travel, "advance", lambda *_: 1 // 0)
         error = cell.failure_of(handle)
         assert isinstance(error, CommandError)
         for name in "xyz":

@@ -22,7 +22,14 @@ from weakref import WeakSet, WeakValueDictionary
 
 from axisbus.errors import Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.commands import (
+    ForEach,
+    GroupCommand,
+    GroupContinue,
+    GroupSetOverride,
+    MoveLinear,
+    MovePath,
+)
 from axisbus.motion.ticket import Status, Ticket
 from axisbus.session import Target
 
@@ -174,4 +181,8 @@ def _concerned(target: Target, command: c.Command | GroupCommand) -> tuple[str, 
         return tuple(command.commands)
     if isinstance(command, MoveLinear):
         return tuple(command.ends)
+    if isinstance(command, MovePath | GroupContinue):
+        return command.axes
+    if isinstance(command, GroupSetOverride):  # a stop leaves it as it is
+        return ()
     return (target,) if isinstance(target, str) else target

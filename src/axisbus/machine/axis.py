@@ -70,6 +70,11 @@ class Axis:
     # -- what it is and where it is ----------------------------------------------------------------------------------
 
     @property
+    def modulo(self) -> float | None:
+        """How far an endless axis turns until it counts anew, in its unit; None where it is not endless."""
+        return self._parameters.units.modulo
+
+    @property
     def unit(self) -> str:
         """The unit of its positions."""
         return self._parameters.units.position.unit
@@ -131,13 +136,13 @@ class Axis:
         )
 
     @property
-    def place_window(self) -> float:
-        """How far it may be from a place and is there all the same, in its unit; for groups."""
-        parameters = self._parameters
-        known = parameters.position_window
-        return parameters.units.position.to_units(
-            round(parameters.pull_window / 10) if known is None else known
+    def led_to(self) -> float:
+        """Where its drive was led to last (6062h), else where it is; unwrapped, in its unit; for groups."""
+        snapshot = self.snapshot
+        place = (
+            self._known(snapshot.position, "position (6064h)") if snapshot.demand is None else snapshot.demand
         )
+        return self._parameters.units.position.to_units(place - snapshot.origin)
 
     @property
     def velocity(self) -> float:

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
 
-from axisbus.errors import ArgumentError, LimitError, StaleError, StateError
+from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
+from axisbus.machine.paths import PathRequest
 from axisbus.machine.request import shown
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
-from axisbus.motion.group.path import nearest_on_line
+from axisbus.motion.group.commands import (
+    ForEach,
+    GroupCommand,
+    GroupContinue,
+    GroupSetOverride,
+    MoveLinear,
+)
+from axisbus.motion.group.travel import FASTER
 from axisbus.motion.numbers import number, told
-from axisbus.motion.ticket import Status
 from axisbus.session import Target
 from axisbus.wording import counted
-
-
-class _Line(NamedTuple):
-    """A straight line of this program's: where it began, what was asked for, and what became of it."""
-
-    starts: Mapping[str, float]
-    command: MoveLinear
-    handle: Handle
 
 
 class Group:
@@ -41,7 +38,7 @@ class Group:
         self._key = name if key is None else key
         self._axes = dict(axes)
         self._commanding = commanding
-        self._line: _Line | None = None  # the last one
+        self._override = 1.0
 
     def __repr__(self) -> str:
         known = self._commanding.session.dead is None
@@ -101,33 +98,96 @@ class Group:
             "acceleration",
             self._smallest_acceleration(name) if acceleration is None else acceleration,
         )
-        return self._lead(name, MoveLinear(ends, speed, ramp), None)
+        return self._submit(name, MoveLinear(ends, speed, ramp))
 
-    def resume(self) -> Handle:
-        """Go on along the last straight line of this program, which was broken off, to its end (MC_GroupContinue).
+    def move_path(
+        self,
+        points: Sequence[Sequence[float]],
+        *,
+        velocity: float,
+        acceleration: float | None = None,
+        blend: float = 0.0,
+    ) -> Handle:
+        """Move all on straight lines through ``points`` (positions in the group's order of axes), to the last one (MC_MovePath).
 
-        With its velocity and acceleration, from where the axes stand: after a halt, a stop that was released, or an error that was
-        reset. Every axis must still be on the line, within ``position_window`` (a tenth of ``standstill_window`` where that is not
-        known): nothing goes on with what was moved meanwhile, or has left the line by a stop of the drive's own.
+        Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it, and less where a line is too short
+        for that; with 0 the axes stop there. ``velocity`` and ``acceleration`` as ``move_linear``; the velocity is kept through
+        corners as far as the axes' velocities and accelerations allow. At most 10,000 points.
 
         Raises:
-            StateError: there was no line, it is under way or at its end, or an axis has left it.
-            StaleError: an axis's position is not known.
+            LimitError: a point lies beyond an axis's position limits.
+            ArgumentError: a value is missing, not finite or not positive, or an axis is endless.
+            StaleError: where an axis stands is not known.
         """
-        line = self._line
-        name = "resume()"
-        if line is None:
-            raise StateError(
-                f"{self.name}.{name}: there is no line to go on with",
-                remedy="begin one: group.move_linear(positions, velocity=...)",
+        text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
+        return self._submit(
+            text, self._request(text, "move_path", velocity, acceleration).along(points, blend)
+        )
+
+    def move_circular(
+        self,
+        end: Sequence[float],
+        *,
+        via: Sequence[float] | None = None,
+        centre: Sequence[float] | None = None,
+        clockwise: bool = False,
+        velocity: float,
+        acceleration: float | None = None,
+    ) -> Handle:
+        """Move all on an arc to ``end``, by the point ``via`` or about ``centre`` (MC_MoveCircularAbsolute, BORDER and CENTER).
+
+        About a centre, for two axes: counter-clockwise as the first axis turns to the second, or ``clockwise``; once round where
+        ``end`` is where they stand. ``velocity`` and ``acceleration`` as ``move_linear``; the circle is slower where its curvature
+        asks for it.
+
+        Raises:
+            LimitError: the arc leaves an axis's position limits.
+            ArgumentError: a value is missing, not finite or not positive, the points make no circle, or an axis is endless.
+            StaleError: where an axis stands is not known.
+        """
+        text = f"move_circular({_list(end)}, velocity={shown(velocity)})"
+        if (via is None) is (centre is None):
+            raise ArgumentError(
+                f"{self.name}.{text}: one of via and centre says which circle it is",
+                remedy="give via = a point that the circle goes through, or centre = its centre",
             )
-        if line.handle.busy or line.handle.status is Status.DONE:
-            is_now = "is under way" if line.handle.busy else "has come to its end"
-            raise StateError(
-                f"{self.name}.{name}: {line.handle.name} {is_now}, so there is nothing to go on with"
+        request = self._request(text, "move_circular", velocity, acceleration)
+        if centre is not None:
+            return self._submit(text, request.about(centre, end, clockwise=clockwise))
+        assert via is not None
+        return self._submit(text, request.through(via, end))
+
+    @property
+    def override(self) -> float:
+        """The factor that this program has set last with ``set_override``; 1 before that."""
+        return self._override
+
+    def set_override(self, factor: float) -> Handle:
+        """Go along lines and paths at ``factor`` times their velocity: 0 (they hold) to 1.5 (MC_GroupSetOverride).
+
+        At any time, also in motion: the axes stay on their way, and change their speed along it by its acceleration. It stays so
+        for what follows, until it is set again. It lifts no limit of an axis, and scales no halt, no stop and no profile move.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = number(factor)
+        if found is None or not 0.0 <= found <= FASTER:
+            raise ArgumentError(
+                f"{self.name}.set_override({told(factor)}): an override is a number from 0 to {FASTER:g}",
+                remedy="1 is the velocity of the command; 0 holds the axes on their way",
             )
-        self._require_on(line, name)
-        return self._lead(name, line.command, line.starts)
+        self._override = found
+        return self._submit(f"set_override({found:g})", GroupSetOverride(found))
+
+    def resume(self) -> Handle:
+        """Go on along the group's last line, path or circle, which was broken off, to its end (MC_GroupContinue).
+
+        From where it was left: after a halt, a stop that was released, or an error that was reset. Every axis must still be
+        there, within ``position_window`` (a tenth of ``standstill_window`` where that is not known), else the handle ends with a
+        StateError: nothing goes on with what was moved meanwhile, or has left its way by a stop of the drive's own.
+        """
+        return self._submit("resume()", GroupContinue(tuple(self._axes)))
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.
@@ -145,32 +205,11 @@ class Group:
     def _all(self, name: str, make: Callable[[], c.Command], together: bool = False) -> Handle:
         return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
 
-    def _lead(self, name: str, command: MoveLinear, starts: Mapping[str, float] | None) -> Handle:
-        """Begin a line, and keep it in mind; ``starts``: where it began once, where it is gone on with."""
-        try:
-            begun = self._places() if starts is None else starts
-        except StaleError:  # it will be refused
-            return self._submit(name, command)
-        handle = self._submit(name, command)
-        self._line = _Line(begun, command, handle)
-        return handle
-
-    def _places(self) -> dict[str, float]:
-        return {name: axis.unwrapped for name, axis in self._axes.items()}
-
-    def _require_on(self, line: _Line, name: str) -> None:
-        here = self._places()
-        nearest = nearest_on_line(line.starts, line.command.ends, here)
-        away = {axis: abs(here[axis] - nearest[axis]) for axis in nearest}
-        worst = max(away, key=lambda axis: away[axis] / self._axes[axis].place_window)
-        allowed, unit = self._axes[worst].place_window, self._axes[worst].unit
-        if away[worst] > allowed:
-            places = ", ".join(f"{place:.6g}" for place in nearest.values())
-            raise StateError(
-                f"{self.name}.{name}: {worst} is no longer on the line",
-                observed=f"it is {away[worst]:.6g} {unit} away from it, of which {allowed:.6g} {unit} are allowed",
-                remedy=f"go back to it first: group.move_direct(({places},)); or begin a new one: group.move_linear(...)",
-            )
+    def _request(self, text: str, call: str, velocity: float, acceleration: float | None) -> PathRequest:
+        speed = self._positive(text, "velocity", velocity)
+        known = self._smallest_acceleration(text) if acceleration is None else acceleration
+        ramp = self._positive(text, "acceleration", known)
+        return PathRequest(self._axes, f"{self.name}.{text}", call, speed, ramp)
 
     def _submit(self, name: str, command: GroupCommand) -> Handle:
         return self._commanding.submit(self._key, command, f"{self.name}.{name}")

@@ -191,6 +191,11 @@ class AxisParameters:
         speed = (self.limits.velocity or self.defaults.velocity or 0.0) * abs(self.units.position.factor)
         return pull_window(self.standstill_window, self.position_window, speed)
 
+    @property
+    def place_window(self) -> int:
+        """Increments that an axis may be away from a place and is there all the same; else a tenth of ``pull_window``."""
+        return round(self.pull_window / 10) if self.position_window is None else self.position_window
+
     def lag_allowed(self, speed: float, *, by_position: bool = True) -> float:
         """Increments that an axis may be behind what leads it, ``speed`` (increments per s) being the highest of the last 0.5 s.
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.motion import commands as c
+from axisbus.motion.group.way import Way
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,4 +26,27 @@ class MoveLinear:
     acceleration: float
 
 
-GroupCommand = ForEach | MoveLinear
+@dataclass(frozen=True, slots=True)
+class MovePath:
+    """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``."""
+
+    axes: tuple[str, ...]
+    way: Way
+    velocity: float
+
+
+@dataclass(frozen=True, slots=True)
+class GroupContinue:
+    """MC_GroupContinue: these axes go on along their last line or path, from where it was left."""
+
+    axes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GroupSetOverride:
+    """MC_GroupSetOverride: lines and paths are gone along at ``factor`` times their velocity, from 0 (they hold) to 1.5."""
+
+    factor: float
+
+
+GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride

@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import begin_follow
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
-from axisbus.motion.group.commands import ForEach, GroupCommand, MoveLinear
+from axisbus.motion.group.commands import (
+    ForEach,
+    GroupCommand,
+    GroupContinue,
+    GroupSetOverride,
+    MoveLinear,
+    MovePath,
+)
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
+from axisbus.motion.group.travel import FASTER
 from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
@@ -26,6 +34,8 @@ class GroupCore:
         self.axes = axes
         self._period = period
         self._under_way: list[Undertaking] = []
+        self._line: Line | None = None  # the last one, also when it was left
+        self._factor = 1.0
         self._ended = False
 
     def accept(self, command: GroupCommand, ticket: Ticket) -> None:
@@ -63,11 +73,40 @@ class GroupCore:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
-    def _move_linear(self, command: MoveLinear, ticket: Ticket) -> None:
-        self._require_rest(command, ticket)
+    def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
         gate = Gate()
-        line = Line(command, self.axes, gate)
+        self._go_along(Line(command, self.axes, gate), gate, ticket)
+
+    def _continue(self, _command: GroupContinue, ticket: Ticket) -> None:
+        left = self._line
+        if left is None:
+            raise StateError(
+                f"{ticket.name}: there is no line to go on with",
+                remedy="begin one: group.move_linear(positions, velocity=...)",
+            )
+        if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):
+            raise StateError(f"{ticket.name}: the line is under way, so there is nothing to go on with")
+        if left.is_at_its_end:
+            raise StateError(
+                f"{ticket.name}: the line has come to its end, so there is nothing to go on with"
+            )
+        self._require_rest(left, ticket)
+        gate = Gate()
+        self._go_along(left.again(gate, self.axes, ticket.name), gate, ticket)
+
+    def _set_override(self, command: GroupSetOverride, ticket: Ticket) -> None:
+        if not 0.0 <= command.factor <= FASTER:
+            raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
+        self._factor = command.factor
+        if self._line is not None:
+            self._line.travel.factor = command.factor
+        ticket.finish(Status.DONE)
+
+    def _go_along(self, line: Line, gate: Gate, ticket: Ticket) -> None:
+        self._require_rest(line, ticket)
+        line.travel.factor = self._factor
         undertaking = Undertaking(ticket, self.axes, gate, line)
+        self._line = line
         self._undertake(undertaking, lambda: self._lead(line, undertaking))
 
     def _lead(self, line: Line, undertaking: Undertaking) -> None:
@@ -87,8 +126,8 @@ class GroupCore:
             undertaking.break_off(broken(error, undertaking.name))
         undertaking.gather()
 
-    def _require_rest(self, command: MoveLinear, ticket: Ticket) -> None:
-        for name in command.ends:
+    def _require_rest(self, line: Line, ticket: Ticket) -> None:
+        for name in line.names:
             state = self.axes[name].state
             if state is not AxisState.STANDSTILL:
                 raise StateError(
@@ -99,5 +138,8 @@ class GroupCore:
 
 _ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     ForEach: GroupCore._for_each,
-    MoveLinear: GroupCore._move_linear,
+    MoveLinear: GroupCore._move_along,
+    MovePath: GroupCore._move_along,
+    GroupContinue: GroupCore._continue,
+    GroupSetOverride: GroupCore._set_override,
 }

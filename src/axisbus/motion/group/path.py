@@ -1,64 +1,21 @@
-"""Straight lines for groups: one trapezoid over the path, shared by all axes as shares of the way."""
+"""Ways for groups: straight lines, lines through points with rounded corners, and arcs of circles."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 from axisbus.errors import LimitError
-from axisbus.motion.moves.profile import duration
+from axisbus.motion.group.pieces import Arc, Corner, Piece, Place, Straight, corner, direction
+from axisbus.motion.group.way import Way, way_of
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.trajectory import Trapezoid
 
-_LONGEST = 366 * 86400.0  # seconds of one line: what would take more than a year was not meant
+_LONGEST = 366 * 86400.0  # seconds of one way: what would take more than a year was not meant
 # Of the way from 0 to 1: far beyond one scan period, and numbers of which the squares are numbers too.
 _FASTEST = 1e6  # per s
 _STEEPEST = 1e12  # per s²
-
-
-@dataclass(frozen=True, slots=True)
-class LineAxis:
-    """One axis's share of a straight line: ``start`` and ``end`` in its unit, on the group's common trapezoid from 0 to 1."""
-
-    start: float
-    end: float
-    way: Trapezoid
-
-    @property
-    def duration(self) -> float:
-        """Seconds from rest to rest."""
-        return self.way.duration
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """The lowest and the highest position."""
-        return min(self.start, self.end), max(self.start, self.end)
-
-    @property
-    def top_speed(self) -> float:
-        """The highest speed in the axis's unit per s."""
-        return abs(self.end - self.start) * self.way.top_speed
-
-    @property
-    def top_acceleration(self) -> float:
-        """The highest acceleration in the axis's unit per s²."""
-        return abs(self.end - self.start) * self.way.top_acceleration
-
-    def position(self, t: float) -> float:
-        """Return the position at ``t`` seconds."""
-        return self.start + (self.end - self.start) * self.way.position(t)
-
-
-def nearest_on_line(
-    start: Mapping[str, float], end: Mapping[str, float], here: Mapping[str, float]
-) -> dict[str, float]:
-    """Return the place of the line from ``start`` to ``end`` that is nearest to ``here``; in units, by axis."""
-    way = {axis: end[axis] - start[axis] for axis in end}
-    length = sum(part * part for part in way.values())
-    done = sum((here[axis] - start[axis]) * way[axis] for axis in end) / length if length else 0.0
-    share = min(1.0, max(0.0, done))
-    return {axis: start[axis] + share * way[axis] for axis in end}
+_SAME = 1e-9  # of the largest number: points that are as near are one
 
 
 def plan_line(
@@ -68,39 +25,137 @@ def plan_line(
     velocity: float,
     acceleration: float,
     name: str = "move_linear",
-) -> tuple[dict[str, LineAxis], Trapezoid]:
-    """Plan a straight line from rest to rest; return each axis's share, and the way from 0 to 1 that they share.
+) -> tuple[Way, float]:
+    """Plan a straight line from rest to rest; return the way, of which 1 is the whole, and the velocity along it.
 
     ``velocity`` and ``acceleration`` are those of the path (the Euclidean length over all axes, in the axes' units per s and s²).
-    They are lowered where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line. ``name`` says
+    The way is slower where an axis's own limits ask for it: the slowest axis sets the time, and all stay on the line. ``name`` says
     what was asked for.
 
     Raises:
         LimitError: it would take more than a year.
     """
-    length = math.hypot(*(ends[axis] - starts[axis] for axis in ends))
+    start, end = (tuple(places[axis] for axis in ends) for places in (starts, ends))
+    limits = [axes[axis].limits for axis in ends]
+    length = math.dist(start, end)
     if length == 0:
-        still = Trapezoid(0.0, 0.0, 1.0, 1.0)
-        return {axis: LineAxis(starts[axis], ends[axis], still) for axis in ends}, still
+        return way_of([Straight(start, end, 0.0)], limits, 1.0), 1.0
     speed, ramp = min(velocity / length, _FASTEST), min(acceleration / length, _STEEPEST)
-    for axis, parameters in axes.items():
-        distance = abs(ends[axis] - starts[axis])
-        limits = parameters.limits
-        if distance and limits.velocity is not None:
-            speed = min(speed, limits.velocity / distance)
-        if distance and limits.acceleration is not None:
-            ramp = min(ramp, limits.acceleration / distance)
-    _require_end(name, length, speed, ramp)
-    way = Trapezoid(0.0, 1.0, speed, ramp)
-    return {axis: LineAxis(starts[axis], ends[axis], way) for axis in ends}, way
+    if not speed or not ramp:
+        raise _endless(name, math.inf, length, velocity, acceleration)
+    way = way_of([Straight(start, end, 1.0)], limits, ramp)
+    require_end(way, speed, name, length)
+    return way, speed
 
 
-def _require_end(name: str, length: float, speed: float, ramp: float) -> None:
-    """A number that is a thousand powers of ten too small leads nowhere, and holds the axes for ever."""
-    seconds = duration(1.0, speed, ramp) if speed and ramp else math.inf
+def require_end(way: Way, velocity: float, name: str, unit: float = 1.0) -> None:
+    """Raise LimitError where a way takes more than a year: a number that is a thousand powers of ten too small leads nowhere.
+
+    ``unit``: what 1 of the way is in the axes' units.
+    """
+    slow = min((*way.tops, velocity)), min(way.ramps)
+    seconds = way.seconds(velocity) if all(slow) else math.inf
     if seconds > _LONGEST:
-        raise LimitError(
-            f"{name}: the straight line would take more than a year",
-            observed=f"{length:g} units of path at {speed * length:g} units/s with {ramp * length:g} units/s²: {seconds:g} s",
-            remedy="give a velocity and an acceleration that belong to this way, and look where these values were computed",
-        )
+        raise _endless(name, seconds, *(value * unit for value in (way.length, *slow)))
+
+
+def polyline(points: Sequence[Place], blend: float) -> tuple[list[Piece], set[int]]:
+    """Return the pieces of straight lines through ``points``, and at the end of which of them there is a stop.
+
+    Each corner is rounded so that the way comes within ``blend`` (units) of it, and takes no more than half of a line between two
+    corners; with 0, and where it goes straight back, it stops there. Points that are the same count once.
+    """
+    points = _different(points)
+    rays = [direction(a, b) for a, b in pairwise(points)]
+    least, last = _SAME * _size(points), len(points) - 1
+    pieces: list[Piece] = []
+    stops: set[int] = set()
+    here = points[0]
+    for number, tip in enumerate(points[1:], 1):
+        bend, stands = _turn(rays, number, tip, blend) if number < last else (None, False)
+        end = tip if bend is None else bend.at(0.0)
+        if (length := math.dist(here, end)) > least:
+            pieces.append(Straight(here, end, length))
+        if bend is not None:
+            pieces.append(bend)
+            end = bend.at(bend.length)
+        if stands:
+            stops.add(len(pieces) - 1)
+        here = end
+    return pieces or [Straight(here, here, 0.0)], stops
+
+
+def arc_through(start: Place, via: Place, end: Place) -> Arc:
+    """Return the arc from ``start`` by ``via`` to ``end``, in as many dimensions as they have.
+
+    Raises:
+        ValueError: they lie on one line, or two are the same.
+    """
+    first, length = direction(start, via)
+    across = [b - a for a, b in zip(start, end, strict=True)]
+    x = sum(a * b for a, b in zip(across, first, strict=True))
+    normal, y = direction([x * a for a in first], across)
+    if length == 0.0 or y <= _SAME * _size([start, via, end]):
+        raise ValueError("three points on one line make no circle")
+    # In the plane of both directions, with the start as its zero: via is (length, 0), end is (x, y).
+    u, v = 0.5 * length, (x * x + y * y - length * x) / (2.0 * y)
+    centre = tuple(s + u * a + v * b for s, a, b in zip(start, first, normal, strict=True))
+    radius = math.hypot(u, v)
+    out = tuple((s - c) / radius for s, c in zip(start, centre, strict=True))
+    # Square to ``out``, and towards ``via``.
+    along = tuple((v * a - u * b) / radius for a, b in zip(first, normal, strict=True))
+    return Arc(centre, out, along, radius, _angle(out, along, centre, end))
+
+
+def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Arc:
+    """Return the arc of two axes from ``start`` about ``centre`` to ``end``; once round where those are the same.
+
+    Raises:
+        ValueError: the centre is not as far from the end as from the start, or is one of them.
+    """
+    out, radius = direction(centre, start)
+    far = math.dist(centre, end)
+    if radius == 0.0 or abs(far - radius) > 1e-3 * radius:
+        raise ValueError("the centre is not as far from the end as from the start")
+    along = (out[1], -out[0]) if clockwise else (-out[1], out[0])
+    return Arc(tuple(centre), out, along, radius, _angle(out, along, centre, end))
+
+
+def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
+    """Return by how much an arc turns to come to ``end``, above 0: all round where it ends as it begins."""
+    spoke = [e - c for e, c in zip(end, centre, strict=True)]
+    x, y = (sum(a * b for a, b in zip(spoke, axis, strict=True)) for axis in (out, along))
+    angle = math.atan2(y, x) % math.tau
+    return math.tau if min(angle, math.tau - angle) < _SAME else angle
+
+
+def _turn(
+    rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float
+) -> tuple[Corner | None, bool]:
+    """Return how the way turns behind line ``number``: the corner, and whether it stops there instead; neither where it goes on."""
+    (into, came), (out, goes) = rays[number - 1], rays[number]
+    room = min(came if number == 1 else 0.5 * came, goes if number + 1 == len(rays) else 0.5 * goes)
+    try:
+        found = corner(tip, into, out, within=blend, room=room)
+    except ValueError:
+        return None, True
+    return (found, False) if blend > 0.0 else (None, found is not None)
+
+
+def _different(points: Sequence[Place]) -> list[Place]:
+    size = _size(points)
+    found = [tuple(points[0])]
+    found += [tuple(b) for a, b in pairwise(points) if math.dist(a, b) > _SAME * size]
+    return found
+
+
+def _size(points: Sequence[Place]) -> float:
+    return max(1e-9, *(abs(value) for point in points for value in point))
+
+
+def _endless(name: str, seconds: float, length: float, velocity: float, acceleration: float) -> LimitError:
+    return LimitError(
+        f"{name}: the way would take more than a year",
+        observed=f"{length:g} units of path at {velocity:g} units/s with {acceleration:g} units/s²: {seconds:g} s",
+        remedy="give a velocity and an acceleration that belong to this way, and look where these values were computed",
+    )

@@ -52,6 +52,10 @@ class PathClock:
         """Whether time stands still."""
         return self.rate == 0.0
 
+    def told(self, t: float) -> str:
+        """Return a time for people."""
+        return f"{t:.3f} s"
+
     def _slow_down(self, way: Way, period: float) -> None:
         self._speed = max(0.0, self._speed - self._deceleration * period)
         here, ahead = way(self.t), self.rate * period

@@ -87,6 +87,11 @@ class Undertaking:
             else:
                 self._stop(axis, error.message)
 
+    @property
+    def line(self) -> Line | None:
+        """The way that its axes are led along, if there is one."""
+        return self._line
+
     def abandon(self, error: AxisbusError) -> None:
         """End the ticket with ``error``: the scan has ended."""
         self._ticket.finish(Status.ERROR, error)

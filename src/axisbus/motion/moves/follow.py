@@ -14,6 +14,7 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.group.pathclock import PathClock
+from axisbus.motion.group.travel import Travel
 from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
 from axisbus.motion.moves.guarded import Guarded
@@ -51,12 +52,11 @@ class Follow(Activity):
         trajectory: Trajectory | None,
         parameters: AxisParameters,
         gate: Gate,
-        clock: PathClock | None = None,
-        brake: Callable[[], None] | None = None,
+        travel: Travel | None = None,
     ) -> None:
-        """``trajectory`` None: the group sets it with ``begin`` while all wait at the gate, and advances its own ``clock``.
+        """``trajectory`` None: the group sets it with ``begin`` while all wait at the gate, and goes on along its own ``travel``.
 
-        ``brake`` brakes that clock; None brakes the axis's own path with its deceleration.
+        Without that, time is what goes on, and a halt brakes the axis's own path with its deceleration.
         """
         self._trajectory: Guarded | None = None
         self._told: Trajectory | None = None  # itself: what it tells in advance is looked for there
@@ -65,9 +65,10 @@ class Follow(Activity):
         self._units = parameters.units.position
         self._period = parameters.scan_period
         self._gate = gate
-        self._brake = brake
-        self._own_clock = clock is None
-        self.clock = clock or PathClock()
+        self._travel = travel
+        self._own_clock = travel is None
+        self._time = PathClock()
+        self.clock: PathClock | Travel = travel or self._time
         self._mode = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_POSITION, parameters)
         self._setup = CyclicSetup(parameters)
         self._prepared = False
@@ -214,12 +215,12 @@ class Follow(Activity):
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
         if self._trajectory is None or not self._running:
             return False
-        if self._brake is not None:
-            self._brake()
+        if self._travel is not None:
+            self._travel.brake()
             return True
         deceleration = self._parameters.path_deceleration
         if deceleration:
-            self.clock.brake(partial(self._way, self._trajectory), deceleration)
+            self._time.brake(partial(self._way, self._trajectory), deceleration)
         return self.clock.braking
 
     @property
@@ -257,7 +258,7 @@ class Follow(Activity):
         assert self._told is not None
         units = self._parameters.units.position
         reference = self.reference(image)
-        first = units.to_increments(self._trajectory.position(0.0)) + image.origin
+        first = units.to_increments(self._trajectory.position(self.clock.t)) + image.origin
         if abs(first - reference) > START_TOLERANCE:
             raise LimitError(
                 f"{self._parameters.name}: the trajectory does not begin where the axis stands",
@@ -360,7 +361,7 @@ class Follow(Activity):
         how = "braked along it" if self.brakes_along else "stopped"
         return LimitError(
             f"{name}: the trajectory is {found.what}",
-            observed=f"at {t:.3f} s: {found.seen}",
+            observed=f"at {self.clock.told(t)}: {found.seen}",
             remedy=f"slow the trajectory down or smooth it, or raise the limit in [axes.{name}] of cell.toml; the axis was {how}",
         )
 
@@ -369,7 +370,7 @@ class Follow(Activity):
         limits = self._parameters.limits.position
         assert limits is not None
         seen = (
-            f"{value:g} {unit} at {self.clock.t:.3f} s"
+            f"{value:g} {unit} at {self.clock.told(self.clock.t)}"
             if found is None
             else f"at {found.here:g} {unit}, with {found.speed:g} {unit}/s, it would stop at {found.stop:g} {unit} if it went on; "
             f"the trajectory is at {found.there:g} {unit} at {found.time:.3f} s"

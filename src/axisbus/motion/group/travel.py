@@ -1,0 +1,96 @@
+"""Travelling along a way: one step per executed cycle, at the speed that is asked for, or what the way allows where that is less.
+
+Theory of operation
+-------------------
+The place ``s`` and the speed are all there is. In each cycle the speed comes nearer to what is wanted by no more than the stretch's
+acceleration, and stays low enough to leave the stretch no faster than it may be left: of the speed after this cycle, w, and the way
+that the cycle itself makes, (v + w) T / 2, that is a quadratic equation. A cycle that comes to a joint ends there, and the rest of
+its time is gone on with in the next stretch. So the way can be slowed down, held, gone along faster and stopped at any time, and
+nothing of that leads off it: what changes is the speed along it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.motion.group.way import NOWHERE, Way
+
+FASTER = 1.5  # the highest override
+_NEXT = 1e-12  # of the length: as near as numbers come
+_LEAST = 1e-9  # of the change within a cycle: what is slower stands
+
+
+class Travel:
+    """Goes along a way; holds the place ``t``, the speed, and whether it brakes. To the axes it is their clock (``Follow``)."""
+
+    __slots__ = ("_near", "_number", "_way", "braking", "factor", "speed", "t", "velocity")
+
+    def __init__(self) -> None:
+        self._way = NOWHERE
+        self.velocity = 0.0
+        self.factor = 1.0  # the override
+        self.t = 0.0
+        self.speed = 0.0
+        self.braking = False
+        self._number = 0
+        self._near = 0.0
+
+    def begin(self, way: Way, velocity: float, at: float = 0.0) -> None:
+        """Take the way, with the ``velocity`` that is asked for (above 0), and the place to begin at, at rest."""
+        self._way, self.velocity, self.t = way, velocity, at
+        self._number = way.number(at)
+        self._near = _NEXT * way.length
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands because it was braked."""
+        return self.braking and self.speed == 0.0
+
+    def told(self, t: float) -> str:
+        """Return a place for people."""
+        return f"{t / (self._way.length or 1.0):.1%} of the way"
+
+    def brake(self) -> None:
+        """Come to rest on the way; a second call changes nothing."""
+        self.braking = True
+
+    def advance(self, period: float) -> None:
+        """Go on by one cycle of ``period`` seconds; at each joint on its way the next stretch takes over."""
+        left = period
+        while left > 0.0:
+            left = self._go(left)
+
+    def _go(self, period: float) -> float:
+        """Go on within the stretch; return the time that is left where it was left before."""
+        way, number, v = self._way, self._number, self.speed
+        ramp, mark = way.ramps[number], way.marks[number + 1]
+        w = self._wanted(ramp * period, way.tops[number], self._bound(number, period))
+        covered = 0.5 * v * v / ramp if w == 0.0 and v < ramp * period else 0.5 * (v + w) * period
+        if self.t + covered < mark - self._near:
+            self.t, self.speed = self.t + covered, w
+            return 0.0
+        is_last, leave = number + 1 == len(way.tops), way.leaves[number]
+        distance, self.t = max(mark - self.t, 0.0), mark
+        self._number = number if is_last else number + 1
+        if leave == 0.0:  # an end, or a stop on the way
+            self.speed = 0.0
+            return 0.0
+        rate = (w - v) / period
+        self.speed = min(math.sqrt(max(v * v + 2.0 * rate * distance, 0.0)), leave)
+        mean = 0.5 * (v + self.speed)
+        return period - distance / mean if mean * period > distance else 0.0
+
+    def _wanted(self, change: float, top: float, bound: float) -> float:
+        """Return the speed to come to, by ``change`` at most; no more than ``top`` and ``bound``."""
+        v, wanted = self.speed, 0.0 if self.braking else self.velocity * self.factor
+        w = min(v + change, max(v - change, min(wanted, top)), bound)
+        return w if w > _LEAST * change else 0.0
+
+    def _bound(self, number: int, period: float) -> float:
+        """Return the highest speed after ``period`` with which the stretch can be left as slowly as it must."""
+        way, v = self._way, self.speed
+        ramp, leave = way.ramps[number], way.leaves[number]
+        left = way.marks[number + 1] - self.t
+        half = 0.5 * ramp * period
+        inner = half * half + leave * leave + ramp * (2.0 * left - v * period)
+        return math.sqrt(inner) - half if inner > 0.0 else 0.0

@@ -1,0 +1,161 @@
+"""A way that axes go together: its pieces, how fast and how hard each may be gone along, and how fast it may be left.
+
+Theory of operation
+-------------------
+On a curve, the acceleration of an axis is made of what turns and what speeds up. Both together are no more than the axis's limit
+where the one is at most 0.8 of it and the other 0.6 (0.8² + 0.6² = 1, and so are the squares of a tangent's and a normal's part).
+The speed at each joint is low enough to come to rest at the end of the way, and at each stop on it, by what each piece allows:
+whatever was asked for, and whatever becomes of that meanwhile, keeps to that (``travel``).
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import NamedTuple
+
+from axisbus.motion.group.pieces import Piece, Place
+from axisbus.motion.moves.profile import duration
+from axisbus.motion.parameters import Limits
+
+_TURNS, _SPEEDS = 0.8, 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The pieces of a way, begun at ``starts``, and its stretches, begun at ``marks``; a place is ``s``, 0 to ``length``.
+
+    Each stretch has its highest speed (``tops``) and acceleration (``ramps``), and ``leaves``: the speed at its end; in the unit of
+    the path, per s and per s². What each axis of a place comes to is known, too: ``lowest`` and ``highest`` place, its highest part
+    of the speed (``shares``), highest speed and acceleration.
+    """
+
+    pieces: tuple[Piece, ...]
+    starts: tuple[float, ...]
+    marks: tuple[float, ...]  # and the length of all
+    tops: tuple[float, ...]
+    ramps: tuple[float, ...]
+    leaves: tuple[float, ...]
+    lowest: Place
+    highest: Place
+    shares: Place
+    speeds: Place
+    accelerations: Place
+
+    @property
+    def length(self) -> float:
+        """Of all pieces."""
+        return self.marks[-1]
+
+    def number(self, s: float) -> int:
+        """Return which stretch ``s`` lies on; where two join, the second."""
+        return min(max(bisect_right(self.marks, s) - 1, 0), len(self.tops) - 1)
+
+    def piece(self, s: float) -> tuple[Piece, float]:
+        """Return the piece on which ``s`` lies, and how far along it."""
+        number = max(bisect_right(self.starts, s) - 1, 0)
+        return self.pieces[number], max(s - self.starts[number], 0.0)
+
+    def at(self, s: float) -> Place:
+        """Return the place of each axis at ``s``; before and after, the ends."""
+        piece, gone = self.piece(s)
+        return piece.at(gone)
+
+    def seconds(self, velocity: float) -> float:
+        """Return how long it takes at ``velocity``, at most: as if it stopped at the end of each stretch."""
+        lengths = (b - a for a, b in pairwise(self.marks))
+        return sum(
+            duration(length, min(velocity, top), ramp)
+            for length, top, ramp in zip(lengths, self.tops, self.ramps, strict=True)
+        )
+
+
+NOWHERE = Way((), (), (0.0,), (), (), (), (), (), (), (), ())
+
+
+class _Stretch(NamedTuple):
+    """A part of a piece, with its highest speed."""
+
+    piece: int
+    length: float
+    top: float
+
+
+def way_of(
+    pieces: Sequence[Piece], limits: Sequence[Limits], acceleration: float, stops: Collection[int] = ()
+) -> Way:
+    """Return the way of ``pieces`` for axes with these limits (in the order of a ``Place``).
+
+    ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
+    """
+    hardest = [_ramp(piece, limits, acceleration) for piece in pieces]
+    stretches = [
+        _Stretch(
+            number, piece.length / len(piece.curvatures), _top(piece, limits, hardest[number], curvature)
+        )
+        for number, piece in enumerate(pieces)
+        for curvature in piece.curvatures
+    ]
+    ramps = tuple(
+        hardest[each.piece] * (_SPEEDS if any(pieces[each.piece].curvatures) else 1.0) for each in stretches
+    )
+    shares, bends = ([piece.shares for piece in pieces], [piece.bends for piece in pieces])
+    tops = [max(each.top for each in stretches if each.piece == number) for number in range(len(pieces))]
+    return Way(
+        pieces=tuple(pieces),
+        starts=tuple(accumulate((piece.length for piece in pieces[:-1]), initial=0.0)),
+        marks=tuple(accumulate((each.length for each in stretches), initial=0.0)),
+        tops=tuple(each.top for each in stretches),
+        ramps=ramps,
+        leaves=_leaves(stretches, ramps, stops),
+        lowest=_each(min, [piece.box[0] for piece in pieces]),
+        highest=_each(max, [piece.box[1] for piece in pieces]),
+        shares=_each(max, shares),
+        speeds=_each(max, _scaled(shares, tops)),
+        accelerations=_each(max, _scaled(bends, hardest)),
+    )
+
+
+def _each(choose: Callable[[Iterable[float]], float], rows: Sequence[Place]) -> Place:
+    """Return what is chosen of each column."""
+    return tuple(choose(column) for column in zip(*rows, strict=True))
+
+
+def _scaled(rows: Sequence[Place], by: Sequence[float]) -> list[Place]:
+    return [tuple(part * one if part else 0.0 for part in row) for row, one in zip(rows, by, strict=True)]
+
+
+def _ramp(piece: Piece, limits: Sequence[Limits], acceleration: float) -> float:
+    own = [
+        limit.acceleration / part
+        for limit, part in zip(limits, piece.bends, strict=True)
+        if part and limit.acceleration is not None
+    ]
+    return min([acceleration, *own])
+
+
+def _top(piece: Piece, limits: Sequence[Limits], ramp: float, curvature: float) -> float:
+    own = [
+        limit.velocity / part
+        for limit, part in zip(limits, piece.shares, strict=True)
+        if part and limit.velocity is not None
+    ]
+    turning = [math.sqrt(_TURNS * ramp / curvature)] if curvature else []
+    return min([math.inf, *own, *turning])
+
+
+def _leaves(
+    stretches: Sequence[_Stretch], ramps: Sequence[float], stops: Collection[int]
+) -> tuple[float, ...]:
+    """From the end on backwards: what each stretch may be left with."""
+    found, after = [0.0] * len(stretches), None
+    for number in range(len(stretches) - 1, -1, -1):
+        here = stretches[number]
+        if after is not None and not (here.piece in stops and after.piece != here.piece):
+            enter = math.sqrt(found[number + 1] ** 2 + 2.0 * ramps[number + 1] * after.length)
+            found[number] = min(enter, here.top, after.top)
+        after = here
+    return tuple(found)
