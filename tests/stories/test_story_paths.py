@@ -180,9 +180,9 @@ def test_where_it_begins_is_looked_at_when_it_begins(story):
         ),
         (lambda g: g.move_path([(1.0, 1.0), (500.0, 0.0)], velocity=50.0), LimitError, "position limits"),
         (
-            lambda g: g.move_circular((90.0, 0.0), via=(45.0, 60.0), velocity=50.0),
+            lambda g: g.move_circular((60.0, 0.0), via=(2.0, 55.0), velocity=50.0),
             LimitError,
-            "leaves the position limits of y",
+            "leaves the position limits of x",
         ),
         (lambda g: g.move_circular((9.0, 9.0), velocity=50.0), ArgumentError, "one of via and centre"),
         (lambda g: g.move_circular((9.0, 9.0), via=(4.0, 4.0), velocity=50.0), ArgumentError, "on one line"),
