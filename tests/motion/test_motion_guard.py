@@ -355,6 +355,31 @@ def test_only_positions_that_are_new_count_for_the_lag():
     assert watch.error(drive.cycle(position=None)[0], other) is None
 
 
+def test_a_position_that_is_gone_is_none_of_the_two():
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    drive.cycle(mode=3, position=0)
+    drive.cycle(position=None)
+    assert watch.error(drive.image, activity) is None
+    assert watch.error(drive.cycle(position=1)[0], activity) is None
+    assert watch.error(drive.cycle(position=2)[0], activity) is not None
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_a_lag_is_excused_by_the_speed_of_the_last_second_alone_however_often_positions_come(every):
+    """By the cycle's clock: 64 cycles of 1/64 s, and the next position."""
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=4100.0, led_speed=1000.0, mode=3)
+    for number in range(100):
+        fresh = {"position": number} if number % every == 0 else {}
+        if watch.error(drive.cycle(mode=3, **fresh)[0], activity) is not None:
+            break
+        activity.led_speed = 0.0
+    assert number == 65
+
+
 def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int = 1, **changes) -> list[bool]:
     """The same for a position mode: positions with the demand."""
     drive = Drive(**changes)
@@ -380,14 +405,51 @@ def test_in_a_position_mode_the_demand_leads():
     assert led([(a, b + 1) for a, b in moving])[2:] == [True] * 6
 
 
-def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times():
+@pytest.mark.parametrize(("behind", "gives_up"), [(5152, False), (5153, True), (-5024, False), (-5025, True)])
+def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times(behind, gives_up):
+    """4096 increments per s excuse 1024 beyond the window of 4000, and 64 for each cycle that the demand is old."""
     drive = Drive()
     watch = Following(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
     told = []
     for number in range(12):
-        ahead = 3000 if number < 6 else 5000
-        fresh = {"demand": 64 * number + ahead} if number % 3 == 0 else {}
-        drive.cycle(statusword=0x0237, mode=1, position=64 * number, **fresh)
+        fresh = {"demand": 64 * number} if number % 3 == 0 else {}
+        place = 64 * number - (behind if number >= 6 else 0)
+        drive.cycle(statusword=0x0237, mode=1, position=place, **fresh)
         told.append(watch.error(drive.image, activity) is not None)
-    assert not any(told)  # 4096 per s excuse 1024, and what has passed since the demand came
+    assert any(told) is gives_up
+
+
+def targets(*, closely: bool = False) -> tuple[Drive, Following, SimpleNamespace]:
+    """An axis that is led by 64 increments in each of eight cycles in csp, and is there."""
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=8)
+    for number in range(8):
+        drive.cycle(statusword=0x0237, mode=8, position=64 * number, demand=0 if number == 0 else None)
+        drive.image.led.note(drive.now, 8, None, 64 * number, False)
+        if closely and number:
+            watch.close(64 * number, drive.now)
+        else:
+            assert watch.error(drive.image, activity) is None
+    return drive, watch, activity
+
+
+@pytest.mark.parametrize("closely", [False, True])
+@pytest.mark.parametrize(("lag", "told"), [(5024, [False] * 3), (5025, [False, True, True])])
+def test_a_target_that_is_only_noted_as_near_counts_for_the_lag_as_any_other(closely, lag, told):
+    """4096 increments per s excuse 1024 beyond the window of 4000."""
+    drive, watch, activity = targets(closely=closely)
+    seen = [watch.error(drive.cycle(position=64 * 7 - lag)[0], activity) is not None for _ in told]
+    assert seen == told
+
+
+def test_where_targets_lead_an_old_demand_excuses_nothing():
+    drive, watch, activity = targets()
+    drive.image.demand, drive.image.demand_stamp = 0, 0.0
+    seen = []
+    for _ in range(2):
+        drive.cycle(position=64 * 7 - 5025)
+        drive.image.demand, drive.image.demand_stamp = 64 * 7, 0.0
+        seen.append(watch.error(drive.image, activity) is not None)
+    assert seen == [False, True]
