@@ -578,6 +578,16 @@ def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_r
     assert drive.now == edge + drive.parameters.timing.acknowledge + 2.0 + 0.0625 + STEP
 
 
+@pytest.mark.parametrize(("moves", "seen"), [(0, True), (100, False)])
+def test_bit_10_that_falls_shows_it_only_of_an_axis_that_stood(moves, seen):
+    drive = Drive()
+    for number in range(8):
+        drive.cycle(statusword=ENABLED | BIT_10, position=moves * number)
+    proof = given_edge(drive, 5_000, statusword=ENABLED | BIT_10, position=moves * 8)
+    proof.step(drive.cycle(statusword=ENABLED)[0])
+    assert proof.seen is seen
+
+
 @pytest.mark.parametrize(
     ("set_point", "taken", "known"),
     [

@@ -46,7 +46,7 @@ from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.standing import Standing
 from axisbus.motion.stop.still import Still
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.ticket import Status, Ticket
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from axisbus.units import Scale
@@ -1163,7 +1163,54 @@ def test_what_pushes_against_something_does_not_stand():
             seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=torque)[0])
         assert seen is stands
         assert look.is_held(drive.image) is not stands
+        if torque == -51:
+            assert not look.pulls(drive.cycle(statusword=0x0250)[0])  # without power nothing pushes any more
+            continue
         assert ("pushes with 5.1 % of its rated torque" in look.why_not(drive.image)) is not stands
+
+
+def test_an_axis_in_a_torque_mode_whose_torque_does_not_travel_stands_by_its_position():
+    drive = Drive()
+    look = Standing(drive.parameters, drive.now)
+    for _ in range(12):
+        seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0)[0])
+    assert seen
+
+
+def test_without_power_a_demand_says_nothing():
+    drive = Drive(ages={"demand": 10.0})
+    look = Standing(drive.parameters, drive.now)
+    for number in range(12):
+        seen = look.seen(drive.cycle(statusword=0x0250, mode=1, position=0, demand=100 * number)[0])
+    assert seen
+
+
+def test_by_its_velocity_an_axis_stands_after_a_whole_window_that_begins_with_the_look():
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, velocity=0)
+    look = Standing(drive.parameters, drive.now)
+    began = drive.now
+    assert not look.seen(drive.image)
+    while not look.seen(drive.cycle(velocity=0)[0]):
+        assert drive.now < began + 1.0
+    assert drive.now - began == 0.0625 + T
+    moving = drive.now + 4 * T
+    while drive.now < moving:
+        assert not look.seen(drive.cycle(velocity=1)[0])
+    while not look.seen(drive.cycle(velocity=0)[0]):
+        assert drive.now < moving + 1.0
+    assert drive.now - moving == 0.0625 + T
+
+
+def test_bit_10_says_it_once_bits_have_settled_and_a_window_has_passed():
+    timing = replace(TIMING, settle=0.03125)
+    silent = Drive(timing=timing)
+    look = Standing(silent.parameters, silent.now)
+    began = silent.now
+    while not look.seen(silent.cycle(statusword=ENABLED | 0x0400)[0]):
+        assert silent.now < began + 1.0
+    assert silent.now - began == 0.0625 + T
+    assert not look.seen(silent.cycle(statusword=ENABLED & ~0x0400)[0])
 
 
 def test_what_is_not_known_to_be_anywhere_is_not_held():
@@ -1192,7 +1239,9 @@ def waiting(*names: str) -> tuple[Drive, RestWaits, list[tuple[str, str]]]:
     drive, ends = Drive(), []
     waits = RestWaits(drive.parameters)
     for name in names:
-        waits.add(Ticket(name), lambda name=name: ends.append((name, "done")))
+        ticket = Ticket(name)
+        waits.add(ticket, lambda name=name: ends.append((name, "done")))
+        assert ticket.status is Status.ACTIVE
     return drive, waits, ends
 
 
