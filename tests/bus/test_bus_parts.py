@@ -10,7 +10,7 @@ import pytest
 
 from axisbus.bus.node.emcy import FEED, EmcyFeed
 from axisbus.bus.pdo import freshness, sdo_output
-from axisbus.bus.pdo.choose import slots
+from axisbus.bus.pdo.choose import lay_out, slots
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import Change, PlannedPdo, Policy, Wanted, make_plan
 from axisbus.bus.pdo.poller import Poller
@@ -446,6 +446,14 @@ def test_a_frame_is_decoded_once_and_a_short_one_not_at_all():
 def test_an_axis_has_its_block_of_64_or_else_its_four(numbers, axis, expected):
     found = slots([tpdo(number, "6041/16", 1) for number in numbers], axis)
     assert tuple(pdo.number for pdo in found) == expected
+
+
+def test_a_layout_says_what_it_carries_also_of_what_found_room_beside_another_group():
+    entries = dict(zip("abcd", objects().values(), strict=False))
+    layout = (("a", "c"), ("b",), ("d",))  # 16 and 32 bits, 8, and 32 that find no room
+    (pdo,), carried = lay_out([rpdo(1, "")], entries, layout)
+    assert pdo[1] == tuple(entries[name].mapped for name in "acb")
+    assert carried == {"a", "b", "c"}
 
 
 @pytest.mark.parametrize(

@@ -253,6 +253,65 @@ CASES = {
         wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
         axis=2,
     ),
+    "a layout that carries no more than what is mapped changes nothing": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16", 1),),
+            (tpdo(1, "6041/16 6061/8 606C/32", 1),),  # 606Ch could not be mapped anew, 6064h could
+        ),
+        {"RPDO1": "205 1 6040/16 KEEP", "TPDO1": "185 1 6041/16 6061/8 606C/32 KEEP"},
+        by_sdo=("position",),
+        objects=objects(unmappable=(0x606C,)),
+        wanted=Wanted(("statusword", "mode", "position", "velocity"), ("controlword",)),
+    ),
+    "a PDO that no COB-ID is left for stays off, and its values travel by SDO": Case(
+        DevicePdos((rpdo(1, "6040/16", 1), rpdo(2, "607A/32", 1, cob_id=0x206)), ()),
+        {"RPDO1": "205 1 6040/16 KEEP"},
+        by_sdo=("target_position",),
+        wanted=Wanted((), ("controlword", "target_position")),
+        policy=Policy(remap=False, taken=frozenset({0x206, 0x305})),
+    ),
+    "a TPDO that is off or carries nothing and an RPDO that is not needed are left as they are": Case(
+        DevicePdos(
+            (rpdo(1, "6040/16", 1), rpdo(2, "6040/16 607A/32", 1)),
+            (
+                tpdo(1, "6041/16 6064/32", 1),
+                tpdo(2, "6041/16", 1),
+                tpdo(3, "", 1),
+                tpdo(4, "6041/16", 1, valid=False),
+            ),
+        ),
+        {
+            "RPDO2": "305 1 6040/16 607A/32 KEEP",
+            "TPDO1": "185 1 6041/16 6064/32 KEEP",
+            "TPDO2": "285 1 6041/16 DISABLE",
+        },
+        wanted=Wanted(("statusword", "position"), ("controlword", "target_position")),
+    ),
+    "an object of the maker's beside those of the second axis is of no other axis": Case(
+        DevicePdos((*GENERIC.rpdos, rpdo(5, "6840/16 2000/16", 1, cob_id=0x245)), ()),
+        {"RPDO5": "245 1 6840/16 2000/16 KEEP"},
+        objects=objects(axis=2),
+        wanted=Wanted((), ("controlword",)),
+        policy=Policy(remap=False),
+        axis=2,
+    ),
+    "without SYNC what came with it is event-driven, what is so already stays": Case(
+        DevicePdos((rpdo(1, "6040/16", 1), rpdo(2, "607A/32", 254)), (tpdo(1, "6041/16", 1),)),
+        {
+            "RPDO1": "205 255 6040/16 COMMUNICATION",
+            "RPDO2": "305 254 607A/32 KEEP",
+            "TPDO1": "185 255 6041/16 COMMUNICATION",
+        },
+        wanted=Wanted(("statusword",), ("controlword", "target_position")),
+        policy=Policy(sync=False),
+    ),
+    "an RPDO of a reserved type serves nothing, whatever TPDO is asked for": Case(
+        DevicePdos((rpdo(1, "6040/16", 253),), (tpdo(1, "6041/16", 253),)),
+        {"TPDO1": "185 253 6041/16 KEEP"},
+        by_sdo=("controlword",),
+        wanted=Wanted(("statusword",), ("controlword",)),
+        policy=Policy(communication=False, requests={1: 0.1}),
+    ),
     "an RPDO that commands both axes serves neither": Case(
         DevicePdos((rpdo(1, "6040/16 6840/16", 1),), (tpdo(1, "6041/16 6841/16", 1),)),
         {"TPDO1": "185 1 6041/16 6841/16 KEEP"},
@@ -269,6 +328,8 @@ def test_a_drive_gets_its_plan(name: str) -> None:
     case = CASES[name]
     plan = make_plan(NODE, case.device, case.objects or objects(), case.wanted, case.policy, axis=case.axis)
     assert lines(plan) == case.plan
+    assert len(plan.pdos) == len(case.plan)
+    assert all(pdo.target.valid is (pdo.change is not Change.DISABLE) for pdo in plan.pdos)
     sources = {**plan.inputs, **{f"{key}": value for key, value in plan.outputs.items()}}
     by_sdo = {name for side in (plan.inputs, plan.outputs) for name, how in side.items() if how is Source.SDO}
     missing = {name for name, how in sources.items() if how is Source.NONE}
@@ -386,6 +447,9 @@ def test_with_sync_the_event_timer_does_not_matter() -> None:
     device = DevicePdos((), (tpdo(1, "6041/16", event=1000),))
     plan = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), Policy())
     assert (plan.pdos[0].target.transmission_type, plan.pdos[0].target.event_timer) == (1, 1000)
+    kept = DevicePdos((), (tpdo(1, "6041/16", transmission=1, event=1000),))
+    plan = make_plan(NODE, kept, objects(), Wanted(("statusword",), ()), Policy(communication=False))
+    assert (plan.pdos[0].change, plan.pdos[0].target.event_timer) == (Change.KEEP, 1000)
 
 
 def test_what_must_be_synchronous_and_is_not_is_impossible() -> None:
@@ -414,6 +478,14 @@ def test_a_tpdo_sent_only_on_request_is_no_source() -> None:
         NODE, device, objects(), Wanted(("statusword",), ()), Policy(remap=False, communication=False)
     )
     assert plan.inputs == {"statusword": Source.SDO}
+
+
+@pytest.mark.parametrize(("transmission", "period"), [(253, 0.1), (255, 0.0), (1, 0.0)])
+def test_only_a_tpdo_that_waits_for_a_remote_frame_is_asked_for(transmission: int, period: float) -> None:
+    device = DevicePdos((), (tpdo(1, "6041/16", transmission=transmission),))
+    policy = Policy(communication=False, requests={1: 0.1})
+    (pdo,) = make_plan(NODE, device, objects(), Wanted(("statusword",), ()), policy).pdos
+    assert pdo.request == period
 
 
 def test_no_two_nodes_share_a_spare_cob_id() -> None:
@@ -448,6 +520,38 @@ def test_the_plan_says_where_a_pdo_carries_an_object() -> None:
     assert (display.can_id, display.shift, display.bits) == (statusword.can_id, 16, 8)
     assert plan.carrier(0x6041, 1) is None
     assert plan.carrier(0x1018, 1) is None
+
+
+def test_why_a_value_travels_by_sdo_is_told() -> None:
+    wanted = Wanted((), ("target_position", "target_torque"))
+    for plan, why in (
+        (
+            make_plan(NODE, EMPTY, objects(), wanted, Policy(refused=frozenset({0x6071}))),
+            "the drive refuses to map it into an RPDO",
+        ),
+        (
+            make_plan(NODE, EMPTY, objects(unmappable=(0x6071,)), wanted),
+            "its dictionary does not let it be mapped into an RPDO, and no present mapping has it",
+        ),
+        (
+            make_plan(
+                NODE, DevicePdos((rpdo(1, "607A/32"),), ()), objects(), wanted, Policy(communication=False)
+            ),
+            "the mapping is fixed and does not hold it",
+        ),
+        (
+            make_plan(
+                NODE,
+                DevicePdos(EMPTY.rpdos[:1], ()),
+                objects() | {0x607A: replace(objects()[0x607A], bits=64)},
+                wanted,
+            ),
+            "an RPDO with room for it is not there",
+        ),
+    ):
+        (note,) = plan.notes
+        assert note.startswith("6071h ")
+        assert note.endswith(f" travels by SDO: {why}")
 
 
 def test_the_plan_can_be_read() -> None:

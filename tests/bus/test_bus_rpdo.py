@@ -121,6 +121,25 @@ def test_what_is_not_ours_is_never_zeroed() -> None:
     assert arrange([image], {"mode": 3}, None, None) == [(0x305, b"\x03" + (5000).to_bytes(4, "little"))]
 
 
+def test_a_dummy_is_sent_as_zero() -> None:
+    image = images(DevicePdos((rpdo(1, "607A/32 0005/8 6060/8"),), ()))[0]
+    assert arrange([image], {"target_position": -1, "mode": -1}, None, None) == [
+        (0x205, b"\xff\xff\xff\xff\0\xff")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "bits"), [("6040/16 607A/32", 0), ("607A/32 6040/16", 32), ("6060/8 0005/8 6040/16", 16)]
+)
+def test_where_the_controlword_is_mapped_is_known(text: str, bits: int) -> None:
+    """It is looked for there in the frames of a program that has ended."""
+    image = images(DevicePdos((rpdo(1, text),), ()))[0]
+    assert image.holds_controlword
+    assert image.controlword_shift == bits
+    _, data = image.frame(0xABCD)
+    assert int.from_bytes(data, "little") >> bits & 0xFFFF == 0xABCD
+
+
 def test_an_image_with_an_unknown_value_is_not_sent() -> None:
     plan = make_plan(5, GENERIC, objects(), NO_TORQUE, Policy(remap=False))
     raw = [RpdoImage(pdo) for pdo in plan.active if pdo.receive]

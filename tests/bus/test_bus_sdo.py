@@ -12,6 +12,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.sdo import client
 from axisbus.bus.sdo.client import SdoClient
+from axisbus.bus.sdo.transfer import Line
 from axisbus.errors import AdapterError, AxisbusError, Interrupted, SdoAbort, SdoError, SdoTimeout, StateError
 from kit.bus.peer import FakeBus, Frame, Slave, eventually
 
@@ -304,6 +305,36 @@ def test_a_channel_that_fails_ends_the_waiting_at_once(sdo: SdoClient, slave: Sl
     fake.fail_receiving(OSError("unplugged"))
     thread.join(5)
     assert isinstance(result[0], AdapterError)
+
+
+# -- behind the end
+
+
+def test_an_answer_behind_the_end_of_a_transfer_is_counted_at_once_as_one_that_nobody_waits_for(
+    sdo: SdoClient, fake: FakeBus, channel: Channel
+) -> None:
+    assert sdo.upload(0x6041) == b"\x37\x06"
+    fake.inject(0x585, "4B 41 60 00 37 06 00 00")
+    eventually(lambda: channel.drops.found)
+    assert [str(drop) for drop in channel.drops.found] == [
+        "1 SDO answer that nothing was waiting for (node 5)"
+    ]
+
+
+def test_what_a_transfer_has_left_is_dropped_and_counted_when_the_next_one_begins(
+    channel: Channel, fake: FakeBus
+) -> None:
+    line = Line(channel, NODE)
+    line.open()
+    for _ in range(2):
+        fake.inject(0x585, "4B 41 60 00 37 06 00 00")
+    eventually(lambda: len(line.inbox) == 2)
+    line.wake()
+    line.rest()
+    line.open()
+    assert len(line.inbox) == 0
+    assert [drop.count for drop in channel.drops.found] == [2]
+    line.close()
 
 
 # -- giving way

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import random
 import threading
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
+from types import SimpleNamespace
 
 import pytest
 
 from axisbus.bus.link.channel import Channel
+from axisbus.bus.sdo import transfer
 from axisbus.bus.sdo.channels import SdoChannel, open_channel, read_client, set_server
 from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.datatypes import DataType
@@ -103,6 +106,39 @@ def test_many_bytes_travel_in_blocks_and_few_do_not(sdo: SdoClient, fake: FakeBu
     sdo.download(FILE, 0, DATA[:255])
     assert sdo.upload(FILE) == DATA[:255]
     assert asked(fake) == ["21", "40"]
+
+
+def pausing(monkeypatch: pytest.MonkeyPatch, pause: Callable[[], object]) -> None:
+    """Have ``pause`` called where a transfer pauses between two frames."""
+    clock = SimpleNamespace(monotonic=time.monotonic, sleep=lambda _: pause())
+    monkeypatch.setattr(transfer, "time", clock)
+
+
+@pytest.mark.parametrize(("segments", "pauses"), [(1, []), (4, []), (5, [4]), (8, [4]), (9, [4, 8])])
+def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_between(
+    sdo: SdoClient,
+    fake: FakeBus,
+    stand_in: StandIn,
+    monkeypatch: pytest.MonkeyPatch,
+    segments: int,
+    pauses: list[int],
+) -> None:
+    seen: list[int] = []
+    pausing(monkeypatch, lambda: seen.append(len(fake.frames(0x605)) - 1))  # less the one that begins
+    data = DATA[: 7 * segments]
+    sdo.download(FILE, 0, data, way=Way.BLOCK)
+    assert stand_in.content == data
+    assert seen == pauses
+
+
+def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
+    sdo: SdoClient, fake: FakeBus, stand_in: StandIn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pausing(monkeypatch, sdo.cancel)
+    with pytest.raises(Interrupted):
+        sdo.download(FILE, 0, DATA, way=Way.BLOCK)
+    assert len(fake.frames(0x605)) == 1 + 4 + 1
+    assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
 
 
 def test_a_node_without_blocks_is_asked_for_them_once(

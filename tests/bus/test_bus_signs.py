@@ -66,7 +66,7 @@ def test_each_change_is_one_event_with_its_times():
         events.look(now)
     node.state, node.stamp = OPERATIONAL, 4.0
     events.look(4.25)
-    node.bootups, node.bootup_stamp, node.state, node.stamp = 1, 5.0, NmtState.PRE_OPERATIONAL, 5.0
+    node.bootups, node.bootup_stamp, node.state, node.stamp = 1, 5.0, NmtState.PRE_OPERATIONAL, 5.125
     events.look(5.5)
     events.look(5.75)
     node.state, node.stamp = OPERATIONAL, 6.0
@@ -76,7 +76,7 @@ def test_each_change_is_one_event_with_its_times():
     assert events_of(events) == [
         (NodeEventKind.STATE, 3.0, 0.5, 0.5),
         (NodeEventKind.OPERATIONAL, 4.25, 0.25, 0.25),
-        (NodeEventKind.BOOT_UP, 5.5, 0.5, 0.5),
+        (NodeEventKind.BOOT_UP, 5.5, 0.375, 0.5),
         (NodeEventKind.OPERATIONAL, 6.0, 0.0, 0.0),
         (NodeEventKind.UNKNOWN, 8.0, 2.0, 0.0),
     ]
@@ -125,6 +125,58 @@ def test_what_comes_while_the_scan_looks_is_not_of_the_future():
     node.state, node.stamp = STOPPED, 2.5
     events.look(2.25)
     assert events_of(events) == [(NodeEventKind.STATE, 2.25, 0.0, 0.0)]
+
+
+def test_a_kind_of_event_is_told_again_after_a_second_and_until_then_its_newest_is_held():
+    node = monitor(state=STOPPED)
+    events = NodeEvents(node)
+    told = []
+    for number, now in enumerate((2.0, 2.5, 2.75, 3.0, 4.0, 5.5)):
+        node.bootups = number + 1
+        events.look(now)
+        told.append([(event.stamp, event.times) for event in events.history])
+    assert told == [
+        [(2.0, 1)],
+        [(2.0, 1)],
+        [(2.0, 1)],
+        [(2.0, 1), (3.0, 3)],
+        [(2.0, 1), (3.0, 3), (4.0, 1)],
+        [(2.0, 1), (3.0, 3), (4.0, 1), (5.5, 1)],
+    ]
+
+
+def test_what_is_held_is_told_when_its_time_has_come_though_nothing_happens_any_more():
+    node = monitor(state=STOPPED)
+    events = NodeEvents(node)
+    for number, now in enumerate((2.0, 2.5)):
+        node.bootups = number + 1
+        events.look(now)
+    events.look(2.875)
+    assert [event.stamp for event in events.history] == [2.0]
+    assert [event.stamp for event in events.events] == [2.0, 2.5]
+    events.look(3.0)
+    assert [event.stamp for event in events.history] == [2.0, 2.5]
+
+
+def test_what_happens_at_once_is_told_in_its_order_however_often_it_was_before():
+    node = monitor()
+    events = NodeEvents(node)
+    node.bootups = 1
+    events.look(2.0)
+    node.bootups, node.deadline = 2, 2.5
+    events.look(3.0)
+    assert [event.kind for event in events.history][1:] == [NodeEventKind.BOOT_UP, NodeEventKind.LOST]
+
+
+def test_everybody_who_asked_hears_of_each_event():
+    node = monitor()
+    events = NodeEvents(node)
+    first, second = [], []
+    events.hear(first.append)
+    events.hear(second.append)
+    node.bootups = 1
+    events.look(2.0)
+    assert first == second == list(events.history)
 
 
 def test_which_events_are_bad_and_how_many_are_kept():
@@ -241,6 +293,35 @@ def test_a_sync_that_stays_away_is_told_after_its_patience():
     assert wire.now == pytest.approx(0.75)
     assert "expected within 500 ms" in caught.value.observed
     assert caught.value.remedy.startswith("look at the device that sends SYNC")
+
+
+@pytest.mark.parametrize(("asleep", "said"), [(1.5, "1.5 s"), (5.0, "1.9 s")])
+def test_where_this_program_did_not_run_that_is_told_before_the_producer_is_blamed(asleep, said):
+    wire = Wire(10.0, 10.125)
+    made = consumer(wire)
+    wire.now = 9.9
+    made.wait()
+    made.wait()
+    wire.late[wire.waits + 1] = asleep  # in the wait for the third one
+    with pytest.raises(SyncError) as caught:
+        made.wait()
+    assert (
+        caught.value.message == f"this program did not run for {said} of the last 2 s, and SYNC was not heard"
+    )
+    assert caught.value.remedy.startswith("give this program its time")
+    assert "if it stays away all the same: look at the device that sends SYNC" in caught.value.remedy
+
+
+def test_that_this_program_did_not_run_long_ago_is_no_reason_for_a_missing_sync():
+    wire = Wire(10.0, 10.125, 13.0)
+    made = consumer(wire, patience=4.0)
+    wire.now = 9.9
+    made.wait()
+    made.wait()
+    wire.late[wire.waits + 1] = 1.0
+    assert made.wait() == 13.0
+    with pytest.raises(SyncError, match="SYNC of the other producer is missing"):
+        made.wait()
 
 
 def test_where_we_come_too_late_ourselves_what_came_meanwhile_counts():

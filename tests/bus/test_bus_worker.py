@@ -99,6 +99,55 @@ def test_a_quick_stop_never_waits_behind_sdo(worker: SdoWorker, slave: Slave) ->
     assert [write[0] for write in slave.writes] == [0x6040]
 
 
+def test_a_quick_stop_ends_everything_that_waits(worker: SdoWorker, slave: Slave) -> None:
+    ends = Ends()
+    slave.hold = True
+    worker.submit(ends.job("running", 0x6064))
+    eventually(lambda: slave.held)
+    slave.release()
+    for key in ("one", "two"):
+        worker.submit(ends.job(key, 0x6081, 5))
+    worker.urgent(ends.job("stop", 0x6040, 2))
+    eventually(lambda: len(ends.all) == 4)
+    assert set(ends.all) == {
+        ("stop", None, None),
+        *((key, None, TIMED_OUT) for key in ("running", "one", "two")),
+    }
+    assert [write[0] for write in slave.writes] == [0x6040]
+
+
+def test_a_quick_stop_may_be_the_first_job_of_all(worker: SdoWorker, slave: Slave) -> None:
+    ends = Ends()
+    worker.urgent(ends.job("stop", 0x6040, 2))
+    eventually(lambda: ends.all)
+    assert slave.objects[0x6040, 0] == b"\x02\x00"
+
+
+def test_a_worker_with_a_quick_stop_to_come_is_not_idle(
+    worker: SdoWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert worker.idle
+    monkeypatch.setattr(worker, "_start", lambda: None)  # nothing takes it
+    worker.urgent(Ends().job("stop", 0x6040, 2))
+    assert not worker.idle
+
+
+def test_a_quick_stop_that_is_under_way_is_not_cut_short_by_another(
+    worker: SdoWorker, slave: Slave, fake: FakeBus
+) -> None:
+    slave.objects[0x6840, 0] = b"\x0f\x00"
+    ends = Ends()
+    slave.hold = True
+    worker.urgent(ends.job("axis 1", 0x6040, 2))
+    eventually(lambda: slave.held)
+    worker.urgent(ends.job("axis 2", 0x6840, 2))
+    for can_id, data in slave.release():
+        fake.inject(can_id, data)
+    eventually(lambda: len(ends.all) == 2)
+    assert ends.all == [("axis 1", None, None), ("axis 2", None, None)]
+    assert slave.aborts_received == []
+
+
 def test_quick_stops_of_both_axes_are_carried_out(worker: SdoWorker, slave: Slave) -> None:
     """An urgent job of the second axis must not drop that of the first."""
     slave.objects[0x6840, 0] = b"\x0f\x00"
@@ -177,6 +226,31 @@ def test_cancelled_jobs_never_run_and_say_nothing(worker: SdoWorker, slave: Slav
     assert [write[0] for write in slave.writes] == [0x6083]
 
 
+def test_forgetting_jobs_while_none_runs_harms_nothing(worker: SdoWorker) -> None:
+    ends = Ends()
+    worker.cancel({1})
+    worker.submit(ends.job(1, 0x6064))
+    eventually(lambda: ends.all)
+    assert ends.all == [(1, -2, None)]
+
+
+def test_a_fault_of_ours_in_a_transfer_ends_its_job_and_no_other(
+    worker: SdoWorker, channel: Channel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_args: object, **_options: object) -> None:
+        raise ValueError("a fault of ours")
+
+    told: list[BusError] = []
+    monkeypatch.setattr(worker._sdo, "read", broken)
+    monkeypatch.setattr(channel, "fail", told.append)
+    ends = Ends()
+    worker.submit(ends.job("broken", 0x6064))
+    worker.submit(ends.job("fine", 0x6081, 1))
+    eventually(lambda: len(ends.all) == 2)
+    assert ends.all == [("broken", None, 0x0800_0000), ("fine", None, None)]
+    assert [error.observed for error in told] == ["ValueError: a fault of ours"]
+
+
 def test_the_queue_is_bounded(worker: SdoWorker, slave: Slave) -> None:
     ends = Ends()
     slave.hold = True
@@ -195,11 +269,55 @@ def test_closing_ends_everything_quickly(channel: Channel, slave: Slave) -> None
     slave.hold = True
     worker.submit(ends.job("running", 0x6064))
     worker.submit(ends.job("waiting", 0x6081, 1))
+    worker.submit(ends.job("last", 0x6083, 1))
     eventually(lambda: slave.held)
     worker.close()
-    assert set(ends.all) == {("running", None, TIMED_OUT), ("waiting", None, TIMED_OUT)}
+    assert set(ends.all) == {
+        ("running", None, TIMED_OUT),
+        ("waiting", None, TIMED_OUT),
+        ("last", None, TIMED_OUT),
+    }
     worker.submit(ends.job("late", 0x6064))
     assert ends.all[-1] == ("late", None, 0x0504_0005)
+    worker.urgent(ends.job("late stop", 0x6040, 2))
+    assert ends.all[-1] == ("late stop", None, TIMED_OUT)
+
+
+def test_closing_ends_a_quick_stop_that_waits_behind_another_and_does_not_send_it(
+    worker: SdoWorker, slave: Slave, fake: FakeBus
+) -> None:
+    ends = Ends()
+    slave.hold = True
+    worker.urgent(ends.job("axis 1", 0x6040, 2))
+    eventually(lambda: slave.held)
+    worker.urgent(ends.job("axis 2", 0x6840, 2))
+    closing = threading.Thread(target=worker.close)
+    closing.start()
+    eventually(lambda: ends.all)
+    for can_id, data in slave.release():
+        fake.inject(can_id, data)
+    closing.join(5)
+    assert ends.all == [("axis 2", None, TIMED_OUT), ("axis 1", None, None)]
+    assert [write[0] for write in slave.writes] == [0x6040]
+
+
+def test_who_hears_the_end_of_a_job_may_close_the_worker(worker: SdoWorker, channel: Channel) -> None:
+    closed = threading.Event()
+
+    def close(value: int | None, code: int | None) -> None:
+        worker.close()
+        closed.set()
+
+    worker.submit(Job(1, 0x6064, 0, None, close))
+    assert closed.wait(5)
+    channel.check()
+
+
+def test_a_program_that_ends_does_not_wait_for_its_transfers(worker: SdoWorker, slave: Slave) -> None:
+    slave.hold = True
+    worker.submit(Ends().job("running", 0x6064))
+    (thread,) = (thread for thread in threading.enumerate() if thread.name == "axisbus SDO node 5")
+    assert thread.daemon
 
 
 def test_a_callback_that_raises_is_known_to_the_channel(worker: SdoWorker, channel: Channel) -> None:

@@ -283,10 +283,11 @@ def test_which_stop_brakes_and_how_hard(changes, course, expected):
 # Lag.
 
 
-def test_the_highest_speed_of_the_last_half_to_whole_second():
+@pytest.mark.parametrize("begin", [0.0, 1000.0])
+def test_the_highest_speed_of_the_last_half_to_whole_second(begin):
     peak = Peak()
     seen = [
-        peak.note(value, now)
+        peak.note(value, begin + now)
         for now, value in [
             (0.0, 5.0),
             (0.25, 9.0),
@@ -355,7 +356,42 @@ def test_only_positions_that_are_new_count_for_the_lag():
     assert watch.error(drive.cycle(position=None)[0], other) is None
 
 
-def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int = 1, **changes) -> list[bool]:
+def test_a_position_of_before_is_one_however_often_it_is_looked_at():
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    drive.cycle(mode=3, position=0)
+    for _ in range(4):
+        assert watch.error(drive.cycle()[0], activity) is None
+    assert watch.error(drive.cycle(position=0)[0], activity) is not None
+
+
+def test_a_position_that_is_gone_is_none_of_the_two():
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    drive.cycle(mode=3, position=0)
+    drive.cycle(position=None)
+    assert watch.error(drive.image, activity) is None
+    assert watch.error(drive.cycle(position=1)[0], activity) is None
+    assert watch.error(drive.cycle(position=2)[0], activity) is not None
+
+
+@pytest.mark.parametrize("every", [1, 5])
+def test_a_lag_is_excused_by_the_speed_of_the_last_second_alone_however_often_positions_come(every):
+    """By the cycle's clock: 64 cycles of 1/64 s, and the next position."""
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=4100.0, led_speed=1000.0, mode=3)
+    for number in range(100):
+        fresh = {"position": number} if number % every == 0 else {}
+        if watch.error(drive.cycle(mode=3, **fresh)[0], activity) is not None:
+            break
+        activity.led_speed = 0.0
+    assert number == 65
+
+
+def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int | None = 1, **changes) -> list[bool]:
     """The same for a position mode: positions with the demand."""
     drive = Drive(**changes)
     watch = Following(drive.parameters)
@@ -372,6 +408,8 @@ def test_in_a_position_mode_the_demand_leads():
     assert led([(0, 4001)] * 3) == [False, True, True]
     assert led([(0, 9000)] * 3, shown=3) == [False] * 3  # the drive is not there yet
     assert led([(0, 9000)] * 3, mode=3, shown=3) == [False] * 3
+    assert led([(0, 9000)] * 3, shown=6) == [False] * 3  # nor in another mode that goes by positions
+    assert led([(0, 9000)] * 3, mode=3, shown=None) == [False] * 3
     assert led([(0, 4001)] * 2, drive_following_error=1) == [False, False]
     assert led([(0, 4002)] * 2, drive_following_error=1) == [False, True]
     # 64 per cycle are 4096 per s: 1024 more
@@ -380,14 +418,74 @@ def test_in_a_position_mode_the_demand_leads():
     assert led([(a, b + 1) for a, b in moving])[2:] == [True] * 6
 
 
-def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times():
+@pytest.mark.parametrize("between", [{"mode": 6}, {"demand": None}])
+def test_what_is_not_to_be_compared_between_two_positions_begins_the_count_anew(between):
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
+    told = []
+    for changes in ({}, between, {}, {}):
+        drive.cycle(statusword=0x0237, **({"mode": 1, "position": 0, "demand": 9000} | changes))
+        told.append(watch.error(drive.image, activity) is not None)
+    assert told == [False, False, False, True]
+
+
+def test_who_is_watched_by_how_far_a_position_mode_leads_it():
+    drive = Drive()
+    watch = Following(drive.parameters)
+    for behind, mode, used in ((None, 8, True), (None, 1, True), (None, 3, False), (0.0, 8, False)):
+        activity = SimpleNamespace(behind=behind, led_speed=0.0, mode=mode)
+        assert not watch.is_used_to(activity)
+        watch.error(drive.cycle(statusword=0x0237, mode=mode, position=0)[0], activity)
+        assert watch.is_used_to(activity) is used
+
+
+@pytest.mark.parametrize(("behind", "gives_up"), [(5152, False), (5153, True), (-5024, False), (-5025, True)])
+def test_a_demand_that_comes_less_often_than_the_position_has_the_speed_of_its_own_times(behind, gives_up):
+    """4096 increments per s excuse 1024 beyond the window of 4000, and 64 for each cycle that the demand is old."""
     drive = Drive()
     watch = Following(drive.parameters)
     activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
     told = []
     for number in range(12):
-        ahead = 3000 if number < 6 else 5000
-        fresh = {"demand": 64 * number + ahead} if number % 3 == 0 else {}
-        drive.cycle(statusword=0x0237, mode=1, position=64 * number, **fresh)
+        fresh = {"demand": 64 * number} if number % 3 == 0 else {}
+        place = 64 * number - (behind if number >= 6 else 0)
+        drive.cycle(statusword=0x0237, mode=1, position=place, **fresh)
         told.append(watch.error(drive.image, activity) is not None)
-    assert not any(told)  # 4096 per s excuse 1024, and what has passed since the demand came
+    assert any(told) is gives_up
+
+
+def targets(*, closely: bool = False) -> tuple[Drive, Following, SimpleNamespace]:
+    """An axis in csp that is led by 64 increments in each of seven cycles, after some at rest, and is there."""
+    drive = Drive()
+    watch = Following(drive.parameters)
+    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=8)
+    for number in range(-4, 8):
+        target = 64 * max(0, number)
+        drive.cycle(statusword=0x0237, mode=8, position=target)
+        drive.image.led.note(drive.now, 8, None, target, False)
+        if closely and number > -4:
+            watch.close(target, drive.now)
+        else:
+            assert watch.error(drive.image, activity) is None
+    return drive, watch, activity
+
+
+@pytest.mark.parametrize("closely", [False, True])
+@pytest.mark.parametrize(("lag", "told"), [(5024, [False] * 3), (5025, [False, True, True])])
+def test_a_target_that_is_only_noted_as_near_counts_for_the_lag_as_any_other(closely, lag, told):
+    """4096 increments per s excuse 1024 beyond the window of 4000."""
+    drive, watch, activity = targets(closely=closely)
+    seen = [watch.error(drive.cycle(position=64 * 7 - lag)[0], activity) is not None for _ in told]
+    assert seen == told
+
+
+def test_where_targets_lead_an_old_demand_excuses_nothing():
+    drive, watch, activity = targets()
+    drive.image.demand, drive.image.demand_stamp = 0, 0.0
+    seen = []
+    for _ in range(2):
+        drive.cycle(position=64 * 7 - 5025)
+        drive.image.demand, drive.image.demand_stamp = 64 * 7, 0.0
+        seen.append(watch.error(drive.image, activity) is not None)
+    assert seen == [False, True]

@@ -515,12 +515,13 @@ def test_without_bit_12_how_long_bit_4_stands_counts_from_its_rise():
 
 
 BIT_10, ENABLED = 0x0400, 0x0027
+RAMPED = Profile(96, 100, 100, 96.0, 100.0, down=100.0)
 
 
-def given_edge(drive: Drive, target: int, **seen: int) -> Proof:
+def given_edge(drive: Drive, target: int, profile: Profile = RAMPED, **seen: int) -> Proof:
     """A set-point whose edge has just been given to a drive that shows these values."""
     point = SimpleNamespace(target=target, edge_at=math.inf, from_halt=False)
-    proof = Proof(point, Profile(96, 100, 100, 96.0, 100.0, down=100.0), drive.parameters)
+    proof = Proof(point, profile, drive.parameters)
     proof.step(drive.cycle(**seen)[0])
     point.edge_at = drive.now
     proof.step(drive.image)
@@ -563,6 +564,55 @@ def test_a_set_point_of_which_nothing_shows_has_its_time_from_the_edge_on(shown)
         while drive.now < edge + 10.0:
             proof.step(drive.cycle(**shown)[0])
     assert drive.now == edge + drive.parameters.timing.acknowledge + 0.0625 + STEP
+
+
+def test_where_the_deceleration_is_not_known_two_seconds_more_may_pass_to_turn_round():
+    drive = Drive()
+    proof = given_edge(
+        drive, 5_000, profile=Profile(96, 100, 100, 96.0, 100.0), statusword=ENABLED, position=0
+    )
+    edge = drive.now
+    with pytest.raises(SetPointError):
+        while drive.now < edge + 10.0:
+            proof.step(drive.cycle(position=0)[0])
+    assert drive.now == edge + drive.parameters.timing.acknowledge + 2.0 + 0.0625 + STEP
+
+
+@pytest.mark.parametrize(("moves", "seen"), [(0, True), (100, False)])
+def test_bit_10_that_falls_shows_it_only_of_an_axis_that_stood(moves, seen):
+    drive = Drive()
+    for number in range(8):
+        drive.cycle(statusword=ENABLED | BIT_10, position=moves * number)
+    proof = given_edge(drive, 5_000, statusword=ENABLED | BIT_10, position=moves * 8)
+    proof.step(drive.cycle(statusword=ENABLED)[0])
+    assert proof.seen is seen
+
+
+@pytest.mark.parametrize(
+    ("set_point", "taken", "known"),
+    [
+        (5_000, 5_000, True),
+        (5_000, None, False),
+        (5_000, 4_000, False),
+        (0, 5_000, False),
+        (None, None, False),
+    ],
+)
+def test_a_target_that_the_drive_had_taken_before_needs_no_proof(set_point, taken, known):
+    """An axis that something holds, with bit 10 low: it comes no nearer, and the drive leads it there anyhow."""
+    drive = Drive()
+    drive.image.led.set_point, drive.image.led.taken = set_point, taken
+    proof = given_edge(drive, 5_000, statusword=ENABLED, position=1_000)
+    blamed = False
+    for _ in range(640):
+        try:
+            proof.step(drive.cycle(position=1_000)[0])
+        except SetPointError:
+            blamed = True
+            break
+    assert blamed is not known
+    assert (drive.image.led.taken == 5_000) is known
+    assert not proof.seen
 
 
 @pytest.mark.parametrize(("place", "seen"), [(2_501, True), (2_500, False)])

@@ -42,9 +42,11 @@ from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
 from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.ramped import RampedWay
+from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.standing import Standing
 from axisbus.motion.stop.still import Still
+from axisbus.motion.ticket import Status, Ticket
 from axisbus.motion.track import Track
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from axisbus.units import Scale
@@ -268,6 +270,17 @@ def test_a_word_of_before_the_edge_says_nothing_of_this_search():
     assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
 
 
+def test_words_that_came_before_the_settling_time_was_over_do_not_say_that_home_is_found_when_it_is():
+    drive = Drive()
+    run = searching(drive)
+    edge = drive.now
+    for _ in range(2):
+        assert not run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+    while drive.now < edge + 1.0:
+        assert not run.step(*drive.cycle())  # nothing new is heard
+    assert run.step(*drive.cycle(statusword=ENABLED | 0x1400))
+
+
 def test_homing_has_its_time_and_no_more():
     drive = Drive()
     run = searching(drive)
@@ -289,6 +302,15 @@ def test_an_interrupted_homing_takes_its_transfers_back():
     assert len(asked) == 4
     run.cancel(drive.order)
     assert sorted(drive.order.cancel) == sorted(asked)
+
+
+def test_an_interrupted_homing_takes_back_the_mode_that_the_drive_has_not_taken_yet():
+    drive = Drive()
+    run = HomingRun(JOB, drive.parameters)
+    run.step(*drive.cycle(statusword=ENABLED, mode=1))
+    assert drive.order.mode == 6
+    run.cancel(drive.order)
+    assert drive.order.mode == 1
 
 
 # The way by SDO.
@@ -1126,6 +1148,128 @@ def test_a_demand_that_comes_as_often_as_the_position_must_be_still_too():
     while not look.seen(drive.cycle(position=0, demand=190)[0]):
         assert drive.now < since + 1.0
     assert drive.now - since == 0.0625
+
+
+def test_what_pushes_against_something_does_not_stand():
+    for holds_load, torque, stands in (
+        (HoldsLoad.NO, 50, True),
+        (HoldsLoad.NO, 51, False),
+        (HoldsLoad.NO, -51, False),
+        (HoldsLoad.TORQUE, 51, True),
+    ):
+        drive = Drive(holds_load=holds_load)
+        look = Standing(drive.parameters, drive.now)
+        for _ in range(12):
+            seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=torque)[0])
+        assert seen is stands
+        assert look.is_held(drive.image) is not stands
+        if torque == -51:
+            assert not look.pulls(drive.cycle(statusword=0x0250)[0])  # without power nothing pushes any more
+            continue
+        assert ("pushes with 5.1 % of its rated torque" in look.why_not(drive.image)) is not stands
+
+
+def test_an_axis_in_a_torque_mode_whose_torque_does_not_travel_stands_by_its_position():
+    drive = Drive()
+    look = Standing(drive.parameters, drive.now)
+    for _ in range(12):
+        seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0)[0])
+    assert seen
+
+
+def test_without_power_a_demand_says_nothing():
+    drive = Drive(ages={"demand": 10.0})
+    look = Standing(drive.parameters, drive.now)
+    for number in range(12):
+        seen = look.seen(drive.cycle(statusword=0x0250, mode=1, position=0, demand=100 * number)[0])
+    assert seen
+
+
+def test_by_its_velocity_an_axis_stands_after_a_whole_window_that_begins_with_the_look():
+    drive = Drive()
+    drive.cycle(statusword=ENABLED, velocity=0)
+    look = Standing(drive.parameters, drive.now)
+    began = drive.now
+    assert not look.seen(drive.image)
+    while not look.seen(drive.cycle(velocity=0)[0]):
+        assert drive.now < began + 1.0
+    assert drive.now - began == 0.0625 + T
+    moving = drive.now + 4 * T
+    while drive.now < moving:
+        assert not look.seen(drive.cycle(velocity=1)[0])
+    while not look.seen(drive.cycle(velocity=0)[0]):
+        assert drive.now < moving + 1.0
+    assert drive.now - moving == 0.0625 + T
+
+
+def test_bit_10_says_it_once_bits_have_settled_and_a_window_has_passed():
+    timing = replace(TIMING, settle=0.03125)
+    silent = Drive(timing=timing)
+    look = Standing(silent.parameters, silent.now)
+    began = silent.now
+    while not look.seen(silent.cycle(statusword=ENABLED | 0x0400)[0]):
+        assert silent.now < began + 1.0
+    assert silent.now - began == 0.0625 + T
+    assert not look.seen(silent.cycle(statusword=ENABLED & ~0x0400)[0])
+
+
+def test_what_is_not_known_to_be_anywhere_is_not_held():
+    drive = Drive()
+    look = Standing(drive.parameters, drive.now)
+    for _ in range(12):
+        look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=51)[0])
+    assert look.is_held(drive.image)
+    assert not look.is_held(drive.cycle(position=None)[0])
+
+
+@pytest.mark.parametrize(("velocity", "stands"), [(100, True), (-100, True), (101, False), (-101, False)])
+def test_by_its_velocity_an_axis_stands_where_that_is_no_more_than_the_cell_says(velocity, stands):
+    drive = Drive(standstill_speed=100.0)
+    look = Standing(drive.parameters, drive.now)
+    for _ in range(12):
+        seen = look.seen(drive.cycle(statusword=ENABLED, velocity=velocity)[0])
+    assert seen is stands
+
+
+# Commands that take effect at rest.
+
+
+def waiting(*names: str) -> tuple[Drive, RestWaits, list[tuple[str, str]]]:
+    """Commands of these names that wait for a rest; what becomes of each is noted."""
+    drive, ends = Drive(), []
+    waits = RestWaits(drive.parameters)
+    for name in names:
+        ticket = Ticket(name)
+        waits.add(ticket, lambda name=name: ends.append((name, "done")))
+        assert ticket.status is Status.ACTIVE
+    return drive, waits, ends
+
+
+def rest_step(waits: RestWaits, drive: Drive, ends: list[tuple[str, str]]) -> None:
+    waits.step(drive.image, lambda ticket, error: ends.append((ticket.name, error and error.message)))
+
+
+def test_what_takes_effect_at_rest_is_done_once_the_axis_has_stood_for_the_window():
+    drive, waits, ends = waiting("a", "b")
+    for _ in range(8):
+        rest_step(waits, drive.cycle(statusword=ENABLED, position=0) and drive, ends)
+        if ends:
+            break
+    assert ends == [("a", "done"), ("a", None), ("b", "done"), ("b", None)]
+    assert not waits.waiting
+    assert drive.now - 10.0 == 2 * T + 0.0625
+
+
+def test_an_axis_that_does_not_come_to_rest_in_two_seconds_refuses_what_waits_for_that():
+    drive, waits, ends = waiting("a")
+    for number in range(200):
+        drive.cycle(statusword=ENABLED, position=100 * number)
+        rest_step(waits, drive, ends)
+        if ends:
+            break
+    assert ends == [("a", "a: the axis does not stand")]
+    assert drive.now - 10.0 == 2.0 + 2 * T
+    assert not waits.waiting
 
 
 def test_a_demand_that_is_polled_counts_from_the_beginning_of_the_rest():

@@ -345,6 +345,31 @@ def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgot
 
 
 @pytest.mark.parametrize(
+    ("place", "message"),
+    [(14_000, "pulls it elsewhere"), (14_001, "moves by itself"), (6000, "pulls it elsewhere")],
+)
+def test_what_is_pulled_and_gives_way_within_the_window_stands_still(place, message):
+    drive = Drive()
+    resting = Resting(drive.parameters)
+    for position in (10_000, place):
+        drive.cycle(
+            statusword=ENABLED, mode=1, position=position, demand=20_000 if position == place else 10_000
+        )
+        assert resting.error(drive.image) is None
+    assert message in resting.error(drive.cycle(position=place, demand=20_000)[0]).message
+
+
+def test_a_velocity_that_is_seen_again_says_nothing_new():
+    drive = Drive()
+    resting = Resting(drive.parameters)
+    for _ in range(2):
+        assert resting.error(drive.cycle(statusword=ENABLED, mode=1, velocity=500_000)[0]) is None
+    for _ in range(3):
+        assert resting.error(drive.cycle()[0]) is None
+    assert resting.error(drive.cycle(velocity=500_000)[0]) is not None
+
+
+@pytest.mark.parametrize(
     ("velocities", "told"),
     [
         ([0, 0, 0, 0], False),
@@ -355,6 +380,11 @@ def test_a_rest_goes_by_positions_that_are_new_and_begins_anew_when_it_is_forgot
         ([500_000] * 3, True),
         ([500_000] * 2 + [0], False),  # two in a row
         ([0, 500_000, *[10] * 50], False),
+        ([256_000] * 3, False),  # 4000 in each cycle of 1/64 s, and the first one counts from nowhere
+        ([256_001] * 3, True),
+        ([0, 500_000, *[8000] * 50], False),  # what goes on is not more than may pass within that time
+        ([0, 500_000, 8001], True),
+        ([0, 500_000, *[0] * 64, *[8100] * 4], False),  # long ago
     ],
 )
 def test_what_rests_without_a_position_is_watched_by_its_velocity(velocities, told):
@@ -417,10 +447,36 @@ def test_a_rest_from_before_the_axis_could_set_off_is_no_end():
         drive.cycle(statusword=ENABLED, mode=1, position=0)
         arrival.complete(move, False, drive.image)
     move.rests_from = drive.now
+    assert not arrival.complete(move, True, drive.image)
     ends = [arrival.complete(move, True, drive.cycle(position=0)[0]) for _ in range(7)]
     assert (
         ends == [False] * 4 + [True] * 3
     )  # four periods of standing, from the first position after that moment
+
+
+@pytest.mark.parametrize("rests_from", [-math.inf, 10.0])
+def test_a_rest_from_before_the_command_is_no_end_either(rests_from):
+    drive = Drive()
+    arrival, move = Arrival(drive.parameters), at_rest(rests_from)
+    for _ in range(20):
+        drive.cycle(statusword=ENABLED, mode=1, position=0)
+    arrival.begin(move, drive.now)
+    assert not arrival.complete(move, True, drive.image)
+    ends = [arrival.complete(move, True, drive.cycle(position=0)[0]) for _ in range(6)]
+    assert ends == [False] * 4 + [True] * 2
+
+
+@pytest.mark.parametrize(("mode", "arrives"), [(1, False), (6, True)])
+def test_only_a_homing_may_end_where_the_demand_is_elsewhere(mode, arrives):
+    """Its position has another name since, and 6062h may still have the old one."""
+    drive = Drive()
+    arrival, command = Arrival(drive.parameters), at_rest()
+    command.mode = ModeOfOperation(mode)
+    arrival.begin(command, drive.now)
+    for _ in range(8):
+        drive.cycle(statusword=ENABLED, mode=mode, position=0, demand=9000)
+        ended = arrival.complete(command, True, drive.image)
+    assert ended is arrives
 
 
 def test_a_command_that_ends_at_rest_waits_until_the_axis_stands_and_no_longer_than_two_seconds():
@@ -922,6 +978,7 @@ def test_the_path_of_a_drive_is_its_last_four_states():
 def test_a_fault_is_explained_by_its_code_and_where_it_came_from():
     drive = Drive(fault_objects=((0x603F, 0),))
     told = FaultStory(drive.parameters, drive.now)
+    assert told.tell(drive.image, History()).observed.startswith("its error code is being read (603Fh); ")
     assert not told.step(*drive.cycle(statusword=FAULT))
     for request in drive.order.sdo:
         assert request.index == 0x603F
@@ -965,6 +1022,30 @@ def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_
     texts = [f"EMCY {emcy.describe(each)} (error register: generic error)" for each, age in emergencies]
     shown = [text for text, (each, age) in zip(texts, emergencies, strict=True) if each and age < 5.0]
     assert error.observed.split("; ")[1:] == [*shown, "path: fault"]
+
+
+def test_what_the_make_says_of_a_fault_is_told_with_it():
+    drive = Drive(
+        explain_fault=lambda code, values: [f"{code:04X}h and {values}"], fault_objects=((0x6041, 0),)
+    )
+    told = FaultStory(drive.parameters, drive.now)
+    assert "; 0000h and {}; " in told.tell(drive.image, History()).observed
+    told.step(*drive.cycle(statusword=FAULT))
+    for request in drive.order.sdo:
+        drive.answers(request.id, 0x2310 if request.index == 0x603F else 7)
+    assert told.step(*drive.cycle())
+    assert f"; 2310h and { ({(0x6041, 0): 7}) }; " in told.tell(drive.image, History()).observed
+
+
+def test_a_fault_is_told_with_its_last_two_emergencies():
+    drive = Drive()
+    made = history(drive, FAULT)
+    made.emcy.extend(Emcy(code, 0, bytes(5), drive.now) for code in (0x2310, 0x3210, 0x8611))
+    error = FaultStory(drive.parameters, drive.now).tell(drive.image, made)
+    assert error.observed.split("; ")[1:] == [
+        *(f"EMCY {emcy.describe(code)}" for code in (0x3210, 0x8611)),
+        "path: fault",
+    ]
 
 
 @pytest.mark.parametrize(

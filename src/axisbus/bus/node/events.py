@@ -144,20 +144,16 @@ class NodeEvents:
         event = NodeEvent(
             monitor.node_id, kind, now, monitor.state, _passed(monitor.stamp, now), _passed(since, now)
         )
-        self._tell(event)
+        self._hold(event)
         for hear in self._hear:
             hear(event)
 
-    def _tell(self, event: NodeEvent) -> None:
+    def _hold(self, event: NodeEvent) -> None:
         held = self._held.get(event.kind)
-        if held is None and event.stamp - self._told.get(event.kind, -math.inf) >= EVERY:
-            self._told[event.kind] = event.stamp
-            self.history.append(event)
-        else:
-            self._held[event.kind] = replace(event, times=1 if held is None else held.times + 1)
+        self._held[event.kind] = event if held is None else replace(event, times=held.times + 1)
 
     def _tell_held(self, now: float) -> None:
-        for kind in [kind for kind in self._held if now - self._told[kind] >= EVERY]:
+        for kind in [kind for kind in self._held if now - self._told.get(kind, -math.inf) >= EVERY]:
             self._told[kind] = now
             self.history.append(self._held.pop(kind))
 

@@ -229,7 +229,7 @@ class _Side:
         if self.policy.remap and self.policy.communication:
             slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
             laid = choose.lay_out(slots, self._mappable(), layout, last=edge.CONTROLWORD)
-            if laid.carried - kept.carried and len(laid.carried) > len(kept.carried):
+            if len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
         chosen = [pdo for pdo in planned if pdo is not None]
@@ -238,7 +238,7 @@ class _Side:
     def sources(self, wanted: tuple[str, ...], pdos: tuple[PlannedPdo, ...]) -> dict[str, Source]:
         found = {name: Source.SDO if name in self.entries else Source.NONE for name in wanted}
         for pdo in pdos:
-            if pdo.receive is self.receive and pdo.change is not Change.DISABLE:
+            if pdo.receive is self.receive:
                 found.update((name, _source(pdo)) for name in pdo.values if name is not None)
         return found
 
@@ -334,7 +334,7 @@ class _Side:
     def _quicker(self, pdo: Pdo) -> Pdo:
         """The statusword's TPDO, event-driven by the user's wish or because the drive keeps it so: the handshake lives on it."""
         carries = "statusword" in choose.names_in(pdo.mapping, self.entries)
-        if self.receive or not carries or pdo.transmission_type not in _EVENT_TYPES:
+        if not carries or pdo.transmission_type not in _EVENT_TYPES:
             return pdo
         return self._timed(pdo, start=False)
 

@@ -71,7 +71,7 @@ class RpdoImage:
     @property
     def controlword_shift(self) -> int:
         """How many bits of the RPDO are before it, where it is mapped."""
-        return sum(mapped.bits for mapped in self.mapping[: self._controlword_at or 0])
+        return sum(mapped.bits for mapped in self.mapping[: self._controlword_at])
 
     @property
     def unknown(self) -> list[tuple[MappedObject, str | None]]:

@@ -114,14 +114,14 @@ class SdoWorker:
     # -- the thread ---------------------------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
-        if self._thread is None and not self._closing:
+        if self._thread is None:
             name = f"axisbus SDO node {self._sdo.node_id}"
             self._thread = threading.Thread(target=self._work, name=name, daemon=True)
             self._thread.start()
 
     def _cancel_running(self) -> None:
-        """End the running job's transfer, also if it has not begun yet; needs the lock."""
-        if self._call is not None and not self._call.urgent:
+        """End the running job's transfer, also if it has not begun yet; an urgent one has a call of its own. Needs the lock."""
+        if self._call is not None:
             self._sdo.cancel(self._call)
 
     def _work(self) -> None:

@@ -298,9 +298,8 @@ class AxisCore:
             finding = supervision.power(image, self.state, self.running.activity, bounded=self.bounded)
         elif finding is None and ladder is not None:  # which may have been begun after its power was to go
             finding = supervision.coasting(image, ladder.rung, bounded=self.bounded)
-            if (
-                finding is None and halts_at_rest and self.powered
-            ):  # one that stood, and moves nevertheless, is not left to the halt's time
+            # One that stood, and moves nevertheless, is not left to the halt's time; without power its rest begins anew above.
+            if finding is None and halts_at_rest:
                 finding = supervision.unrest(image, None)
         elif finding is None and self.touched and self.state is AxisState.DISABLED:
             taken = supervision.energised(image, at_work=self.activity is not None)

@@ -107,7 +107,7 @@ class Standing:
 
     def is_held(self, image: Image) -> bool:
         """Whether it stands only because something holds it."""
-        return image.position is not None and image.still.since(self._first) and self.pulls(image)
+        return image.still.since(self._first) and self.pulls(image)
 
     def why_not(self, image: Image) -> str:
         """Say what is missing, for the error of a stop that was not seen."""

@@ -40,7 +40,7 @@ class Still:
 
     def since(self, moment: float) -> bool:
         """Return whether it has been still for a whole window after ``moment``, when a value came."""
-        return self.still and self._stamp - max(self._anchor_stamp, moment) >= self._window
+        return self.still and self._stamp - moment >= self._window
 
     def forget(self) -> None:
         """Begin anew: the value is unknown, or counts from another place now."""
