@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from axisbus.cia402.state import State
-from axisbus.errors import DriveError, Replaced, StateError, Stopped
+from axisbus.errors import DriveError, Replaced, StateError, Stopped, UncommandedMotion
 from axisbus.motion.parameters import HoldsLoad, StopTimes
 from axisbus.motion.states import AxisState
 from axisbus.sim.motor import MotorParams
@@ -96,6 +96,40 @@ def test_an_axis_whose_drive_is_switched_off_while_it_is_halted_at_rest_is_disab
     assert not halted.done
     halted.wait(1)
     assert (r.axis.state, r.axis.error) == (AxisState.DISABLED, None)
+
+
+def creeps(r) -> None:
+    """The drive lets its axis go by 50 deg/s, whatever it is told."""
+    r.drive.dials.ignore_halt = True
+    r.drive._mode.step = lambda axis, dt: axis.follow(axis.position + 50_000 * dt, 50_000, dt)
+
+
+def test_an_axis_that_stood_and_moves_under_its_halt_is_not_left_to_the_halt_s_time():
+    r = rig(stop_times=StopTimes(halt=2.0)).enabled()
+    r.run(0.3)
+    halted = r.axis.halt()
+    creeps(r)
+    began = r.now
+    r.until(lambda: r.axis.error is not None)
+    assert r.now - began < 0.5
+    assert isinstance(r.axis.error, UncommandedMotion)
+    assert "moves by itself" in r.axis.error.message
+    assert r.axis.state is AxisState.ERRORSTOP
+    assert not halted.done  # it is stopped harder, and the halt goes with that
+
+
+def test_one_that_was_found_enabled_has_the_time_of_its_halt_however_it_moves():
+    """It is not ours to say that nothing should move it."""
+    r = rig(stop_times=StopTimes(halt=2.0))
+    for word in (0x06, 0x07, 0x0F):  # another master's
+        r.drive.controlword = word
+        r.drive.hear()
+    r.run(0.3)
+    assert r.axis.state is AxisState.STANDSTILL
+    r.axis.halt()
+    creeps(r)
+    r.run(1.5)
+    assert r.axis.error is None
 
 
 def test_a_halt_that_the_drive_does_not_hear_leads_down_to_quick_stop_and_is_told():
