@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign flaky explore mutants format clean
+.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -54,6 +54,9 @@ flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 explore: $(READY)         ## the tests of properties with fresh examples, others in each run, and the whole sweep of lost frames
 	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest -n 4 --dist loadfile -m hypothesis
 	AXISBUS_EXAMPLES=fresh $(BIN)/python -m pytest tests/sim/test_sim_sdo_sweep.py
+
+pictures: $(READY)        ## those of docs/motion.md, drawn anew
+	$(BIN)/python tests/pictures.py
 
 mutants: $(READY)         ## small wrong changes of the source: at least 90 % must be noticed by a test
 	$(BIN)/python tests/mutants.py

@@ -3,51 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from itertools import pairwise
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Machine, wait
+from axisbus import Machine, Recorder, wait
 from axisbus.machine.groups import Group
-from axisbus.motion.snapshot import Snapshot
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "docs" / "pictures"
 SQUARE = [(60.0, 0.0), (60.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
 COLOURS = ("#1f5fa8", "#c2571a", "#3b8a3e")
+OVER = 5  # cycles that a speed is taken over
 
 
-class Trace:
+class Trace(NamedTuple):
     """Where two axes were, cycle by cycle: seconds from the beginning, and places in their units."""
 
-    def __init__(self, cell: Machine, group: Group) -> None:
-        self.times: list[float] = []
-        self.places: list[tuple[float, float]] = []
-        self._axes = list(group)
-        self._factors = [axis.axis_factor if hasattr(axis, "axis_factor") else None for axis in self._axes]
-        self._cell = cell
-        cell.session.observe(self._note)
-
-    def _note(self, now: float, _snapshots: Mapping[str, Snapshot]) -> None:
-        x, y = (axis.position for axis in self._axes)
-        self.times.append(now)
-        self.places.append((x, y))
-
-    def end(self) -> None:
-        self._cell.session.forget(self._note)
-        self.times = [time - self.times[0] for time in self.times]
+    times: list[float]
+    x: list[float]
+    y: list[float]
 
     @property
     def speeds(self) -> list[float]:
-        """Along the path, over five cycles."""
-        rows = list(zip(self.times, self.places, strict=True))
-        found = [math.dist(a[1], b[1]) / (b[0] - a[0]) for a, b in zip(rows, rows[5:], strict=False)]
-        return [0.0] * 5 + found
+        """Along the path, per s."""
+        rows = list(zip(*self, strict=True))
+        found = [math.dist(a[1:], b[1:]) / (b[0] - a[0]) for a, b in zip(rows, rows[OVER:], strict=False)]
+        return [0.0] * (len(rows) - len(found)) + found
 
 
 def traced(what: Callable[[Machine, Group], None]) -> Trace:
@@ -56,7 +43,76 @@ def traced(what: Callable[[Machine, Group], None]) -> Trace:
         group = cell.group("x", "y")
         group.enable().wait()
         wait(axis.home() for axis in group)
-        trace = Trace(cell, group)
-        what(cell, group)
-        trace.end()
-    return trace
+        with Recorder(cell) as recorder:
+            what(cell, group)
+            cell.sleep(0.1)
+        tracks = recorder.recorded().tracks
+    times = tracks["x"].times
+    places = [list(tracks[name].columns["position"]) for name in "xy"]
+    return Trace([time - times[0] for time in times], *places)
+
+
+def two_views(file: str, traces: dict[str, Trace]) -> tuple[Any, Any]:
+    """Draw where the axes went, and how fast; return what can be drawn into."""
+    figure, (path, speed) = plt.subplots(1, 2, figsize=(10, 3.8), width_ratios=(1, 1.3), layout="constrained")
+    for (name, trace), colour in zip(traces.items(), COLOURS, strict=False):
+        path.plot(trace.x, trace.y, color=colour, linewidth=1.3, label=name)
+        speed.plot(trace.times, trace.speeds, color=colour, linewidth=1.3, label=name)
+    path.set(xlabel="x in deg", ylabel="y in deg", aspect="equal", title="where the axes were")
+    speed.set(xlabel="s", ylabel="deg/s", title="speed along the path")
+    speed.set_ylim(bottom=0.0)
+    for axes in (path, speed):
+        axes.grid(alpha=0.3)
+    figure.suptitle("simulated drives", fontsize=9, color="#666666", x=0.99, ha="right")
+    return figure, speed
+
+
+def corners() -> None:
+    """The same square with three roundings."""
+    traces = {
+        f"blend = {blend:g} deg": traced(
+            lambda _, xy, b=blend: xy.move_path(SQUARE, velocity=120.0, blend=b).wait()
+        )
+        for blend in (0.0, 2.0, 8.0)
+    }
+    figure, _ = two_views("path", traces)
+    figure.axes[0].legend(loc="center", fontsize=8)
+    figure.savefig(FOLDER / "path.png", dpi=110)
+
+
+def override() -> None:
+    """One path, slowed down, held, sped up, halted and gone on with."""
+    marks: list[tuple[float, str]] = []
+
+    def run(cell: Machine, xy: Group) -> None:
+        begun = cell.session.snapshots["x"].now
+        handle = xy.move_path(SQUARE, velocity=80.0, blend=3.0)
+
+        def mark(text: str, pause: float) -> None:
+            marks.append((cell.session.snapshots["x"].now - begun, text))
+            cell.sleep(pause)
+
+        cell.sleep(0.5)
+        for factor, pause in ((0.3, 0.8), (1.5, 0.5), (0.0, 0.5), (1.0, 0.4)):
+            xy.set_override(factor)
+            mark(f"{factor:g}", pause)
+        xy.halt()
+        mark("halt", 0.6)
+        handle = xy.resume()
+        mark("resume", 0.0)
+        handle.wait()
+
+    figure, speed = two_views("override", {"path": traced(run)})
+    top = speed.get_ylim()[1]
+    for time, text in marks:
+        speed.axvline(time, color="#999999", linewidth=0.8, linestyle=":")
+        speed.text(time + 0.03, top * 0.97, text, fontsize=8, color="#444444", va="top")
+    speed.set_title("speed along the path, and the override")
+    figure.savefig(FOLDER / "override.png", dpi=110)
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for draw in (corners, override):
+        draw()
+        print(draw.__name__, flush=True)

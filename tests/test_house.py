@@ -120,6 +120,7 @@ BETWEEN_ROOMS = {
     "Axis.absolute_command": "groups make commands by it",
     "Axis.absolute_increments": "groups make commands by it",
     "Axis.absolute_position": "groups make commands by it",
+    "Axis.scan_period": "paths of groups are made of what a cycle makes",
     "Axis.led_to": "paths of groups begin there",
     "Axis.unwrapped": "what an endless axis tells of its position is within it",
     "Axis.default_acceleration": "groups make commands by it",

@@ -13,7 +13,7 @@ from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.path import arc_about, arc_through, polyline
 from axisbus.motion.group.pieces import Corner, Straight, corner, direction, turned
 from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import Way, way_of
+from axisbus.motion.group.way import Cycle, Way, way_of
 from axisbus.motion.parameters import Limits
 
 SAME = settings(deadline=None, derandomize=True)
@@ -312,3 +312,28 @@ def test_what_the_axes_are_off_at_the_beginning_is_taken_back_along_the_way():
     assert (x.position(45.0), y.position(45.0)) == way.at(45.0)
     assert (x.span, x.top_speed, x.duration) == ((0.0, 40.0), 30.0, way.length)
     assert x.top_acceleration == pytest.approx(500.0)
+
+
+def test_no_cycle_goes_through_more_stretches_than_it_has_the_time_for():
+    dense = [(30.0 * math.sin(k / 100), 0.003 * k) for k in range(3000)]
+    pieces, stops = polyline(dense, 0.0005)
+    way = way_of(pieces, [Limits()] * 2, 5000.0, stops, Cycle(500.0, 0.004))
+    travel, most = Travel(), 0
+    travel.begin(way, 500.0)
+    while travel.t < way.length:
+        before = way.number(travel.t)
+        travel.advance(0.004)
+        most = max(most, way.number(travel.t) - before)
+    assert 2 < most <= 16
+
+
+def test_a_corner_is_no_finer_than_what_a_cycle_makes_of_it():
+    pieces, stops = polyline([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0)], 1.0)
+    counts = [
+        len(way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(velocity, 0.004)).tops) - 2
+        for velocity in (1.0, 30.0, 1000.0)
+    ]
+    assert counts[0] == 12
+    assert 12 >= counts[1] >= counts[2] > 1
+    coarse = way_of(pieces, [Limits()] * 2, 500.0, stops, Cycle(1000.0, 0.5))
+    assert len(coarse.tops) == 3

@@ -167,7 +167,7 @@ def test_where_it_begins_is_looked_at_when_it_begins(story):
         (
             lambda g: g.move_path([], velocity=50.0),
             ArgumentError,
-            "a path has 1 to 10000 points, this one has 0",
+            "a path has 1 to 1000 points, this one has 0",
         ),
         (lambda g: g.move_path([(1.0,)], velocity=50.0), ArgumentError, "point 1 has 1 position for 2 axes"),
         (lambda g: g.move_path([(1.0, math.nan)], velocity=50.0), ArgumentError, "nan"),
@@ -178,6 +178,7 @@ def test_where_it_begins_is_looked_at_when_it_begins(story):
             LimitError,
             "more than a year",
         ),
+        (lambda g: g.move_path([(1.0, 1.0), (2.0, 0.0)], velocity=5e-324, blend=1.0), LimitError, "year"),
         (lambda g: g.move_path([(1.0, 1.0), (500.0, 0.0)], velocity=50.0), LimitError, "position limits"),
         (
             lambda g: g.move_circular((60.0, 0.0), via=(2.0, 55.0), velocity=50.0),

@@ -145,6 +145,11 @@ class Axis:
         return self._parameters.units.position.to_units(place - snapshot.origin)
 
     @property
+    def scan_period(self) -> float:
+        """Seconds between two of its cycles; for groups."""
+        return self._parameters.scan_period
+
+    @property
     def velocity(self) -> float:
         """Actual velocity in unit/s; raises StaleError when it is unknown."""
         return self._parameters.units.velocity.to_units(

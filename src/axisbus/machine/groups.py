@@ -112,7 +112,7 @@ class Group:
 
         Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it, and less where a line is too short
         for that; with 0 the axes stop there. ``velocity`` and ``acceleration`` as ``move_linear``; the velocity is kept through
-        corners as far as the axes' velocities and accelerations allow. At most 10,000 points.
+        corners as far as the axes' velocities and accelerations allow. At most 1000 points.
 
         Raises:
             LimitError: a point lies beyond an axis's position limits.

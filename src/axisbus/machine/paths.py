@@ -9,11 +9,11 @@ from axisbus.machine.axis import Axis
 from axisbus.motion.group.commands import MovePath
 from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end
 from axisbus.motion.group.pieces import Arc, Piece, Place
-from axisbus.motion.group.way import way_of
+from axisbus.motion.group.way import Cycle, way_of
 from axisbus.motion.numbers import number, told
 from axisbus.wording import counted
 
-MOST = 10_000  # points of one path
+MOST = 1000  # points of one path: they cross to the core at once, within a millisecond of its time
 
 
 class PathRequest:
@@ -125,6 +125,9 @@ class PathRequest:
         return self._path([arc], set())
 
     def _path(self, pieces: Sequence[Piece], stops: set[int]) -> MovePath:
-        way = way_of(pieces, [axis.limits for axis in self._axes.values()], self._acceleration, stops)
+        limits = [axis.limits for axis in self._axes.values()]
+        period = next(iter(self._axes.values())).scan_period
+        cycle = Cycle(self._velocity, period)
+        way = way_of(pieces, limits, self._acceleration, stops, cycle)
         require_end(way, self._velocity, self._text)
         return MovePath(tuple(self._axes), way, self._velocity)

@@ -11,7 +11,7 @@ from kit.cell import Cell
 from kit.plants import Ramp
 
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
-QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position"}  # nothing moves by these
+QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -73,6 +73,12 @@ def _line(cell: Cell, value: float) -> tuple[float, ...]:
     return (200.0 * value, 150.0, -40.0 * value)[: len(cell.machine)]
 
 
+def _path(cell: Cell, value: float) -> list[tuple[float, ...]]:
+    """Out and across itself, and to the end of the line."""
+    end = _line(cell, value)
+    return [tuple(0.5 * place + 20.0 for place in end), tuple(20.0 - place for place in end[::-1]), end]
+
+
 def _group(cell: Cell):
     return cell.machine.group(*(axis.name for axis in cell.machine))
 
@@ -86,6 +92,14 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     "group_reset": lambda cell, _: _group(cell).reset(),
     "group_quick_stop": lambda cell, _: _group(cell).quick_stop(),
     "move_linear": lambda cell, value: _group(cell).move_linear(_line(cell, value), velocity=100.0),
+    "move_path": lambda cell, value: _group(cell).move_path(
+        _path(cell, value), velocity=150.0, blend=max(0.0, 10.0 * value)
+    ),
+    "move_circular": lambda cell, value: _group(cell).move_circular(
+        _line(cell, value), via=_path(cell, value)[1], velocity=150.0
+    ),
+    "override": lambda cell, value: _group(cell).set_override(1.0 + 0.5 * value),
+    "resume": lambda cell, _: _group(cell).resume(),
     "move_direct": lambda cell, value: _group(cell).move_direct(_line(cell, value), velocity=100.0),
 }
 
@@ -103,5 +117,5 @@ MOTIONS = (
     "home",
 )
 AXIS_STOPS = ("halt", "halt", "stop", "stop", "quick_stop", "disable", "coast")
-GROUP_MOTIONS = ("move_linear", "move_direct")
+GROUP_MOTIONS = ("move_linear", "move_path", "move_path", "move_circular", "move_direct", "resume")
 GROUP_STOPS = ("group_halt", "group_stop", "group_quick_stop", "group_disable")

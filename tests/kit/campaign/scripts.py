@@ -65,7 +65,7 @@ def _some(
     """Return some events of an axis, or of its group, with pauses and numbers by chance."""
     events = []
     for _ in range(chance.randint(least, most)):
-        grouped = bool(shared) and chance.random() < 0.2
+        grouped = bool(shared) and chance.random() < 0.3
         what = chance.choice(shared if grouped else own)
         value = round(chance.uniform(-1.0, 1.0), 2)
         events.append(Event(chance.choice(_PAUSES), what, "" if what in GROUP else axis, value))

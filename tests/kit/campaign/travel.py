@@ -183,7 +183,10 @@ class Travel:
 
     def _by_path(self, name: str) -> bool:
         """Whether the path of the motion is the caller's."""
-        last = next((asked for asked in reversed(self._facts.asked) if name in asked.names), None)
+        moving = (
+            asked for asked in reversed(self._facts.asked) if name in asked.names and asked.what != "override"
+        )
+        last = next(moving, None)
         return last is not None and last.what in PATHS and last.ended is None
 
     def _allowed(self, name: str) -> float:

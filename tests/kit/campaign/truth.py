@@ -59,7 +59,7 @@ class Truth:
 
         Where the drive does not say that it has come there, the time for that whole way must be over.
         """
-        far = asked.what.startswith("move_") and self._facts.now - asked.since < _FARTHEST
+        far = asked.what.startswith(("move_", "resume")) and self._facts.now - asked.since < _FARTHEST
         return far and any(
             self._facts.now - self._moved.get(name, -_FARTHEST) < _ARRIVES
             or self._facts.drive[name].dials.target_reached_never

@@ -8,7 +8,7 @@ jumps there. Its place is the integral of its direction, by eight points of Gaus
 a few billionths of its length.
 
 ``shares`` are the highest parts of the speed that each axis has of it, ``bends`` those that it can have of an acceleration, and
-``curvatures`` the highest of each of some stretches of the same length, in 1/unit: what limits are made of (``way``).
+``curvatures(count)`` the highest of each of at most so many stretches of the same length, in 1/unit: what limits are made of.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 Place = tuple[float, ...]
 _NODES = (
@@ -29,10 +30,6 @@ _NODES = (
     (0.9602898564975363, 0.1012285362903763),
 )
 _STRETCHES = 12  # of a corner: enough that it is gone into faster than through its middle
-_RISE = tuple(
-    1.0 - math.cos(math.tau * min(n + 1, _STRETCHES - n, _STRETCHES // 2) / _STRETCHES)
-    for n in range(_STRETCHES)
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +47,7 @@ class Straight:
         share = s / self.length
         return tuple([a + (b - a) * share for a, b in zip(self.start, self.end, strict=True)])
 
-    @property
-    def curvatures(self) -> Place:
+    def curvatures(self, _count: int) -> Place:
         """It has none."""
         return (0.0,)
 
@@ -98,8 +94,7 @@ class Arc:
             [c + cos * o + sin * a for c, o, a in zip(self.centre, self.out, self.along, strict=True)]
         )
 
-    @property
-    def curvatures(self) -> Place:
+    def curvatures(self, _count: int) -> Place:
         """The same everywhere."""
         return (1.0 / self.radius,)
 
@@ -150,11 +145,10 @@ class Corner:
         along = sign * (x * self.length - self.trim) - across * math.cos(self.angle)
         return tuple([t + along * h + across * o for t, h, o in zip(self.tip, here, there, strict=True)])
 
-    @property
-    def curvatures(self) -> Place:
+    def curvatures(self, count: int) -> Place:
         """None at its ends, in its middle twice that of the circle that turns as much over the same length."""
         middle = self.angle / self.length
-        return tuple(middle * factor for factor in _RISE)
+        return tuple(middle * factor for factor in _rise(min(count, _STRETCHES)))
 
     @property
     def shares(self) -> Place:
@@ -179,6 +173,13 @@ class Corner:
 
 
 Piece = Straight | Arc | Corner
+
+
+@cache
+def _rise(count: int) -> Place:
+    """Return the highest curvature of each stretch of a corner that turns by 1 over a length of 1."""
+    middle = (min(max(0.5, n / count), (n + 1) / count) for n in range(count))  # its place next to the middle
+    return tuple(1.0 - math.cos(math.tau * at) for at in middle)
 
 
 def turned(angle: float, share: float) -> tuple[float, float]:

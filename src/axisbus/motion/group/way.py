@@ -12,16 +12,18 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
-from axisbus.motion.group.pieces import Piece, Place
+from axisbus.motion.group.pieces import Piece, Place, Straight
 from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import Limits
 
 _TURNS, _SPEEDS = 0.8, 0.6
+_AT_ONCE = 8  # stretches in a cycle: each takes some of its time
+_FINE, _LEAST = 1 << 30, 1e-290
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,13 @@ class Way:
 NOWHERE = Way((), (), (0.0,), (), (), (), (), (), (), (), ())
 
 
+class Cycle(NamedTuple):
+    """The velocity that is asked for, and the period of a cycle in s."""
+
+    velocity: float
+    period: float
+
+
 class _Stretch(NamedTuple):
     """A part of a piece, with its highest speed."""
 
@@ -85,25 +94,29 @@ class _Stretch(NamedTuple):
 
 
 def way_of(
-    pieces: Sequence[Piece], limits: Sequence[Limits], acceleration: float, stops: Collection[int] = ()
+    pieces: Sequence[Piece],
+    limits: Sequence[Limits],
+    acceleration: float,
+    stops: Collection[int] = (),
+    cycle: Cycle | None = None,
 ) -> Way:
     """Return the way of ``pieces`` for axes with these limits (in the order of a ``Place``).
 
     ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
+    ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
     """
     hardest = [_ramp(piece, limits, acceleration) for piece in pieces]
     stretches = [
-        _Stretch(
-            number, piece.length / len(piece.curvatures), _top(piece, limits, hardest[number], curvature)
-        )
+        stretch
         for number, piece in enumerate(pieces)
-        for curvature in piece.curvatures
+        for stretch in _stretches(number, piece, limits, hardest[number], cycle)
     ]
-    ramps = tuple(
-        hardest[each.piece] * (_SPEEDS if any(pieces[each.piece].curvatures) else 1.0) for each in stretches
-    )
+    if cycle is not None:
+        stretches = _not_too_many(stretches, cycle.period)
+    slower = [1.0 if isinstance(piece, Straight) else _SPEEDS for piece in pieces]
+    ramps = tuple(hardest[each.piece] * slower[each.piece] for each in stretches)
     shares, bends = ([piece.shares for piece in pieces], [piece.bends for piece in pieces])
-    tops = [max(each.top for each in stretches if each.piece == number) for number in range(len(pieces))]
+    tops = [max(each.top for each in group) for _, group in groupby(stretches, key=lambda each: each.piece)]
     return Way(
         pieces=tuple(pieces),
         starts=tuple(accumulate((piece.length for piece in pieces[:-1]), initial=0.0)),
@@ -117,6 +130,40 @@ def way_of(
         speeds=_each(max, _scaled(shares, tops)),
         accelerations=_each(max, _scaled(bends, hardest)),
     )
+
+
+def _stretches(
+    number: int, piece: Piece, limits: Sequence[Limits], ramp: float, cycle: Cycle | None
+) -> Iterator[_Stretch]:
+    """Divide a piece into stretches, each of which takes a cycle at least."""
+    own = [
+        limit.velocity / part
+        for limit, part in zip(limits, piece.shares, strict=True)
+        if part and limit.velocity is not None
+    ]
+    fastest = min([math.inf, *own])
+    count = _FINE
+    if cycle is not None:
+        slowest = min(cycle.velocity, fastest, _turning(piece.curvatures(1)[0], ramp))
+        count = int(max(1.0, min(piece.length / max(slowest * cycle.period, _LEAST), _FINE)))
+    curvatures = piece.curvatures(count)
+    for curvature in curvatures:
+        yield _Stretch(number, piece.length / len(curvatures), min(fastest, _turning(curvature, ramp)))
+
+
+def _turning(curvature: float, ramp: float) -> float:
+    """Return how fast a curve may be."""
+    return math.sqrt(_TURNS * ramp / curvature) if curvature else math.inf
+
+
+def _not_too_many(stretches: Sequence[_Stretch], period: float) -> list[_Stretch]:
+    """Slow down where a cycle would have to go through more stretches than it has the time for."""
+    marks = list(accumulate((each.length for each in stretches), initial=0.0))
+    last = len(stretches) - _AT_ONCE
+    return [
+        each._replace(top=min(each.top, (marks[n + _AT_ONCE] - marks[n]) / period)) if n <= last else each
+        for n, each in enumerate(stretches)
+    ]
 
 
 def _each(choose: Callable[[Iterable[float]], float], rows: Sequence[Place]) -> Place:
@@ -135,16 +182,6 @@ def _ramp(piece: Piece, limits: Sequence[Limits], acceleration: float) -> float:
         if part and limit.acceleration is not None
     ]
     return min([acceleration, *own])
-
-
-def _top(piece: Piece, limits: Sequence[Limits], ramp: float, curvature: float) -> float:
-    own = [
-        limit.velocity / part
-        for limit, part in zip(limits, piece.shares, strict=True)
-        if part and limit.velocity is not None
-    ]
-    turning = [math.sqrt(_TURNS * ramp / curvature)] if curvature else []
-    return min([math.inf, *own, *turning])
 
 
 def _leaves(
