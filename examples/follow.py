@@ -1,4 +1,4 @@
-"""Following a trajectory of your own in cyclic synchronous position mode: any object with ``duration`` and ``position(t)``."""
+"""Following a trajectory of your own in csp: an object with ``duration`` and ``position(t)``; or points."""
 
 import math
 from dataclasses import dataclass
@@ -29,3 +29,8 @@ with Machine.open(Path(__file__).with_name("cell.toml")) as cell:
     print(f"in the middle: {x.position:.1f} {x.unit}, {x.state.value}")
     swing.wait()
     print(f"back: {x.position:.2f} {x.unit}")
+    here = x.position
+    x.follow(
+        [(0.0, here), (0.6, here + 30.0), (1.0, here + 10.0), (1.5, here)]
+    ).wait()  # a smooth curve through them
+    print(f"along points, and back: {x.position:.2f} {x.unit}")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
     from axisbus.record.plot import plot
@@ -32,6 +33,7 @@ _HOME = {
     "Plant": "axisbus.machine.plant",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
+    "Spline": "axisbus.motion.spline",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
     "plot": "axisbus.record.plot",
@@ -48,6 +50,7 @@ __all__ = [
     "Plant",
     "Recorder",
     "Sampled",
+    "Spline",
     "Trajectory",
     "Trapezoid",
     "plot",

@@ -92,6 +92,22 @@ def test_sampled_positions_are_joined_by_straight_lines():
     assert steps == {0, 200, 400}  # 1 degree in 50 ms is 0.2 per period, 2 degrees 0.4
 
 
+def test_rows_are_followed_on_a_smooth_curve_and_functions_as_they_are():
+    r = rig().enabled()
+    seen = Watch(r, "x")
+    r.axis.follow([(0.0, 0.0), (0.4, 20.0), (1.0, 0.0)]).wait(5)
+    places = [row.position / 1000.0 for row in seen.rows]
+    assert max(places) == pytest.approx(20.7, abs=0.1)  # a little beyond the point in the middle
+    bends = [
+        abs(a - 2.0 * b + c) / PERIOD**2 for a, b, c in zip(places, places[1:], places[2:], strict=False)
+    ]
+    assert max(bends) < 1000.0  # straight lines between them would be 8000 in their middle
+    r.axis.follow(lambda t: 10.0 * math.sin(math.pi * t) ** 2, duration=1.0).wait(5)
+    assert r.drive.position == pytest.approx(0, abs=2)
+    with pytest.raises(LimitError, match="velocity"):
+        r.axis.follow([(0.0, 0.0), (0.1, 50.0), (1.0, 0.0)])
+
+
 def test_a_trajectory_counts_in_the_user_s_own_count():
     r = rig().enabled()
     r.axis.move_absolute(20.0).wait(5)

@@ -18,8 +18,8 @@ from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.snapshot import Snapshot
+from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
-from axisbus.motion.trajectory import Trajectory
 from axisbus.units import modulo_target
 
 _HOMING_TIMEOUT = 60.0
@@ -444,22 +444,26 @@ class Axis:
         name = f"set_position({shown(position)} {self.unit})"
         return self._submit(name, c.SetPosition(self._request(name).place(position)))
 
-    def follow(self, trajectory: Trajectory) -> Handle:
+    def follow(self, trajectory: Followed, *, duration: float | None = None) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
 
-        It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``) is held against the limits as a
-        whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where it would
-        leave the position limits, the axis is braked along it and stands within them. So it is where the next step would be faster
-        than ``max_velocity`` or harder than ``max_acceleration``; without both, harder than the default acceleration.
+        It is an object with ``duration`` and ``position(t)``; rows of time (s, from 0 on) and position, also of numpy,
+        through which a smooth curve is laid (``Spline``); or a function of time, with its ``duration`` in seconds.
+
+        It must begin where the axis stands. What is known in advance (``Trapezoid``, ``Sampled``, ``Spline``) is held against the
+        limits as a whole. Any other is looked at in each cycle, as far ahead as braking takes with the default deceleration: where
+        it would leave the position limits, the axis is braked along it and stands within them. So it is where the next step would
+        be faster than ``max_velocity`` or harder than ``max_acceleration``; without both, harder than the default acceleration.
 
         Raises:
             LimitError: it goes beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``.
             ArgumentError: the axis is not homed where it must be, or nothing is known to keep the limits with or to tell a jump by.
         """
-        name = f"follow({type(trajectory).__name__}, {shown(trajectory.duration)} s)"
+        followed = trajectory_of(trajectory, duration, f"{self.name}.follow")
+        name = f"follow({type(followed).__name__}, {shown(followed.duration)} s)"
         self._require_homed(name)
-        self._request(name).trajectory(trajectory)
-        return self._submit(name, c.FollowTrajectory(trajectory))
+        self._request(name).trajectory(followed)
+        return self._submit(name, c.FollowTrajectory(followed))
 
     # -- how a command is made ----------------------------------------------------------------------------------------
 
