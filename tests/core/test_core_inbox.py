@@ -12,7 +12,8 @@ from axisbus.core.inbox import AT_ONCE, MOST, Inbox, Waiting
 from axisbus.errors import StateError, Stopped
 from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import ForEach, MoveLinear
+from axisbus.motion.group.commands import ForEach, GroupContinue, GroupSetOverride, MoveLinear, MovePath
+from axisbus.motion.group.way import NOWHERE
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.ticket import Ticket
 from kit.motion.rig import rig
@@ -75,12 +76,24 @@ def test_a_stop_of_a_group_overtakes_what_concerns_any_of_its_axes_and_one_of_an
     for number in range(AT_ONCE):
         given(inbox, "z", move(number))
     line = given(inbox, ("x", "y"), MoveLinear({"x": 1.0, "y": 1.0}, 1.0, 1.0))
+    path = given(inbox, "g", MovePath(("x", "y"), NOWHERE, 1.0))
+    resumed = given(inbox, "g", GroupContinue(("x", "y")))
     own = given(inbox, "y", move(1))
     halt = given(inbox, "x", c.Halt())  # takes the line with it, and leaves y's own move
     again = given(inbox, "w", move(1))
     all_ = given(inbox, "g", ForEach({"y": c.Stop(), "w": c.Stop()}))
     assert inbox.take()[AT_ONCE:] == [halt, all_]
-    assert all(isinstance(waiting.ticket.error, Stopped) for waiting in (line, own, again))
+    assert all(isinstance(waiting.ticket.error, Stopped) for waiting in (line, path, resumed, own, again))
+
+
+def test_a_stop_leaves_an_override_that_waits():
+    inbox = Inbox()
+    for number in range(AT_ONCE):
+        given(inbox, "z", move(number))
+    override = given(inbox, "g", GroupSetOverride(0.5))
+    halt = given(inbox, "x", c.Halt())
+    assert inbox.take()[AT_ONCE:] == [halt]
+    assert inbox.take() == [override]
 
 
 @pytest.mark.parametrize(

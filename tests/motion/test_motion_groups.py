@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import random
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
@@ -610,3 +612,63 @@ def test_a_gate_that_is_shut_opens_no_more_and_an_open_one_is_not_shut():
     assert not gate.is_open
     OPEN.shut()
     assert OPEN.pass_through(gate)
+
+
+# Paths, to the increment.
+
+
+def targets_of(seen: dict[str, Watch]) -> list[tuple[float, ...]]:
+    """What was sent to the drives, cycle by cycle, in degrees."""
+    columns = [[item.outputs.target_position for item in watch.sent] for watch in seen.values()]
+    rows = zip(*columns, strict=True)
+    return [tuple(value / 1000.0 for value in row) for row in rows if None not in row]
+
+
+def test_every_target_of_a_line_lies_on_it_to_the_increment():
+    r = rig("xyz").enabled()
+    seen = watches(r)
+    r.groups["all"].move_linear((90.0, -33.3, 12.34), velocity=150.0).wait(5)
+    assert off_the_line(targets_of(seen), (0.0, 0.0, 0.0), (90.0, -33.3, 12.34)) < 0.001
+
+
+def test_every_target_of_a_circle_lies_on_it_to_the_increment():
+    r = rig("xy").enabled()
+    seen = watches(r)
+    r.groups["all"].move_circular((0.0, 0.0), centre=(25.0, 10.0), velocity=150.0).wait(5)
+    radius = math.hypot(25.0, 10.0)
+    targets = targets_of(seen)
+    assert max(abs(math.dist(target, (25.0, 10.0)) - radius) for target in targets) < 0.001
+    assert len(targets) > 100
+
+
+@pytest.mark.parametrize("blend", [0.2, 3.0])
+def test_every_target_of_a_path_lies_on_its_lines_or_as_near_to_a_corner_as_was_asked_for(blend):
+    r = rig("xy").enabled()
+    seen = watches(r)
+    corners = [(0.0, 0.0), (60.0, 0.0), (60.0, 45.0), (10.0, 45.0)]
+    r.groups["all"].move_path(corners[1:], velocity=150.0, blend=blend).wait(5)
+    for target in targets_of(seen):
+        lines = [off_the_line([target], a, b) for a, b in pairwise(corners)]
+        assert min(lines) < 0.001 or min(math.dist(target, corner) for corner in corners[1:-1]) < 12.0 * blend
+        assert min(lines) <= blend + 0.001
+
+
+def test_a_thousand_starts_of_a_group_begin_in_one_sync():
+    r = rig("xyz").enabled()
+    group, chance = r.groups["all"], random.Random(402)
+    skews, seen = [], watches(r)
+    for number in range(1000):
+        for watch in seen.values():
+            watch.forget()
+        place = tuple(chance.uniform(3.0, 9.0) * (-1) ** number for _ in "xyz")
+        group.move_linear(place, velocity=200.0, acceleration=20_000.0).wait(5)
+        first = [
+            next(
+                n
+                for n, (a, b) in enumerate(pairwise(watch.sent))
+                if b.outputs.target_position != a.outputs.target_position
+            )
+            for watch in seen.values()
+        ]
+        skews.append(max(first) - min(first))
+    assert (len(skews), max(skews)) == (1000, 0)

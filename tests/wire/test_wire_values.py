@@ -17,9 +17,11 @@ from hypothesis import strategies as st
 
 from axisbus import errors
 from axisbus.motion.commands import Enable, FollowTrajectory, Move, MoveVelocity, Reference
-from axisbus.motion.group.commands import ForEach
+from axisbus.motion.group.commands import ForEach, MovePath
+from axisbus.motion.group.path import arc_through, polyline
+from axisbus.motion.group.way import way_of
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.parameters import AxisParameters, Units, no_explanation
+from axisbus.motion.parameters import AxisParameters, Limits, Units, no_explanation
 from axisbus.motion.ticket import Status
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.session import CommandEvent
@@ -28,6 +30,10 @@ from axisbus.wire import messages as m
 from axisbus.wire.errors import Elsewhere
 from axisbus.wire.values import Codec, NotForCrossing
 
+PIECES, STOPS = polyline([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 0.0)], 1.0)
+WAY = way_of(
+    [*PIECES, arc_through((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))], [Limits(velocity=9.0), Limits()], 50.0, STOPS
+)
 PROFILE = Profile(1000, 2000, 2000, 10.0, 20.0, None, 20.0, 20.0)
 PLAIN = (
     st.none()
@@ -69,6 +75,7 @@ def test_plain_values_arrive_as_they_were(value):
             ForEach({"x": Enable(), "y": Move(Reference.ABSOLUTE, -5, PROFILE)}, together=True),
             "xy",
         ),
+        m.Submit(9, "xy", MovePath(("x", "y"), WAY, 50.0), "xy.move_path"),
         m.Submit(8, "x", MoveVelocity(PROFILE, life=0.2), "x.jog"),
         m.Told((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
     ],
