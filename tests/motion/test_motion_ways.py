@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -297,6 +298,15 @@ def test_a_way_is_gone_on_with_from_where_it_was_left():
     assert (travel.t, travel.speed) == (50.0, 0.0)
     travel.advance(0.01)
     assert 50.0 < travel.t < 50.03
+
+
+def test_a_way_ends_whatever_is_said_of_its_end():
+    way = replace(square(1.0), leaves=(9.0,) * len(square(1.0).leaves))
+    travel = Travel()
+    travel.begin(way, 30.0)
+    for _ in range(3000):
+        travel.advance(0.01)
+    assert (travel.t, travel.speed) == (way.length, 0.0)
 
 
 # Shares.

@@ -72,7 +72,7 @@ class Travel:
         is_last, leave = number + 1 == len(way.tops), way.leaves[number]
         distance, self.t = max(mark - self.t, 0.0), mark
         self._number = number if is_last else number + 1
-        if leave == 0.0:  # an end, or a stop on the way
+        if is_last or leave == 0.0:  # the end, or a stop on the way
             self.speed = 0.0
             return 0.0
         rate = (w - v) / period
