@@ -11,10 +11,11 @@ import time
 
 import pytest
 
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit import commands
-from kit.cell import cell_text
+from kit.cell import MODULE, cell_text
 from kit.stories.own import own_cell, turns, under_way
 
 pytestmark = [pytest.mark.timeout(120)]
@@ -52,6 +53,16 @@ def test_a_torque_is_pressed_with_for_its_time(axisbus, cell):
     assert code == 0, err
     assert "x: has 0.5 N·m" in out
     assert "all axes stand and are disabled" in out
+
+
+def test_what_the_drive_alone_knows_is_told_before_it_is_enabled(axisbus, tmp_path, monkeypatch):
+    cell = tmp_path / "cell.toml"
+    cell.write_text(cell_text("x", period="20ms", heartbeat="1s", eds=MODULE, axis="rated_torque = 10.0"))
+    monkeypatch.setattr(Axis, "enable", lambda *_, **__: pytest.fail("it was enabled"))
+    code, _, err = axisbus("torque", cell, "x=0.5", "--for", "0.3")
+    assert code != 0
+    assert "slope is missing" in err
+    assert "6087h) is 0" in err
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ homing by a switch ends) is judged by the machine itself, later.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
@@ -42,17 +42,14 @@ _Place = int | None  # user increments; None where an axis may be anywhere
 class Rehearsal:
     """The axes of a cell without its drives; holds state: which axes were told to home, and where they are seen."""
 
-    def __init__(self, cell: CellConfig) -> None:
-        """Read the EDS files of the cell, in which ``checked`` finds no error.
+    def __init__(self, cell: CellConfig, known: Mapping[str, AxisParameters] | None = None) -> None:
+        """``known``: of each axis what its drive has told, too; without, the EDS files tell, which ``checked`` has read.
 
         Raises:
-            EdsError: one is missing or cannot be read.
+            EdsError: a file is missing or cannot be read.
         """
-        files = load_dictionaries(cell)
         self.cell = cell
-        self._parameters = {
-            name: axis_parameters(cell, name, files[axis.node]) for name, axis in cell.axes.items()
-        }
+        self._parameters = _of_files(cell) if known is None else dict(known)
         self._stage = _Stage(cell, self._parameters)
         self._commanding = Commanding(self._stage)
 
@@ -69,6 +66,11 @@ class Rehearsal:
     def see(self, name: str, snapshot: Snapshot) -> None:
         """Take over where an axis really is."""
         self._stage.see(name, snapshot)
+
+
+def _of_files(cell: CellConfig) -> dict[str, AxisParameters]:
+    files = load_dictionaries(cell)
+    return {name: axis_parameters(cell, name, files[axis.node]) for name, axis in cell.axes.items()}
 
 
 class _Stage:

@@ -45,13 +45,14 @@ class Turning:
 
     def run(self, cell: Path, seconds: float | None, *, record: Path | None, beside: bool, take: bool) -> int:
         """Enable the axes, let them turn, halt them, and leave them as they were found."""
-        rehearsal = Rehearsal(checked(cell))
-        for name, value in self.wanted.items():  # what cannot be is told before the bus is opened
-            self.begin(rehearsal[name], value)
+        config = checked(cell)
+        self._rehearse(Rehearsal(config))  # what cannot be is told before the bus is opened
         with (
             commanded(cell, list(self.wanted), take=take, beside=beside) as (machine, axes),
             recorded(machine, record),
         ):
+            known = {name: facts.parameters for name, facts in machine.session.axes.items()}
+            self._rehearse(Rehearsal(config, known))  # and what the drives alone know, before they are enabled
             enable(axes)
             follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
             for axis in axes:
@@ -61,6 +62,10 @@ class Turning:
             for axis in axes:
                 say_position(axis, "stands at")
         return OK
+
+    def _rehearse(self, rehearsal: Rehearsal) -> None:
+        for name, value in self.wanted.items():
+            self.begin(rehearsal[name], value)
 
 
 def _keep(machine: Machine, axes: list[Axis], seconds: float | None) -> None:
