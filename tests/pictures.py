@@ -111,8 +111,33 @@ def override() -> None:
     figure.savefig(FOLDER / "override.png", dpi=110)
 
 
+def jerk() -> None:
+    """One line at once and softly."""
+    figure, (speed, rate) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    for (name, limit), colour in zip(
+        (("at once", None), ("jerk = 8000 deg/s³", 8000.0)), COLOURS, strict=False
+    ):
+
+        def run(_: Machine, xy: Group, limit: float | None = limit) -> None:
+            xy.move_linear((60.0, 30.0), velocity=120.0, acceleration=600.0, jerk=limit).wait()
+
+        trace = traced(run)
+        step = trace.times[1] - trace.times[0]
+        speeds = trace.speeds
+        rates = [(b - a) / step / OVER for a, b in zip(speeds, speeds[OVER:], strict=False)]
+        speed.plot(trace.times, speeds, color=colour, linewidth=1.3, label=name)
+        rate.plot(trace.times[OVER:], rates, color=colour, linewidth=1.3, label=name)
+    speed.set(xlabel="s", ylabel="deg/s", title="speed along the line")
+    rate.set(xlabel="s", ylabel="deg/s²", title="acceleration along the line")
+    for axes in (speed, rate):
+        axes.grid(alpha=0.3)
+    speed.legend(fontsize=8)
+    figure.suptitle("simulated drives", fontsize=9, color="#666666", x=0.99, ha="right")
+    figure.savefig(FOLDER / "jerk.png", dpi=110)
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override):
+    for draw in (corners, override, jerk):
         draw()
         print(draw.__name__, flush=True)

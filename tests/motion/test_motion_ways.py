@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import replace
 from itertools import pairwise
 
@@ -298,6 +299,51 @@ def test_a_way_is_gone_on_with_from_where_it_was_left():
     assert (travel.t, travel.speed) == (50.0, 0.0)
     travel.advance(0.01)
     assert 50.0 < travel.t < 50.03
+
+
+@pytest.mark.parametrize("window", [2, 5, 40])
+@pytest.mark.parametrize("length", [0.5, 30.0, 400.0])
+def test_a_mean_of_some_cycles_limits_the_jerk_and_leads_to_the_same_end(window, length):
+    way = way_of([Straight((0.0,), (length,), length)], [Limits()], 500.0)
+    travel, places, chance = Travel(), [0.0], random.Random(window)
+    travel.begin(way, 100.0, 0.0, window)
+    while travel.t < length:
+        if chance.random() < 0.02:
+            travel.factor = chance.choice((0.3, 1.0, 1.5))
+        travel.advance(0.004)
+        places.append(travel.t)
+        assert len(places) < 20_000
+    places = [0.0, 0.0, *places, length, length, length]
+    speeds, bends, jerks = (differences(places, order, 0.004) for order in (1, 2, 3))
+    assert places[-4] == length
+    assert min(speeds) >= -1e-9
+    assert max(speeds) <= 150.0 * (1 + 1e-9)
+    assert max(map(abs, bends)) <= 500.0 * (1 + 1e-6)
+    assert max(map(abs, jerks)) <= 2.0 * 500.0 / (window * 0.004) * (1 + 1e-6)
+
+
+def differences(values: list[float], order: int, period: float) -> list[float]:
+    for _ in range(order):
+        values = [(b - a) / period for a, b in pairwise(values)]
+    return values
+
+
+def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_come_up():
+    way = way_of([Straight((0.0,), (900.0,), 900.0)], [Limits()], 500.0)
+    travel = Travel()
+    travel.begin(way, 100.0, 0.0, 10)
+    for _ in range(100):
+        travel.advance(0.01)
+    travel.brake()
+    cycles = 0
+    while not travel.stopped:
+        travel.advance(0.01)
+        cycles += 1
+    assert cycles == 20 + 9
+    travel.advance(0.01)
+    again = Travel()
+    again.begin(way, 100.0, travel.t, 10)
+    assert again.t == travel.t
 
 
 def test_a_way_ends_whatever_is_said_of_its_end():

@@ -74,7 +74,7 @@ def test_a_circle_is_round_and_comes_back_to_where_it_began(story):
     places = list(zip(cell.positions("x", 0.0), cell.positions("y", 0.0), strict=True))
     assert max(abs(math.dist(place, (30.0, 0.0)) - 30.0) for place in places) < 0.2
     assert min(y for _, y in places) == pytest.approx(-30.0, abs=0.2)
-    assert cell.end_of(group.move_circular((60.0, 0.0), via=(30.0, 30.0), velocity=80.0)) is None
+    assert cell.end_of(group.move_circular((60.0, 0.0), via=(30.0, 30.0), velocity=80.0, jerk=4000.0)) is None
     must_be_at(cell, 60.0, 0.0)
 
 
@@ -105,6 +105,26 @@ def test_an_override_stays_for_what_follows_and_holds_a_line_before_it_begins(st
     cell.end_of(group.set_override(1.0))
     assert cell.end_of(line) is None
     must_be_at(cell, 30.0, 30.0)
+
+
+def test_a_line_with_a_limit_of_jerk_begins_and_ends_softly_and_is_halted_on_its_line(story):
+    cell, group = two(story)
+    times = []
+    for end, jerk in (((60.0, 30.0), None), ((0.0, 0.0), None), ((60.0, 30.0), 5000.0), ((0.0, 0.0), 5000.0)):
+        begun = cell.now
+        assert cell.end_of(group.move_linear(end, velocity=100.0, acceleration=500.0, jerk=jerk)) is None
+        times.append(cell.now - begun)
+    assert times[3] == pytest.approx(times[1] + 0.2, abs=0.06)
+    line = group.move_linear((60.0, 30.0), velocity=100.0, acceleration=500.0, jerk=5000.0)
+    cell.run(0.4)
+    assert cell.end_of(group.halt()) is None
+    assert line.status.name == "ABORTED"
+    assert cell.end_of(group.resume()) is None
+    must_be_at(cell, 60.0, 30.0)
+    must_have_kept_to(cell, [(60.0, 30.0)], 0.15)
+    assert "jerk 100 is too small" in str(
+        cell.failure_of(group.move_linear((0.0, 0.0), velocity=100.0, acceleration=500.0, jerk=100.0))
+    )
 
 
 def test_what_is_held_can_be_halted_and_an_override_scales_no_halt(story):
@@ -193,6 +213,7 @@ def test_where_it_begins_is_looked_at_when_it_begins(story):
             ArgumentError,
             "centre inf",
         ),
+        (lambda g: g.move_linear((1.0, 1.0), velocity=50.0, jerk=0.0), LimitError, "jerk 0"),
         (lambda g: g.set_override(1.6), ArgumentError, "from 0 to 1.5"),
         (lambda g: g.set_override("1"), ArgumentError, "from 0 to 1.5"),
         (lambda g: g.set_override(math.nan), ArgumentError, "from 0 to 1.5"),

@@ -79,12 +79,18 @@ class Group:
         return self._all("quick_stop()", c.QuickStop)
 
     def move_linear(
-        self, positions: Sequence[float], *, velocity: float, acceleration: float | None = None
+        self,
+        positions: Sequence[float],
+        *,
+        velocity: float,
+        acceleration: float | None = None,
+        jerk: float | None = None,
     ) -> Handle:
         """Move all on a straight line to ``positions`` (in the group's order of axes) in cyclic synchronous position mode.
 
         ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
-        Euclidean length over all axes. Axes that would be asked for more than their own limits slow all down.
+        Euclidean length over all axes. Axes that would be asked for more than their own limits slow all down. ``jerk``
+        (unit/s³): the acceleration along the path changes by no more, also in a halt and under an override; None: at once.
 
         Raises:
             LimitError: an end lies beyond an axis's position limits.
@@ -98,7 +104,8 @@ class Group:
             "acceleration",
             self._smallest_acceleration(name) if acceleration is None else acceleration,
         )
-        return self._submit(name, MoveLinear(ends, speed, ramp))
+        change = None if jerk is None else self._positive(name, "jerk", jerk)
+        return self._submit(name, MoveLinear(ends, speed, ramp, change))
 
     def move_path(
         self,
@@ -133,12 +140,13 @@ class Group:
         clockwise: bool = False,
         velocity: float,
         acceleration: float | None = None,
+        jerk: float | None = None,
     ) -> Handle:
         """Move all on an arc to ``end``, by the point ``via`` or about ``centre`` (MC_MoveCircularAbsolute, BORDER and CENTER).
 
         About a centre, for two axes: counter-clockwise as the first axis turns to the second, or ``clockwise``; once round where
-        ``end`` is where they stand. ``velocity`` and ``acceleration`` as ``move_linear``; the circle is slower where its curvature
-        asks for it.
+        ``end`` is where they stand. ``velocity``, ``acceleration`` and ``jerk`` (that of the speed along it) as ``move_linear``;
+        the circle is slower where its curvature asks for it.
 
         Raises:
             LimitError: the arc leaves an axis's position limits.
@@ -152,6 +160,7 @@ class Group:
                 remedy="give via = a point that the circle goes through, or centre = its centre",
             )
         request = self._request(text, "move_circular", velocity, acceleration)
+        request.jerk = None if jerk is None else self._positive(text, "jerk", jerk)
         if centre is not None:
             return self._submit(text, request.about(centre, end, clockwise=clockwise))
         assert via is not None

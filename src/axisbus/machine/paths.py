@@ -31,6 +31,7 @@ class PathRequest:
         self._axes = axes
         self._text, self._call = text, call
         self._velocity, self._acceleration = velocity, acceleration
+        self.jerk: float | None = None  # of an arc
         for name, axis in axes.items():
             if axis.modulo is not None:
                 raise ArgumentError(
@@ -130,4 +131,4 @@ class PathRequest:
         cycle = Cycle(self._velocity, period)
         way = way_of(pieces, limits, self._acceleration, stops, cycle)
         require_end(way, self._velocity, self._text)
-        return MovePath(tuple(self._axes), way, self._velocity)
+        return MovePath(tuple(self._axes), way, self._velocity, self.jerk)

@@ -91,7 +91,9 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     "group_release": lambda cell, _: _group(cell).release(),
     "group_reset": lambda cell, _: _group(cell).reset(),
     "group_quick_stop": lambda cell, _: _group(cell).quick_stop(),
-    "move_linear": lambda cell, value: _group(cell).move_linear(_line(cell, value), velocity=100.0),
+    "move_linear": lambda cell, value: _group(cell).move_linear(
+        _line(cell, value), velocity=100.0, jerk=4000.0 if value > 0.5 else None
+    ),
     "move_path": lambda cell, value: _group(cell).move_path(
         _path(cell, value), velocity=150.0, blend=max(0.0, 10.0 * value)
     ),

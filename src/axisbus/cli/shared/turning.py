@@ -52,7 +52,7 @@ class Turning:
             recorded(machine, record),
         ):
             known = {name: facts.parameters for name, facts in machine.session.axes.items()}
-            self._rehearse(Rehearsal(config, known))  # and what the drives alone know, before they are enabled
+            self._rehearse(Rehearsal(config, known))  # what the drives alone know, before they are enabled
             enable(axes)
             follow(machine, [Way(axis, self.begin(axis, self.wanted[axis.name])) for axis in axes])
             for axis in axes:

@@ -19,20 +19,28 @@ class ForEach:
 
 @dataclass(frozen=True, slots=True)
 class MoveLinear:
-    """MC_MoveLinearAbsolute: a straight line to ``ends`` (units), with path velocity and acceleration (units/s, units/s²)."""
+    """MC_MoveLinearAbsolute: a straight line to ``ends`` (units), with path velocity and acceleration (units/s, units/s²).
+
+    ``jerk`` in units/s³; None: it is not limited.
+    """
 
     ends: Mapping[str, float]
     velocity: float
     acceleration: float
+    jerk: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class MovePath:
-    """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``."""
+    """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``.
+
+    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited.
+    """
 
     axes: tuple[str, ...]
     way: Way
     velocity: float
+    jerk: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from axisbus.errors import StateError
@@ -9,7 +10,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.commands import MoveLinear, MovePath
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.path import plan_line
+from axisbus.motion.group.path import plan_line, window_of
 from axisbus.motion.group.pieces import Place
 from axisbus.motion.group.travel import FASTER, Travel
 from axisbus.motion.group.way import NOWHERE
@@ -31,7 +32,7 @@ class Line:
         names = command.axes if isinstance(command, MovePath) else tuple(command.ends)
         self._axes = {name: axes[name] for name in names}
         self._left = left if left is not None and left.planned else None
-        self._way, self._velocity = NOWHERE, 0.0
+        self._way, self._velocity, self._window = NOWHERE, 0.0, 1
         self.travel = Travel()
         self.planned: bool = False
         self.follows = {
@@ -58,7 +59,7 @@ class Line:
         if self.planned:
             self.travel.advance(period)
         elif begins:
-            self._plan(name)
+            self._plan(name, period)
 
     def leads(self) -> bool:
         """Whether any axis was led along the way since this was asked last."""
@@ -89,30 +90,34 @@ class Line:
                     remedy=f"go there first: group.move_direct(({places},)); or begin anew from where the axes stand",
                 )
 
-    def _plan(self, name: str) -> None:
-        begin = self._take_way(name)
+    def _plan(self, name: str, period: float) -> None:
+        begin = self._take_way(name, period)
         here = tuple(self._start(axis) for axis in self._axes)
         along = Along(self._way, begin, here)
         for number, follow in enumerate(self.follows.values()):
             follow.begin(Share(along, number, FASTER * self._velocity))
-        self.travel.begin(self._way, self._velocity, begin)
+        self.travel.begin(self._way, self._velocity, begin, self._window)
         self.planned = True
 
-    def _take_way(self, name: str) -> float:
+    def _take_way(self, name: str, period: float) -> float:
         """Find out which way it is, and how fast; return where on it to begin."""
         command, left = self._command, self._left
         if left is not None:
-            self._way, self._velocity = left._way, left._velocity
+            self._way, self._velocity, self._window = left._way, left._velocity, left._window
             return left.travel.t
         if isinstance(command, MovePath):
             self._way, self._velocity = command.way, command.velocity
             self.require_near(self._way.at(0.0), name, "does not stand where the path begins")
+            if len(self._way.tops) == 1:
+                self._window = window_of(self._way, 1.0, command.jerk, period, name)
         else:
             starts = {axis: self._start(axis) for axis in self._axes}
             parameters = {axis: core.parameters for axis, core in self._axes.items()}
             self._way, self._velocity = plan_line(
                 starts, command.ends, parameters, command.velocity, command.acceleration, name
             )
+            unit = math.dist(self._way.at(0.0), self._way.at(1.0))
+            self._window = window_of(self._way, unit, command.jerk, period, name)
         return 0.0
 
     def _start(self, name: str) -> float:

@@ -15,6 +15,7 @@ _LONGEST = 366 * 86400.0  # seconds of one way: what would take more than a year
 # Of the way from 0 to 1: far beyond one scan period, and numbers of which the squares are numbers too.
 _FASTEST = 1e6  # per s
 _STEEPEST = 1e12  # per s²
+_SLOWEST = 0.5  # seconds by which a limit of jerk may prolong a halt
 _SAME = 1e-9  # of the largest number: points that are as near are one
 
 
@@ -57,6 +58,27 @@ def require_end(way: Way, velocity: float, name: str, unit: float = 1.0) -> None
     seconds = way.seconds(velocity) if all(slow) else math.inf
     if seconds > _LONGEST:
         raise _endless(name, seconds, *(value * unit for value in (way.length, *slow)))
+
+
+def window_of(way: Way, unit: float, jerk: float | None, period: float, name: str) -> int:
+    """Return of how many cycles of ``period`` s the mean is taken, so that ``jerk`` (units/s³) is kept on a way of one stretch.
+
+    ``unit``: what 1 of the way is in the axes' units.
+
+    Raises:
+        LimitError: it would be so small that it takes seconds until anything happens.
+    """
+    hardest = way.ramps[0] * unit
+    if jerk is None or not hardest:
+        return 1
+    seconds = 2.0 * hardest / jerk
+    if seconds > _SLOWEST:
+        raise LimitError(
+            f"{name}: jerk {jerk:g} is too small for this acceleration",
+            observed=f"a halt would take {seconds:g} s longer; {_SLOWEST:g} are allowed",
+            remedy=f"give at least {2.0 * hardest / _SLOWEST:.3g} units/s³, or less acceleration",
+        )
+    return max(1, math.ceil(seconds / period))
 
 
 def polyline(points: Sequence[Place], blend: float) -> tuple[list[Piece], set[int]]:

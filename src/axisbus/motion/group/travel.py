@@ -7,11 +7,15 @@ acceleration, and stays low enough to leave the stretch no faster than it may be
 that the cycle itself makes, (v + w) T / 2, that is a quadratic equation. A cycle that comes to a joint ends there, and the rest of
 its time is gone on with in the next stretch. So the way can be slowed down, held, gone along faster and stopped at any time, and
 nothing of that leads off it: what changes is the speed along it.
+
+Where the jerk along the way is limited, the place is the mean of those of the last cycles (``window``). It is on the way, too, is
+no faster and no harder, and its acceleration changes by no more than twice the acceleration in the time of those cycles.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from axisbus.motion.group.way import NOWHERE, Way
 
@@ -23,28 +27,44 @@ _LEAST = 1e-9  # of the change within a cycle: what is slower stands
 class Travel:
     """Goes along a way; holds the place ``t``, the speed, and whether it brakes. To the axes it is their clock (``Follow``)."""
 
-    __slots__ = ("_near", "_number", "_way", "braking", "factor", "speed", "t", "velocity")
+    __slots__ = (
+        "_ahead",
+        "_near",
+        "_number",
+        "_places",
+        "_way",
+        "braking",
+        "factor",
+        "speed",
+        "t",
+        "velocity",
+    )
 
     def __init__(self) -> None:
         self._way = NOWHERE
         self.velocity = 0.0
         self.factor = 1.0  # the override
-        self.t = 0.0
+        self.t = self._ahead = 0.0  # where it is, and where it would be without a limit of jerk
+        self._places: deque[float] = deque(maxlen=1)
         self.speed = 0.0
         self.braking = False
         self._number = 0
         self._near = 0.0
 
-    def begin(self, way: Way, velocity: float, at: float = 0.0) -> None:
-        """Take the way, with the ``velocity`` that is asked for (above 0), and the place to begin at, at rest."""
+    def begin(self, way: Way, velocity: float, at: float = 0.0, window: int = 1) -> None:
+        """Take the way, with the ``velocity`` that is asked for (above 0), and the place to begin at, at rest.
+
+        ``window``: of how many cycles the mean is taken; more than one only where the way is one stretch.
+        """
         self._way, self.velocity, self.t = way, velocity, at
+        self._ahead, self._places = at, deque([at] * window, maxlen=window)
         self._number = way.number(at)
         self._near = _NEXT * way.length
 
     @property
     def stopped(self) -> bool:
         """Whether it stands because it was braked."""
-        return self.braking and self.speed == 0.0
+        return self.braking and self.speed == 0.0 and self.t == self._ahead
 
     def told(self, t: float) -> str:
         """Return a place for people."""
@@ -59,6 +79,9 @@ class Travel:
         left = period
         while left > 0.0:
             left = self._go(left)
+        places, ahead = self._places, self._ahead
+        places.append(ahead)
+        self.t = ahead if places[0] == ahead else sum(places) / len(places)
 
     def _go(self, period: float) -> float:
         """Go on within the stretch; return the time that is left where it was left before."""
@@ -66,11 +89,11 @@ class Travel:
         ramp, mark = way.ramps[number], way.marks[number + 1]
         w = self._wanted(ramp * period, way.tops[number], self._bound(number, period))
         covered = 0.5 * v * v / ramp if w == 0.0 and v < ramp * period else 0.5 * (v + w) * period
-        if self.t + covered < mark - self._near:
-            self.t, self.speed = self.t + covered, w
+        if self._ahead + covered < mark - self._near:
+            self._ahead, self.speed = self._ahead + covered, w
             return 0.0
         is_last, leave = number + 1 == len(way.tops), way.leaves[number]
-        distance, self.t = max(mark - self.t, 0.0), mark
+        distance, self._ahead = max(mark - self._ahead, 0.0), mark
         self._number = number if is_last else number + 1
         if is_last or leave == 0.0:  # the end, or a stop on the way
             self.speed = 0.0
@@ -90,7 +113,7 @@ class Travel:
         """Return the highest speed after ``period`` with which the stretch can be left as slowly as it must."""
         way, v = self._way, self.speed
         ramp, leave = way.ramps[number], way.leaves[number]
-        left = way.marks[number + 1] - self.t
+        left = way.marks[number + 1] - self._ahead
         half = 0.5 * ramp * period
         inner = half * half + leave * leave + ramp * (2.0 * left - v * period)
         return math.sqrt(inner) - half if inner > 0.0 else 0.0
