@@ -11,9 +11,9 @@ from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
 from axisbus.errors import ArgumentError, DriveError, LimitError, StaleError
 from axisbus.motion.group.gate import OPEN
-from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, StopTimes
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
 from axisbus.motion.stop.leaving import AxisLeaving, Leaving

@@ -24,7 +24,6 @@ from axisbus.errors import (
 )
 from axisbus.motion.braking import Braking
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.activity import (
     ModeSwitch,
     Transfers,
@@ -40,6 +39,7 @@ from axisbus.motion.moves.prepare import Prepare, profile_writes, slow_ramp_writ
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.setpoint import Phase, SetPoint
 from axisbus.motion.parameters import Defaults, HoldsLoad, Limits, pull_window
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.ramped import RampedWay
 from axisbus.motion.stop.restwait import RestWaits

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from axisbus.errors import LimitError
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.path import plan_line
-from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.interpolation import interpolation_period
 from axisbus.motion.moves.profile import braking_distance, duration
 from axisbus.motion.parameters import Limits
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.motion.trajectory import Sampled, Trapezoid
 from kit.motion.rig import GENERIC, dictionary_of, parameters

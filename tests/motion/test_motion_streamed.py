@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from axisbus.core.process.feeding import Sampler
 from axisbus.errors import ArgumentError, CommandError
 from axisbus.motion.curve import Curve, following
-from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.moves.lookahead import Known
 from axisbus.motion.moves.streamed import Streamed, StreamHead
 from axisbus.motion.pace import Ramped
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.trajectory import Sampled, Trapezoid
 
 STEP = 0.004

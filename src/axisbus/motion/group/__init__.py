@@ -1,1 +1,1 @@
-"""Axes that act together: groups, gates, lines, and the clock of a path."""
+"""Axes that act together: groups, gates, the ways that they go, and their travel along them."""

@@ -13,7 +13,6 @@ from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.pathclock import PathClock
 from axisbus.motion.group.travel import Travel
 from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
@@ -24,6 +23,7 @@ from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
 from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.pathclock import PathClock
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 

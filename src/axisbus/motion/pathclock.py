@@ -1,4 +1,4 @@
-"""The time along a path: one period per executed cycle, and slowed down so that the path itself is kept."""
+"""The time along an axis's own trajectory: one period per executed cycle, and slowed down so that its path is kept."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Way = Callable[
 class PathClock:
     """The time along a trajectory. It advances by exactly one period per executed cycle, and can be braked to a stop.
 
-    Slowing time scales the velocity down and keeps the path: a group that is halted stays on its straight line. While braking, the
+    Slowing time scales the velocity down and keeps the path. While braking, the
     speed along the path falls by no more than the deceleration times the period in each cycle, whatever the trajectory itself does
     meanwhile: where it slows down by itself as fast, time runs on; where it would speed up, time runs the slower.
     """
