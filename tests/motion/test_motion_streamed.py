@@ -257,6 +257,13 @@ def test_a_head_that_makes_no_trajectory_is_refused(change):
         Streamed(replace(head, **change))
 
 
+def test_what_a_head_does_not_tell_as_a_whole_is_not_told_at_all():
+    head = StreamHead(0.01, STEP, (0.0, 1.0))
+    assert isinstance(Streamed(replace(head, span=(0.0, 1.0), top_speed=5.0)), Known)
+    assert not isinstance(Streamed(replace(head, span=(0.0, 1.0))), Known)
+    assert not isinstance(Streamed(replace(head, top_speed=5.0)), Known)
+
+
 # What is asked for.
 
 

@@ -82,11 +82,12 @@ def test_process_data_that_a_starved_program_has_missed_is_not_said_to_be_the_no
     cell.must_stand(within=3.0, stages=OFF)
 
 
-def test_a_drive_that_missed_our_heartbeat_because_we_did_not_run(story):
+@pytest.mark.parametrize("code", [0x8130, 0x8250, 0x8700])  # our heartbeat, an RPDO's deadline, SYNC
+def test_a_drive_that_missed_what_we_send_because_we_did_not_run(story, code):
     cell = story.simulated("x")
     cell.turning()
     late(cell)
-    cell.drive().fault(0x8130)
+    cell.drive().fault(code)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP)
     must_name_us_first(cell.x.error)
 

@@ -12,9 +12,9 @@ Way = Callable[
 class PathClock:
     """The time along a trajectory. It advances by exactly one period per executed cycle, and can be braked to a stop.
 
-    Slowing time scales the velocity down and keeps the path. While braking, the
-    speed along the path falls by no more than the deceleration times the period in each cycle, whatever the trajectory itself does
-    meanwhile: where it slows down by itself as fast, time runs on; where it would speed up, time runs the slower.
+    Slowing time scales the velocity down and keeps the path. While braking, the speed along the path falls by no more than the
+    deceleration times the period in each cycle, whatever the trajectory itself does meanwhile: where it slows down by itself as
+    fast, time runs on; where it would speed up, time runs the slower.
     """
 
     __slots__ = ("_deceleration", "_last", "_period", "_speed", "_way", "braking", "rate", "t")
