@@ -14,7 +14,7 @@ from axisbus.motion.snapshot import Snapshot
 from axisbus.record.condition import Condition
 from axisbus.record.happenings import Watched
 from axisbus.record.mcap_writer import library
-from axisbus.record.target import Target
+from axisbus.record.target import Row, Target
 from axisbus.record.trigger import Trigger
 
 log = logging.getLogger("axisbus")
@@ -43,8 +43,8 @@ class Capture:
         self._session = machine.session
         self._target = Target(machine, path, axes)
         self._trigger = Trigger(when, self._target.forms)
-        self._before: deque[bytes] = deque(maxlen=int(before / machine.cell.bus.scan_period) + 1)
-        self._after: list[bytes] = []
+        self._before: deque[Row] = deque(maxlen=int(before / machine.cell.bus.scan_period) + 1)
+        self._after: list[Row] = []
         self._span = after
         self._fired: float | None = None
         self._done = threading.Event()

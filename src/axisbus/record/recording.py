@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-In the cycle a row is packed, nothing else. A thread takes the rows, turns them into units and writes them; now and then it asks
+In the cycle a row is packed, if it is not already, nothing else. A thread takes the rows, turns them into units and writes them; now and then it asks
 the machine what has happened, and reads the objects that were asked for. What that thread cannot do in time is left out, counted
 and told, so that memory is bounded; a file that cannot be written ends the recording, and never the motion. In virtual time there
 is no thread: whoever lets time pass writes, a second at a time.
@@ -23,7 +23,7 @@ from axisbus.motion.snapshot import Snapshot
 from axisbus.record.happenings import Watched
 from axisbus.record.mapped import MappedObjects, Place
 from axisbus.record.objects import ObjectReads
-from axisbus.record.target import Target
+from axisbus.record.target import Row, Target
 from axisbus.record.wanted import WantedObject, wanted_object
 from axisbus.session import AxisSession
 from axisbus.wording import counted
@@ -57,7 +57,7 @@ class Recording:
         carried = {place.label: place.carried.pdo for place in self._mapped.places}
         self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried])
         self._told = {one.label: (one.name, carried.get(one.label, "by SDO, in turn")) for one in wanted}
-        self._rows: deque[bytes] = deque()
+        self._rows: deque[Row] = deque()
         self._realtime = realtime
         self._lost = self._told_lost = 0
         self._over = threading.Event()

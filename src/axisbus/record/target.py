@@ -17,8 +17,11 @@ from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import NAMES, AxisForm
 from axisbus.record.happenings import Happenings, Watched
 from axisbus.record.mcap_writer import McapWriter
-from axisbus.record.packed import RowForm
+from axisbus.record.packed import AxisSample, RowForm, sample_of
 from axisbus.record.recorded import Happening
+from axisbus.wire.image import Image
+
+Row = bytes | tuple[float, Image]
 
 _Row = msgspec.defstruct("_Row", NAMES)  # twice as fast into JSON as a dict
 _SAMPLE = 220  # bytes of a sample before it is compressed: a chunk is about a second
@@ -56,13 +59,15 @@ class Target:
         """How many bytes are in the file."""
         return 0 if self._writer is None else self._writer.size
 
-    def pack(self, now: float, snapshots: Mapping[str, Snapshot]) -> bytes:
-        """Return a cycle as bytes, in the shortest time."""
+    def pack(self, now: float, snapshots: Mapping[str, Snapshot]) -> Row:
+        """Return a cycle as what is kept of it, in the shortest time: bytes, as which an image of a core is there already."""
+        if isinstance(snapshots, Image):
+            return now, snapshots
         return self._row.struct.pack(*self._row.values(now, [snapshots[name] for name in self.forms]))
 
-    def time_of(self, row: bytes) -> float:
+    def time_of(self, row: Row) -> float:
         """Return when a packed cycle was, in seconds of the monotonic clock."""
-        return next(self._row.rows(row))[0]
+        return self._unpacked(row)[0]
 
     def begin(self, began: float, objects: Mapping[str, tuple[str, str]] | None = None) -> None:
         """Open the file, which is replaced; ``began``: when its time begins (s, monotonic).
@@ -88,10 +93,16 @@ class Target:
         self._axes = {name: writer.axis(name, form.schema(name)) for name, form in self.forms.items()}
         self._objects = writer.objects(objects)
 
-    def write_rows(self, rows: Sequence[bytes]) -> None:
+    def _unpacked(self, row: Row) -> tuple[float, list[AxisSample]]:
+        if isinstance(row, bytes):
+            return next(self._row.rows(row))
+        now, image = row
+        return now, [sample_of(image[name]) for name in self.forms]
+
+    def write_rows(self, rows: Sequence[Row]) -> None:
         """Write packed cycles."""
         assert self._writer is not None
-        for now, samples in self._row.rows(b"".join(rows)):
+        for now, samples in map(self._unpacked, rows):
             for (name, form), sample in zip(self.forms.items(), samples, strict=True):
                 self._writer.write(self._axes[name], now, _Row(*form.values(sample)))
             self.newest = now
