@@ -2,9 +2,9 @@
 
 Theory of operation
 -------------------
-In the cycle a row is packed, unless a core has done so already; nothing else. A thread takes the rows, turns them into units and writes
-them; now and then it asks the machine what has happened, and reads the objects that were asked for. What that thread cannot do in
-time is left out, counted and told, so that memory is bounded; a file that cannot be written ends the recording, and never the
+In the cycle a row is packed, unless a core has done so already; nothing else. A thread takes the rows, turns them into units and
+writes them; now and then it asks the machine what has happened, and reads the objects that were asked for. What that thread cannot
+do in time is left out, counted and told, so that memory is bounded; a file that cannot be written ends the recording, and never the
 motion. In virtual time there is no thread: whoever lets time pass writes, a second at a time.
 """
 
