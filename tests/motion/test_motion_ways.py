@@ -258,6 +258,18 @@ def test_a_way_takes_the_time_that_its_trapezoid_takes():
     assert max(trip.speeds) == 100.0
 
 
+@pytest.mark.parametrize("length", [1e-12, 1e-9, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("unit", [1.0, None])
+def test_the_shortest_way_is_gone_to_its_end_within_some_cycles(length, unit):
+    size = length if unit is None else unit  # a line is one of length 1, however short it is
+    way = way_of([Straight((0.0,), (length,), size)], [Limits()], 5000.0 * size / length)
+    travel = Travel()
+    travel.begin(way, 100.0 * size / length)
+    for _ in range(5):
+        travel.advance(0.01)
+    assert travel.t == way.length
+
+
 def test_what_is_held_stands_on_its_way_and_goes_on():
     way = square(1.0)
     travel = Travel()

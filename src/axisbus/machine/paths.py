@@ -37,7 +37,7 @@ class PathRequest:
                 raise ArgumentError(
                     f"{text}: {name} is endless, so its places do not make a path",
                     observed=f"its modulo is {axis.modulo:g} {axis.unit}",
-                    remedy="lead it by axis.follow(...), or leave it out of the group",
+                    remedy="leave it out of the group, or lead it by a trajectory of its own",
                 )
         self._start: Place = tuple(axis.led_to for axis in axes.values())
 

@@ -119,7 +119,7 @@ def trajectory_of(given: Followed, duration: float | None, text: str) -> Traject
     Raises:
         ArgumentError: it is none, or ``duration`` is missing or too much; ``text`` names the call.
     """
-    is_one = hasattr(given, "position") and hasattr(given, "duration")
+    is_one = hasattr(given, "position")
     if duration is not None and (is_one or not callable(given)):
         raise ArgumentError(
             f"{text}: a trajectory and points have a duration of their own",

@@ -107,7 +107,7 @@ class Travel:
         """Return the speed to come to, by ``change`` at most; no more than ``top`` and ``bound``."""
         v, wanted = self.speed, 0.0 if self.braking else self.velocity * self.factor
         w = min(v + change, max(v - change, min(wanted, top)), bound)
-        return w if w > _LEAST * change else 0.0
+        return 0.0 if w < v and w < _LEAST * change else w
 
     def _bound(self, number: int, period: float) -> float:
         """Return the highest speed after ``period`` with which the stretch can be left as slowly as it must."""
@@ -115,5 +115,7 @@ class Travel:
         ramp, leave = way.ramps[number], way.leaves[number]
         left = way.marks[number + 1] - self._ahead
         half = 0.5 * ramp * period
-        inner = half * half + leave * leave + ramp * (2.0 * left - v * period)
-        return math.sqrt(inner) - half if inner > 0.0 else 0.0
+        more = leave * leave + ramp * (
+            2.0 * left - v * period
+        )  # than half²: as it is, so that nothing is lost by a difference
+        return more / (math.sqrt(half * half + more) + half) if more > 0.0 else 0.0
