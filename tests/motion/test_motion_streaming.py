@@ -174,8 +174,10 @@ def test_up_to_a_stop_they_are_the_same_and_then_as_near_as_its_corners_are_shar
     assert here[0][: when - 1] == there[0][: when - 1]
     assert here[2] is there[2]
     corner = hardest(path) * PERIOD**2 if path.duration > 3 * PERIOD else 1.0
-    apart = [abs((a or 0) - (b or 0)) for (_, a), (_, b) in zip(here[0], there[0], strict=False)]
-    assert max(apart) <= 2 + corner
+    both = [(a, b) for (_, a), (_, b) in zip(here[0], there[0], strict=False) if None not in (a, b)]
+    assert max(abs(a - b) for a, b in both) <= 2 + corner
+    counts = [sum(target is not None for _, target in outputs) for outputs in (here[0], there[0])]
+    assert abs(counts[0] - counts[1]) <= 1  # a stop of one may be seen a cycle earlier, by an increment
 
 
 def test_what_limits_say_of_a_path_is_the_same():
