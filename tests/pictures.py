@@ -52,7 +52,7 @@ def traced(what: Callable[[Machine, Group], None]) -> Trace:
     return Trace([time - times[0] for time in times], *places)
 
 
-def two_views(file: str, traces: dict[str, Trace]) -> tuple[Any, Any]:
+def two_views(traces: dict[str, Trace]) -> tuple[Any, Any]:
     """Draw where the axes went, and how fast; return what can be drawn into."""
     figure, (path, speed) = plt.subplots(1, 2, figsize=(10, 3.8), width_ratios=(1, 1.3), layout="constrained")
     for (name, trace), colour in zip(traces.items(), COLOURS, strict=False):
@@ -61,10 +61,15 @@ def two_views(file: str, traces: dict[str, Trace]) -> tuple[Any, Any]:
     path.set(xlabel="x in deg", ylabel="y in deg", aspect="equal", title="where the axes were")
     speed.set(xlabel="s", ylabel="deg/s", title="speed along the path")
     speed.set_ylim(bottom=0.0)
-    for axes in (path, speed):
+    return figure, speed
+
+
+def save(figure: Any, file: str) -> None:
+    """Write a picture, with what all of them have."""
+    for axes in figure.axes:
         axes.grid(alpha=0.3)
     figure.suptitle("simulated drives", fontsize=9, color="#666666", x=0.99, ha="right")
-    return figure, speed
+    figure.savefig(FOLDER / file, dpi=110)
 
 
 def corners() -> None:
@@ -75,9 +80,9 @@ def corners() -> None:
         )
         for blend in (0.0, 2.0, 8.0)
     }
-    figure, _ = two_views("path", traces)
+    figure, _ = two_views(traces)
     figure.axes[0].legend(loc="center", fontsize=8)
-    figure.savefig(FOLDER / "path.png", dpi=110)
+    save(figure, "path.png")
 
 
 def override() -> None:
@@ -102,13 +107,13 @@ def override() -> None:
         mark("resume", 0.0)
         handle.wait()
 
-    figure, speed = two_views("override", {"path": traced(run)})
+    figure, speed = two_views({"path": traced(run)})
     top = speed.get_ylim()[1]
     for time, text in marks:
         speed.axvline(time, color="#999999", linewidth=0.8, linestyle=":")
         speed.text(time + 0.03, top * 0.97, text, fontsize=8, color="#444444", va="top")
     speed.set_title("speed along the path, and the override")
-    figure.savefig(FOLDER / "override.png", dpi=110)
+    save(figure, "override.png")
 
 
 def jerk() -> None:
@@ -129,11 +134,8 @@ def jerk() -> None:
         rate.plot(trace.times[OVER:], rates, color=colour, linewidth=1.3, label=name)
     speed.set(xlabel="s", ylabel="deg/s", title="speed along the line")
     rate.set(xlabel="s", ylabel="deg/s²", title="acceleration along the line")
-    for axes in (speed, rate):
-        axes.grid(alpha=0.3)
     speed.legend(fontsize=8)
-    figure.suptitle("simulated drives", fontsize=9, color="#666666", x=0.99, ha="right")
-    figure.savefig(FOLDER / "jerk.png", dpi=110)
+    save(figure, "jerk.png")
 
 
 if __name__ == "__main__":

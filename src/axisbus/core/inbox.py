@@ -22,14 +22,7 @@ from weakref import WeakSet, WeakValueDictionary
 
 from axisbus.errors import Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import (
-    ForEach,
-    GroupCommand,
-    GroupContinue,
-    GroupSetOverride,
-    MoveLinear,
-    MovePath,
-)
+from axisbus.motion.group.commands import ForEach, GroupCommand
 from axisbus.motion.ticket import Status, Ticket
 from axisbus.session import Target
 
@@ -177,12 +170,6 @@ def _is_jog(command: object) -> bool:
 
 
 def _concerned(target: Target, command: c.Command | GroupCommand) -> tuple[str, ...]:
-    if isinstance(command, ForEach):
-        return tuple(command.commands)
-    if isinstance(command, MoveLinear):
-        return tuple(command.ends)
-    if isinstance(command, MovePath | GroupContinue):
+    if isinstance(command, GroupCommand):
         return command.axes
-    if isinstance(command, GroupSetOverride):  # a stop leaves it as it is
-        return ()
     return (target,) if isinstance(target, str) else target

@@ -8,7 +8,7 @@ from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
-from axisbus.machine.paths import PathRequest
+from axisbus.machine.paths import PathRequest, one_each
 from axisbus.machine.request import shown
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import (
@@ -98,14 +98,7 @@ class Group:
         """
         name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
         ends = self._ends(name, positions)
-        speed = self._positive(name, "velocity", velocity)
-        ramp = self._positive(
-            name,
-            "acceleration",
-            self._smallest_acceleration(name) if acceleration is None else acceleration,
-        )
-        change = None if jerk is None else self._positive(name, "jerk", jerk)
-        return self._submit(name, MoveLinear(ends, speed, ramp, change))
+        return self._submit(name, MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk)))
 
     def move_path(
         self,
@@ -128,7 +121,7 @@ class Group:
         """
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
         return self._submit(
-            text, self._request(text, "move_path", velocity, acceleration).along(points, blend)
+            text, self._request(text, "move_path", velocity, acceleration, None).along(points, blend)
         )
 
     def move_circular(
@@ -159,8 +152,7 @@ class Group:
                 f"{self.name}.{text}: one of via and centre says which circle it is",
                 remedy="give via = a point that the circle goes through, or centre = its centre",
             )
-        request = self._request(text, "move_circular", velocity, acceleration)
-        request.jerk = None if jerk is None else self._positive(text, "jerk", jerk)
+        request = self._request(text, "move_circular", velocity, acceleration, jerk)
         if centre is not None:
             return self._submit(text, request.about(centre, end, clockwise=clockwise))
         assert via is not None
@@ -214,24 +206,29 @@ class Group:
     def _all(self, name: str, make: Callable[[], c.Command], together: bool = False) -> Handle:
         return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
 
-    def _request(self, text: str, call: str, velocity: float, acceleration: float | None) -> PathRequest:
-        speed = self._positive(text, "velocity", velocity)
-        known = self._smallest_acceleration(text) if acceleration is None else acceleration
-        ramp = self._positive(text, "acceleration", known)
-        return PathRequest(self._axes, f"{self.name}.{text}", call, speed, ramp)
+    def _request(
+        self, text: str, call: str, velocity: float, acceleration: float | None, jerk: float | None
+    ) -> PathRequest:
+        pace = self._pace(text, velocity, acceleration, jerk)
+        return PathRequest(self._axes, f"{self.name}.{text}", call, *pace)
+
+    def _pace(
+        self, name: str, velocity: float, acceleration: float | None, jerk: float | None
+    ) -> tuple[float, float, float | None]:
+        """Return velocity, acceleration (by default the smallest of the axes) and jerk of a way, checked."""
+        speed = self._positive(name, "velocity", velocity)
+        known = self._smallest_acceleration(name) if acceleration is None else acceleration
+        ramp = self._positive(name, "acceleration", known)
+        return speed, ramp, None if jerk is None else self._positive(name, "jerk", jerk)
 
     def _submit(self, name: str, command: GroupCommand) -> Handle:
         return self._commanding.submit(self._key, command, f"{self.name}.{name}")
 
     def _ends(self, name: str, positions: Sequence[float]) -> dict[str, float]:
-        if len(positions) != len(self._axes):
-            raise ArgumentError(
-                f"{self.name}.{name}: {counted(len(positions), 'position')} for {counted(len(self._axes), 'axis', 'axes')}",
-                remedy=f"give one for each of {', '.join(self._axes)}, in this order",
-            )
+        given = one_each(self._axes, f"{self.name}.{name}:", positions)
         return {
             axis.name: axis.absolute_position(name, value)
-            for axis, value in zip(self._axes.values(), positions, strict=True)
+            for axis, value in zip(self._axes.values(), given, strict=True)
         }
 
     def _smallest_acceleration(self, name: str) -> float:

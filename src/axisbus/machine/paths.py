@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
@@ -16,13 +16,29 @@ from axisbus.wording import counted
 MOST = 1000  # points of one path: they cross to the core at once, within a millisecond of its time
 
 
+def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Sequence[float]:
+    """Return ``values``, of which there must be one for each axis (ArgumentError); ``text`` is how the message begins."""
+    if len(values) != len(axes):
+        raise ArgumentError(
+            f"{text} {counted(len(values), 'position')} for {counted(len(axes), 'axis', 'axes')}",
+            remedy=f"give one for each of {', '.join(axes)}, in this order",
+        )
+    return values
+
+
 class PathRequest:
     """One call, such as ``xy.move_path(...)``, on its way to a ``MovePath``. ``text`` names it in messages."""
 
     def __init__(
-        self, axes: Mapping[str, Axis], text: str, call: str, velocity: float, acceleration: float
+        self,
+        axes: Mapping[str, Axis],
+        text: str,
+        call: str,
+        velocity: float,
+        acceleration: float,
+        jerk: float | None,
     ) -> None:
-        """``velocity`` and ``acceleration`` of the path are checked already; ``call`` is the name of the method.
+        """``velocity``, ``acceleration`` and ``jerk`` (of an arc) are checked already; ``call`` is the name of the method.
 
         Raises:
             ArgumentError: an axis is endless.
@@ -30,8 +46,7 @@ class PathRequest:
         """
         self._axes = axes
         self._text, self._call = text, call
-        self._velocity, self._acceleration = velocity, acceleration
-        self.jerk: float | None = None  # of an arc
+        self._velocity, self._acceleration, self._jerk = velocity, acceleration, jerk
         for name, axis in axes.items():
             if axis.modulo is not None:
                 raise ArgumentError(
@@ -82,7 +97,7 @@ class PathRequest:
                 f"{self._text}: a circle about a centre is one of two axes, these are {len(self._axes)}",
                 remedy="make a group of two, or give a point that the circle goes through: via = ...",
             )
-        middle = tuple(self._number("centre", value) for value in self._counted("centre", centre))
+        middle = tuple(self._number("centre", value) for value in self._each("centre", centre))
         to = self.point("end", end)
         return self._arc(lambda: arc_about(self._start, middle, to, clockwise=clockwise))
 
@@ -90,17 +105,11 @@ class PathRequest:
         """Return the place that ``values`` are, each checked as an absolute move is."""
         return tuple(
             axis.absolute_position(self._call, value)
-            for axis, value in zip(self._axes.values(), self._counted(what, values), strict=True)
+            for axis, value in zip(self._axes.values(), self._each(what, values), strict=True)
         )
 
-    def _counted(self, what: str, values: Sequence[float]) -> Sequence[float]:
-        if len(values) != len(self._axes):
-            raise ArgumentError(
-                f"{self._text}: {what} has {counted(len(values), 'position')} for "
-                f"{counted(len(self._axes), 'axis', 'axes')}",
-                remedy=f"give one for each of {', '.join(self._axes)}, in this order",
-            )
-        return values
+    def _each(self, what: str, values: Sequence[float]) -> Sequence[float]:
+        return one_each(self._axes, f"{self._text}: {what} has", values)
 
     def _number(self, what: str, value: float) -> float:
         found = number(value)
@@ -131,4 +140,4 @@ class PathRequest:
         cycle = Cycle(self._velocity, period)
         way = way_of(pieces, limits, self._acceleration, stops, cycle)
         require_end(way, self._velocity, self._text)
-        return MovePath(tuple(self._axes), way, self._velocity, self.jerk)
+        return MovePath(tuple(self._axes), way, self._velocity, self._jerk)

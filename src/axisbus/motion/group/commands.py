@@ -16,6 +16,11 @@ class ForEach:
     commands: Mapping[str, c.Command]
     together: bool = False
 
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that it concerns."""
+        return tuple(self.commands)
+
 
 @dataclass(frozen=True, slots=True)
 class MoveLinear:
@@ -28,6 +33,11 @@ class MoveLinear:
     velocity: float
     acceleration: float
     jerk: float | None = None
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axes that it concerns."""
+        return tuple(self.ends)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +65,11 @@ class GroupSetOverride:
     """MC_GroupSetOverride: lines and paths are gone along at ``factor`` times their velocity, from 0 (they hold) to 1.5."""
 
     factor: float
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """None that a stop could concern: it leaves an override as it is."""
+        return ()
 
 
 GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from axisbus.errors import AxisbusError, LimitError, StateError
@@ -74,6 +74,7 @@ class GroupCore:
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
     def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
+        self._require_rest(command.axes, ticket)
         gate = Gate()
         self._go_along(Line(command, self.axes, gate), gate, ticket)
 
@@ -90,7 +91,7 @@ class GroupCore:
             raise StateError(
                 f"{ticket.name}: the line has come to its end, so there is nothing to go on with"
             )
-        self._require_rest(left, ticket)
+        self._require_rest(left.names, ticket)
         gate = Gate()
         self._go_along(left.again(gate, self.axes, ticket.name), gate, ticket)
 
@@ -103,7 +104,6 @@ class GroupCore:
         ticket.finish(Status.DONE)
 
     def _go_along(self, line: Line, gate: Gate, ticket: Ticket) -> None:
-        self._require_rest(line, ticket)
         line.travel.factor = self._factor
         undertaking = Undertaking(ticket, self.axes, gate, line)
         self._line = line
@@ -126,8 +126,8 @@ class GroupCore:
             undertaking.break_off(broken(error, undertaking.name))
         undertaking.gather()
 
-    def _require_rest(self, line: Line, ticket: Ticket) -> None:
-        for name in line.names:
+    def _require_rest(self, names: Sequence[str], ticket: Ticket) -> None:
+        for name in names:
             state = self.axes[name].state
             if state is not AxisState.STANDSTILL:
                 raise StateError(

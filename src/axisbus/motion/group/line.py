@@ -29,8 +29,7 @@ class Line:
     ) -> None:
         """``axes``: those of the group, by name; ``left``: the same one, gone on with from where it was left."""
         self._command = command
-        names = command.axes if isinstance(command, MovePath) else tuple(command.ends)
-        self._axes = {name: axes[name] for name in names}
+        self._axes = {name: axes[name] for name in command.axes}
         self._left = left if left is not None and left.planned else None
         self._way, self._velocity, self._window = NOWHERE, 0.0, 1
         self.travel = Travel()

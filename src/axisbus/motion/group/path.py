@@ -87,9 +87,9 @@ def polyline(points: Sequence[Place], blend: float) -> tuple[list[Piece], set[in
     Each corner is rounded so that the way comes within ``blend`` (units) of it, and takes no more than half of a line between two
     corners; with 0, and where it goes straight back, it stops there. Points that are the same count once.
     """
-    points = _different(points)
-    rays = [direction(a, b) for a, b in pairwise(points)]
-    least, last = _SAME * _size(points), len(points) - 1
+    least = _SAME * _size(points)
+    points = _different(points, least)
+    rays, last = [direction(a, b) for a, b in pairwise(points)], len(points) - 1
     pieces: list[Piece] = []
     stops: set[int] = set()
     here = points[0]
@@ -164,11 +164,8 @@ def _turn(
     return (found, False) if blend > 0.0 else (None, found is not None)
 
 
-def _different(points: Sequence[Place]) -> list[Place]:
-    size = _size(points)
-    found = [tuple(points[0])]
-    found += [tuple(b) for a, b in pairwise(points) if math.dist(a, b) > _SAME * size]
-    return found
+def _different(points: Sequence[Place], least: float) -> list[Place]:
+    return [tuple(points[0]), *(tuple(b) for a, b in pairwise(points) if math.dist(a, b) > least)]
 
 
 def _size(points: Sequence[Place]) -> float:

@@ -105,17 +105,18 @@ def way_of(
     ``acceleration`` is that of the path, in its unit per s². ``stops``: the numbers of the pieces at whose end it stands still.
     ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
     """
-    hardest = [_ramp(piece, limits, acceleration) for piece in pieces]
+    shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
+    hardest = [min(acceleration, _least([limit.acceleration for limit in limits], parts)) for parts in bends]
+    fastest = [_least([limit.velocity for limit in limits], parts) for parts in shares]
     stretches = [
         stretch
         for number, piece in enumerate(pieces)
-        for stretch in _stretches(number, piece, limits, hardest[number], cycle)
+        for stretch in _stretches(number, piece, fastest[number], hardest[number], cycle)
     ]
     if cycle is not None:
         stretches = _not_too_many(stretches, cycle.period)
     slower = [1.0 if isinstance(piece, Straight) else _SPEEDS for piece in pieces]
     ramps = tuple(hardest[each.piece] * slower[each.piece] for each in stretches)
-    shares, bends = ([piece.shares for piece in pieces], [piece.bends for piece in pieces])
     tops = [max(each.top for each in group) for _, group in groupby(stretches, key=lambda each: each.piece)]
     return Way(
         pieces=tuple(pieces),
@@ -124,8 +125,8 @@ def way_of(
         tops=tuple(each.top for each in stretches),
         ramps=ramps,
         leaves=_leaves(stretches, ramps, stops),
-        lowest=_each(min, [piece.box[0] for piece in pieces]),
-        highest=_each(max, [piece.box[1] for piece in pieces]),
+        lowest=_each(min, [low for low, _ in boxes]),
+        highest=_each(max, [high for _, high in boxes]),
         shares=_each(max, shares),
         speeds=_each(max, _scaled(shares, tops)),
         accelerations=_each(max, _scaled(bends, hardest)),
@@ -133,15 +134,9 @@ def way_of(
 
 
 def _stretches(
-    number: int, piece: Piece, limits: Sequence[Limits], ramp: float, cycle: Cycle | None
+    number: int, piece: Piece, fastest: float, ramp: float, cycle: Cycle | None
 ) -> Iterator[_Stretch]:
     """Divide a piece into stretches, each of which takes a cycle at least."""
-    own = [
-        limit.velocity / part
-        for limit, part in zip(limits, piece.shares, strict=True)
-        if part and limit.velocity is not None
-    ]
-    fastest = min([math.inf, *own])
     count = _FINE
     if cycle is not None:
         slowest = min(cycle.velocity, fastest, _turning(piece.curvatures(1)[0], ramp))
@@ -175,13 +170,10 @@ def _scaled(rows: Sequence[Place], by: Sequence[float]) -> list[Place]:
     return [tuple(part * one if part else 0.0 for part in row) for row, one in zip(rows, by, strict=True)]
 
 
-def _ramp(piece: Piece, limits: Sequence[Limits], acceleration: float) -> float:
-    own = [
-        limit.acceleration / part
-        for limit, part in zip(limits, piece.bends, strict=True)
-        if part and limit.acceleration is not None
-    ]
-    return min([acceleration, *own])
+def _least(limits: Sequence[float | None], parts: Place) -> float:
+    """Return what the axes' limits allow along a way of which they have these parts."""
+    allowed = (limit / part for limit, part in zip(limits, parts, strict=True) if part and limit is not None)
+    return min(allowed, default=math.inf)
 
 
 def _leaves(
