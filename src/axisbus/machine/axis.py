@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from axisbus.cia402 import homing
@@ -10,12 +10,16 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
+from axisbus.machine.cam import Cam
 from axisbus.machine.commanding import Commanding
+from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import Request, shown
 from axisbus.motion import commands as c
+from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
+from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
@@ -461,14 +465,93 @@ class Axis:
         """
         followed = trajectory_of(trajectory, duration, f"{self.name}.follow")
         name = f"follow({type(followed).__name__}, {shown(followed.duration)} s)"
-        self._require_homed(name)
+        self.require_homed(name)
         self._request(name).trajectory(followed)
         return self._submit(name, c.FollowTrajectory(followed))
+
+    def gear_in(
+        self,
+        master: Axis,
+        ratio: float,
+        *,
+        acceleration: float | None = None,
+        at: Sequence[float] | None = None,
+        over: float | None = None,
+        by: str = "command",
+    ) -> Handle:
+        """Be led by ``master``: ``ratio`` units for each of its units, below 0 the other way (MC_GearIn, MC_GearInPos).
+
+        The axis takes up its speed with ``acceleration`` (unit/s², by default its own); from where it has it, it keeps to the
+        master's place. With ``at`` = (master's place, own place) it waits until the master comes by, and within ``over`` units of
+        the master before its place comes into step such that both are there at a time.
+
+        The handle ends when they are in step; the axis is led on, one cycle behind, until another command, ``gear_out`` or a stop
+        takes it away. ``by`` "command": it goes by where the master is led to; "actual": by where it is, filtered. A master in
+        ErrorStop, being homed or unknown is lost: the axis is braked by its own deceleration, in ErrorStop. So it is where the
+        master would take it beyond its own limits.
+
+        Raises:
+            LimitError: a value is beyond a limit.
+            ArgumentError: a value is missing or no number, an axis is not homed where it must be, or ``master`` is no other axis
+                of this machine.
+        """
+        text = f"gear_in({getattr(master, 'name', shown(master))}, {shown(ratio)})"
+        coupling = Coupling(self, master, text, self._request(text), by)
+        return self._couple(coupling.gear(ratio, acceleration, at, over), text)
+
+    def cam_in(
+        self,
+        master: Axis,
+        cam: Cam,
+        *,
+        over: float = 0.0,
+        relative: bool = False,
+        phase: float = 0.0,
+        master_scale: float = 1.0,
+        scale: float = 1.0,
+        by: str = "command",
+    ) -> Handle:
+        """Be led by ``master`` along a ``cam`` (MC_CamIn).
+
+        It must stand where it is due for the master's place, or comes there within the next ``over`` units of the master; with
+        ``relative`` where it is counts as where it is due. ``phase``: by how many units of the master it is ahead;
+        ``master_scale`` (above 0) and ``scale`` stretch the cam for the master's and the slave's places. The handle, ``by``, and
+        the ends are as of ``gear_in``.
+
+        Raises:
+            LimitError: the cam leaves ``position_limits``.
+            ArgumentError: as ``gear_in``.
+        """
+        text = f"cam_in({getattr(master, 'name', shown(master))})"
+        coupling = Coupling(self, master, text, self._request(text), by)
+        command = coupling.cam(
+            cam, over, relative=relative, phase=phase, master_scale=master_scale, scale=scale
+        )
+        return self._couple(command, text)
+
+    def gear_out(self) -> Handle:
+        """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
+        return self._submit("gear_out()", c.GearOut())
 
     # -- how a command is made ----------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:
         return self._commanding.submit(self.name, command, f"{self.name}.{name}")
+
+    def _couple(self, command: Couple, text: str) -> Handle:
+        both = (command.master, command.slave)
+        self._session.add_group(both, both)
+        return self._commanding.submit(both, command, f"{self.name}.{text}")
+
+    def mate(self, master: object, text: str) -> Axis:
+        """Return ``master``, which must be another axis of this machine (ArgumentError); for couplings."""
+        if isinstance(master, Axis) and master is not self and master._session is self._session:
+            return master
+        raise ArgumentError(
+            f"{self.name}.{text}: its master is another axis of this machine",
+            observed=f"it is {'the axis itself' if master is self else told(master)}",
+            remedy='give an axis: cell["x"]',
+        )
 
     def _move_by(
         self,
@@ -500,7 +583,7 @@ class Axis:
 
     def absolute_increments(self, name: str, position: float, direction: int = 0) -> int:
         """Return the target of an absolute move in user increments, checked as ``move_absolute`` does; for groups."""
-        self._require_homed(name)
+        self.require_homed(name)
         request = self._request(name)
         position = request.finite("position", position)
         modulo, scale = self._parameters.units.modulo, self._parameters.units.position
@@ -516,7 +599,8 @@ class Axis:
         endless = self._parameters.units.modulo is not None
         return self._parameters.units.position.to_units(target) if endless else position
 
-    def _require_homed(self, name: str) -> None:
+    def require_homed(self, name: str) -> None:
+        """Raise ArgumentError where it is not homed and must be; for couplings."""
         if self._parameters.homing.required and not self.snapshot.homed:
             raise ArgumentError(
                 f"{self.name}.{name}: the axis is not homed",
@@ -524,6 +608,11 @@ class Axis:
                 remedy="home it (axis.home()) or confirm its position (axis.set_position(...)); with an absolute encoder set "
                 "required = false in [axes." + self.name + ".homing]",
             )
+
+    def checked_position(self, name: str, position: float) -> float:
+        """Return a place, checked as ``move_absolute`` does; of an endless axis the one within its turn; for couplings."""
+        self.absolute_increments(name, position)
+        return float(position)
 
     @property
     def modes(self) -> frozenset[ModeOfOperation]:

@@ -105,6 +105,11 @@ class FollowTrajectory:
 
 
 @dataclass(frozen=True, slots=True)
+class GearOut:
+    """MC_GearOut, MC_CamOut: an axis that is led by another one goes on by itself, with its present speed."""
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -140,6 +145,7 @@ Command = (
     | Home
     | SetPosition
     | FollowTrajectory
+    | GearOut
     | Shutdown
     | PolicyStop
     | HandOver

@@ -236,6 +236,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,
+    c.GearOut: accept_motion.uncouple,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,

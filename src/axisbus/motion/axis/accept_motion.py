@@ -13,6 +13,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
+from axisbus.motion.coupling.coupled import Coupled, LetGo
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.moves.follow import Follow
@@ -37,7 +38,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     require_watch(core.parameters, command.profile, ticket)
     target = _target(core, command, ticket)
     profile = command.profile
-    leading = core.leading_path if leaving_switch(core) is None else None
+    leading = path_of(core)
     if leading is not None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), ticket)
         core.aim(target)
@@ -204,6 +205,37 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
     if core.state is not AxisState.STANDSTILL:
         raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
     core.begin(follow, ticket, AxisState.SYNCHRONIZED_MOTION)
+
+
+def path_of(core: AxisCore) -> Follow | None:
+    """Return the path that leads the axis, and that another may take over from in its cyclic mode."""
+    return core.leading_path if leaving_switch(core) is None else None
+
+
+def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
+    """Let a slave be led, from standstill or from a path that leads it already.
+
+    Raises:
+        StateError: the axis moves otherwise, or its values do not travel with SYNC.
+    """
+    require_motion(core, ticket)
+    require_cyclic(core, ticket)
+    if core.state is not AxisState.STANDSTILL and path_of(core) is None:
+        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    core.begin(coupled, ticket, AxisState.SYNCHRONIZED_MOTION)
+    core.aim(None)
+
+
+def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
+    """MC_GearOut, MC_CamOut."""
+    require_motion(core, ticket)
+    activity = core.activity
+    if not isinstance(activity, Coupled) or not activity.is_led:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} is not led by another axis",
+            remedy="couple it first: axis.gear_in(master, ratio) or axis.cam_in(master, cam)",
+        )
+    core.begin(LetGo(activity, core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
 
 
 def require_cyclic(core: AxisCore, ticket: Ticket) -> None:

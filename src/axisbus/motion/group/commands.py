@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.motion import commands as c
+from axisbus.motion.coupling.entries import By, Entry
+from axisbus.motion.coupling.laws import Law
 from axisbus.motion.group.way import Way
 
 
@@ -72,4 +74,20 @@ class GroupSetOverride:
         return ()
 
 
-GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride
+@dataclass(frozen=True, slots=True)
+class Couple:
+    """MC_GearIn, MC_GearInPos, MC_CamIn: ``slave`` goes where ``law`` has it for ``master``, once in step by ``entry``."""
+
+    master: str
+    slave: str
+    law: Law
+    entry: Entry
+    by: By = By.COMMAND
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axis that it concerns: its master goes on as it does."""
+        return (self.slave,)
+
+
+GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride | Couple

@@ -7,10 +7,13 @@ from typing import Any
 
 from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.accept import accept
-from axisbus.motion.axis.accept_motion import begin_follow
+from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
+from axisbus.motion.coupling.joint import Joint
+from axisbus.motion.coupling.ring import require_no_ring
 from axisbus.motion.group.commands import (
+    Couple,
     ForEach,
     GroupCommand,
     GroupContinue,
@@ -117,6 +120,20 @@ class GroupCore:
             except AxisbusError as error:
                 core.finish(child, error)
 
+    def _couple(self, command: Couple, ticket: Ticket) -> None:
+        master, slave = self.axes[command.master], self.axes[command.slave]
+        require_no_ring(master, slave, ticket.name)
+        joint = Joint(command, master, slave, self._period, path_of(slave))
+        undertaking = Undertaking(ticket, self.axes, OPEN, joint)
+        self._undertake(undertaking, lambda: self._begin_coupled(slave, joint, undertaking))
+
+    def _begin_coupled(self, slave: AxisCore, joint: Joint, undertaking: Undertaking) -> None:
+        child = undertaking.child(slave.parameters.name)
+        try:
+            begin_coupled(slave, joint.follow, child)
+        except AxisbusError as error:
+            slave.finish(child, error)
+
     def _undertake(self, undertaking: Undertaking, begin: Callable[[], None]) -> None:
         """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""
         self._under_way.append(undertaking)
@@ -142,4 +159,5 @@ _ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     MovePath: GroupCore._move_along,
     GroupContinue: GroupCore._continue,
     GroupSetOverride: GroupCore._set_override,
+    Couple: GroupCore._couple,
 }
