@@ -336,11 +336,13 @@ class Axis:
         deceleration: float | None = None,
         direction: int = 0,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move to ``position`` (MC_MoveAbsolute, profile position mode).
 
         ``direction`` is for endless axes (``modulo``): 0 shortest way, 1 positive, -1 negative. ``timeout`` in seconds replaces the
-        deadline that the master works out.
+        deadline that the master works out. With ``buffer`` it begins when what the axis does has ended well (100 may wait), else it
+        replaces that.
 
         Raises:
             LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or beyond what the object holds.
@@ -349,7 +351,7 @@ class Axis:
         name = f"move_absolute({shown(position)} {self.unit})"
         target = self.absolute_increments(name, position, direction)
         profile = self._request(name).profile(velocity, acceleration, deceleration, timeout)
-        return self._submit(name, c.Move(c.Reference.ABSOLUTE, target, profile))
+        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer)
 
     def move_relative(
         self,
@@ -359,9 +361,11 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
-        return self._move_by(c.Reference.RELATIVE, distance, velocity, acceleration, deceleration, timeout)
+        ways = velocity, acceleration, deceleration, timeout
+        return self._move_by(c.Reference.RELATIVE, distance, ways, buffer=buffer)
 
     def move_additive(
         self,
@@ -371,9 +375,11 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
-        return self._move_by(c.Reference.ADDITIVE, distance, velocity, acceleration, deceleration, timeout)
+        ways = velocity, acceleration, deceleration, timeout
+        return self._move_by(c.Reference.ADDITIVE, distance, ways, buffer=buffer)
 
     def move_velocity(
         self,
@@ -382,6 +388,7 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity, profile velocity mode).
 
@@ -389,7 +396,7 @@ class Axis:
         """
         name = f"move_velocity({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, deceleration, timeout)
-        return self._submit(name, c.MoveVelocity(profile))
+        return self._submit_motion(name, c.MoveVelocity(profile), buffer)
 
     def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
         """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``."""
@@ -553,20 +560,22 @@ class Axis:
             remedy='give an axis: cell["x"]',
         )
 
+    def _submit_motion(self, name: str, command: c.Move | c.MoveVelocity, buffer: bool) -> Handle:
+        return self._submit(name, c.Buffered(command) if buffer else command)
+
     def _move_by(
         self,
         reference: c.Reference,
         distance: float,
-        velocity: float | None,
-        acceleration: float | None,
-        deceleration: float | None,
-        timeout: float | None,
+        given: tuple[float | None, float | None, float | None, float | None],
+        *,
+        buffer: bool,
     ) -> Handle:
+        """``given``: velocity, acceleration, deceleration and timeout."""
         name = f"move_{reference.value}({shown(distance)} {self.unit})"
         request = self._request(name)
         raw = request.distance(distance)
-        profile = request.profile(velocity, acceleration, deceleration, timeout)
-        return self._submit(name, c.Move(reference, raw, profile))
+        return self._submit_motion(name, c.Move(reference, raw, request.profile(*given)), buffer)
 
     def _request(self, name: str) -> Request:
         return Request(self._parameters, name)

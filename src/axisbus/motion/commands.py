@@ -105,6 +105,13 @@ class FollowTrajectory:
 
 
 @dataclass(frozen=True, slots=True)
+class Buffered:
+    """``command`` begins when the one before it has ended well (PLCopen's buffer mode *Buffered*)."""
+
+    command: Move | MoveVelocity
+
+
+@dataclass(frozen=True, slots=True)
 class GearOut:
     """MC_GearOut, MC_CamOut: an axis that is led by another one goes on by itself, with its present speed."""
 
@@ -145,6 +152,7 @@ Command = (
     | Home
     | SetPosition
     | FollowTrajectory
+    | Buffered
     | GearOut
     | Shutdown
     | PolicyStop

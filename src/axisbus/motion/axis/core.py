@@ -32,6 +32,7 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, Uncomma
 from axisbus.motion.axis.cruise import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.axis.queue import Queue
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
@@ -91,6 +92,7 @@ class AxisCore:
         self.touched = False
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = Running()
+        self.queue = Queue()
         self.last_target: int | None = None
         self.halted = False
         self._broken: AxisbusError | None = None  # what has tripped it between two cycles
@@ -273,6 +275,7 @@ class AxisCore:
             tickets += self._story.tickets
         if self.running.ticket is not None:
             tickets.append(self.running.ticket)
+        self.queue.drop(self._doing, None)
         for ticket in tickets:
             self.finish(ticket, ended(ticket.name))
 
@@ -382,7 +385,8 @@ class AxisCore:
     def _fault(self, image: Image) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
         story = FaultStory(self.parameters, image.now)
-        ticket = self.running.drop(self.order)
+        doing, ticket = self._doing, self.running.drop(self.order)
+        self._drop_waiting(doing, None)
         if ticket is not None:
             story.doing = f" during {ticket.name}" if ticket.busy else ""
             story.tickets.append(ticket)
@@ -453,10 +457,17 @@ class AxisCore:
         self.running.join(ticket)
 
     def end_command(self, error: AxisbusError | None) -> None:
-        """End the running command, keeping a set-point handshake that is under way."""
+        """End the running command, and what waits for its end, keeping a set-point handshake that is under way."""
+        doing = self._doing
         ticket = self.running.drop(self.order)
         if ticket is not None:
             self.finish(ticket, error)
+        self._drop_waiting(doing, error)
+
+    def _drop_waiting(self, before: str, error: AxisbusError | None) -> None:
+        """End what waits for the end of ``before``, which has not ended well."""
+        if self.queue and self.queue.drop(before, error):
+            self.running.ended = True
 
     def at_rest(self, ticket: Ticket, then: Callable[[], None]) -> None:
         """Let something be done at rest: now, where the axis is seen to stand and no path leads it, else as soon as that is so."""
@@ -488,6 +499,7 @@ class AxisCore:
             return
         if done and self.running.ticket is not None and self.running.ticket.busy:
             self._completed(activity)
+            self.queue.next()
 
     def _completed(self, activity: Activity) -> None:
         """The activity has ended well: set the state that follows it."""

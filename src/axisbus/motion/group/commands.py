@@ -28,13 +28,14 @@ class ForEach:
 class MoveLinear:
     """MC_MoveLinearAbsolute: a straight line to ``ends`` (units), with path velocity and acceleration (units/s, units/s²).
 
-    ``jerk`` in units/s³; None: it is not limited.
+    ``jerk`` in units/s³; None: it is not limited. ``buffer``: it begins when what the group does has ended well.
     """
 
     ends: Mapping[str, float]
     velocity: float
     acceleration: float
     jerk: float | None = None
+    buffer: bool = False
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -46,13 +47,14 @@ class MoveLinear:
 class MovePath:
     """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``.
 
-    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited.
+    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited. ``buffer``: as ``MoveLinear``.
     """
 
     axes: tuple[str, ...]
     way: Way
     velocity: float
     jerk: float | None = None
+    buffer: bool = False
 
 
 @dataclass(frozen=True, slots=True)

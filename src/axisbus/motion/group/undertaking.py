@@ -78,6 +78,11 @@ class Undertaking:
         return self._ticket.busy
 
     @property
+    def error(self) -> AxisbusError | None:
+        """What has ended its ticket badly."""
+        return self._ticket.error
+
+    @property
     def is_over(self) -> bool:
         """Whether the ticket has ended, and no axis is led any more."""
         return not self._ticket.busy and (self._line is None or not self._line.leads())
