@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Cam, Machine, Recorder, wait
+from axisbus import Cam, Machine, Recorder, Scara, wait
 from axisbus.machine.groups import Group
 
 ROOT = Path(__file__).parents[1]
@@ -209,8 +209,53 @@ def cam() -> None:
     save(figure, "cam.png")
 
 
+def workspace() -> None:
+    """A straight line of an arm's tool, beside what the joints make where each goes straight."""
+    machine = Scara(200.0, 150.0)
+    start, goal = (0.0, 40.0), machine.inverse((-30.0, 327.0))
+
+    def traced_from(run: Callable[[Group], None]) -> Trace:
+        spent: list[float] = []
+
+        def both(cell: Machine, xy: Group) -> None:
+            begun = cell.session.snapshots["x"].now
+            xy.move_direct(start).wait()
+            spent.append(cell.session.snapshots["x"].now - begun)
+            run(xy)
+
+        rows = [row for row in zip(*traced(both), strict=True) if row[0] >= spent[0]]
+        return Trace(*(list(column) for column in zip(*rows, strict=True)))
+
+    arm = traced_from(
+        lambda xy: (
+            xy.with_kinematics(machine)
+            .move_linear((-30.0, 327.0), velocity=250.0, acceleration=1500.0)
+            .wait()
+        )
+    )
+    joints = traced_from(lambda xy: xy.move_linear(goal, velocity=100.0).wait())
+    figure, (place, speed) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    for name, trace, colour in (
+        ("line of the tool", arm, COLOURS[0]),
+        ("line of the joints", joints, COLOURS[1]),
+    ):
+        tool = [machine.forward(pair) for pair in zip(trace.x, trace.y, strict=True)]
+        place.plot([x for x, _ in tool], [y for _, y in tool], color=colour, linewidth=1.3, label=name)
+    step = OVER * (arm.times[1] - arm.times[0])
+    for name, values, colour in (("shoulder", arm.x, COLOURS[0]), ("elbow", arm.y, COLOURS[2])):
+        rates = [(b - a) / step for a, b in zip(values, values[OVER:], strict=False)]
+        speed.plot(
+            [t - arm.times[0] for t in arm.times[OVER:]], rates, color=colour, linewidth=1.3, label=name
+        )
+    place.set(xlabel="x in mm", ylabel="y in mm", aspect="equal", title="where the tool was")
+    speed.set(xlabel="s", ylabel="deg/s", title="the joints, on the line of the tool")
+    place.legend(fontsize=8)
+    speed.legend(fontsize=8)
+    save(figure, "workspace.png")
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, jerk, gear, cam):
+    for draw in (corners, override, jerk, gear, cam, workspace):
         draw()
         print(draw.__name__, flush=True)

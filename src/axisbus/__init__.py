@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
     from axisbus.motion.trajectory import Sampled, Trajectory, Trapezoid
@@ -29,6 +30,9 @@ _HOME = {
     "Axis": "axisbus.machine.axis",
     "AxisState": "axisbus.motion.states",
     "Cam": "axisbus.machine.cam",
+    "CoreXY": "axisbus.motion.group.kinematics",
+    "Delta": "axisbus.motion.group.kinematics",
+    "Scara": "axisbus.motion.group.kinematics",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
     "Machine": "axisbus.machine.machine",
@@ -47,12 +51,15 @@ __all__ = [
     "AxisState",
     "AxisbusError",
     "Cam",
+    "CoreXY",
+    "Delta",
     "Group",
     "Handle",
     "Machine",
     "Plant",
     "Recorder",
     "Sampled",
+    "Scara",
     "Spline",
     "Trajectory",
     "Trapezoid",

@@ -19,6 +19,7 @@ from axisbus.motion.group.commands import (
     MoveLinear,
     MovePath,
 )
+from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.pieces import Place
 from axisbus.motion.group.travel import FASTER
 from axisbus.motion.numbers import number, told
@@ -33,14 +34,20 @@ class Group:
     """
 
     def __init__(
-        self, name: str, axes: Mapping[str, Axis], commanding: Commanding, key: Target | None = None
+        self,
+        name: str,
+        axes: Mapping[str, Axis],
+        commanding: Commanding,
+        key: Target | None = None,
+        kinematics: Kinematics | None = None,
     ) -> None:
-        """``key``: by what the core knows it, where that is not its name."""
+        """``key``: by what the core knows it, where that is not its name. ``kinematics``: see ``with_kinematics``."""
         self.name = name
         self._key = name if key is None else key
         self._axes = dict(axes)
         self._commanding = commanding
         self._override = 1.0
+        self._kinematics = kinematics
         self._last: tuple[Handle, Place] | None = None  # what has moved all last, and where it ends
 
     def __repr__(self) -> str:
@@ -52,6 +59,14 @@ class Group:
 
     def __iter__(self) -> Iterator[Axis]:
         return iter(self._axes.values())
+
+    def with_kinematics(self, kinematics: Kinematics) -> Group:
+        """Return the group of the same axes with lines, paths and circles through places of a workspace, in its units.
+
+        ``kinematics`` takes its axes in their order. Velocity, acceleration and blend are then those in the workspace, and each
+        axis's limits hold all the same. All else is as it is: ``move_direct`` takes positions of the axes.
+        """
+        return Group(self.name, self._axes, self._commanding, self._key, kinematics)
 
     def enable(self) -> Handle:
         """Switch all power stages on, once all axes stand; the last transition is taken by all together."""
@@ -102,6 +117,9 @@ class Group:
             ArgumentError: a value is missing, not finite or not positive.
         """
         name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
+        if self._kinematics is not None:
+            request = self._request(name, "move_linear", velocity, acceleration, jerk, buffer=buffer)
+            return self._move(name, request.along([positions], 0.0))
         ends = self._ends(name, positions)
         line = MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk), buffer)
         return self._move(name, line, tuple(ends.values()))
@@ -166,6 +184,16 @@ class Group:
         return self._move(text, request.through(via, end))
 
     @property
+    def place(self) -> Place:
+        """Where its axes are: their positions, with kinematics the place in the workspace.
+
+        Raises:
+            StaleError: a position is unknown.
+        """
+        axes = tuple(axis.unwrapped for axis in self._axes.values())
+        return axes if self._kinematics is None else self._kinematics.forward(axes)
+
+    @property
     def override(self) -> float:
         """The factor that this program has set last with ``set_override``; 1 before that."""
         return self._override
@@ -226,7 +254,8 @@ class Group:
         pace = self._pace(text, velocity, acceleration, jerk)
         waits = buffer and self._last is not None and self._last[0].busy
         after = self._last[1] if waits and self._last is not None else None
-        return PathRequest(self._axes, f"{self.name}.{text}", call, *pace, after=after, buffer=buffer)
+        name, kinematics = f"{self.name}.{text}", self._kinematics
+        return PathRequest(self._axes, name, call, *pace, after=after, buffer=buffer, kinematics=kinematics)
 
     def _move(self, name: str, command: MoveLinear | MovePath, end: Place | None = None) -> Handle:
         """Give a command that moves all, and note where it ends: what waits for it begins there."""
@@ -256,6 +285,12 @@ class Group:
         }
 
     def _smallest_acceleration(self, name: str) -> float:
+        if self._kinematics is not None:
+            raise ArgumentError(
+                f"{self.name}.{name}: acceleration is missing",
+                observed="in a workspace the defaults of its axes tell none",
+                remedy="give acceleration = ... in the call, in units of the workspace per s²",
+            )
         known = [axis.default_acceleration for axis in self._axes.values()]
         if any(value is None for value in known):
             missing = [axis.name for axis in self._axes.values() if axis.default_acceleration is None]

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import TypeVar
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
+from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.commands import MovePath
+from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end
 from axisbus.motion.group.pieces import Arc, Piece, Place
 from axisbus.motion.group.way import Cycle, way_of
 from axisbus.motion.numbers import number, told
 from axisbus.wording import counted
 
+T = TypeVar("T")
 MOST = 1000  # points of one path: they cross to the core at once, within a millisecond of its time
 
 
@@ -40,10 +44,12 @@ class PathRequest:
         *,
         after: Place | None = None,
         buffer: bool = False,
+        kinematics: Kinematics | None = None,
     ) -> None:
         """``velocity``, ``acceleration`` and ``jerk`` (of an arc) are checked already; ``call`` is the name of the method.
 
-        ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: see ``MovePath``.
+        ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: see ``MovePath``. Points are
+        places of the axes, with ``kinematics`` of the workspace.
 
         Raises:
             ArgumentError: an axis is endless.
@@ -59,7 +65,9 @@ class PathRequest:
                     observed=f"its modulo is {axis.modulo:g} {axis.unit}",
                     remedy="leave it out of the group, or lead it by a trajectory of its own",
                 )
-        self._start: Place = after or tuple(axis.led_to for axis in axes.values())
+        start: Place = after or tuple(axis.led_to for axis in axes.values())
+        self._kinematics = kinematics
+        self._start = start if kinematics is None else self._reached(lambda: kinematics.forward(start))
         self._buffer = buffer
 
     def along(self, points: Sequence[Sequence[float]], blend: float) -> MovePath:
@@ -108,7 +116,11 @@ class PathRequest:
         return self._arc(lambda: arc_about(self._start, middle, to, clockwise=clockwise))
 
     def point(self, what: str, values: Sequence[float]) -> Place:
-        """Return the place that ``values`` are, each checked as an absolute move is."""
+        """Return the place that ``values`` are, each checked as an absolute move is; of a workspace its way there is checked."""
+        if self._kinematics is not None:
+            for axis in self._axes.values():
+                axis.require_homed(self._call)
+            return tuple(self._number(what, value) for value in self._each(what, values))
         return tuple(
             axis.absolute_position(self._call, value)
             for axis, value in zip(self._axes.values(), self._each(what, values), strict=True)
@@ -130,20 +142,51 @@ class PathRequest:
             raise ArgumentError(
                 f"{self._text}: {error}", remedy="look at the points, and where the axes stand"
             ) from None
-        for (name, axis), low, high in zip(self._axes.items(), *arc.box, strict=True):
+        if self._kinematics is None:
+            self._require_room(arc, "circle")
+        return self._path([arc], set())
+
+    def _require_room(self, piece: Arc | Bent, what: str) -> None:
+        for (name, axis), low, high in zip(self._axes.items(), *piece.box, strict=True):
             allowed = axis.limits.position
             if allowed is not None and not allowed[0] <= low <= high <= allowed[1]:
                 raise LimitError(
-                    f"{self._text}: the circle leaves the position limits of {name}",
+                    f"{self._text}: the {what} leaves the position limits of {name}",
                     observed=f"it goes from {low:g} to {high:g} {axis.unit}; allowed are {allowed[0]:g} to {allowed[1]:g}",
-                    remedy=f"choose another circle, or change position_limits in [axes.{name}] of cell.toml",
+                    remedy=f"choose another {what}, or change position_limits in [axes.{name}] of cell.toml",
                 )
-        return self._path([arc], set())
 
-    def _path(self, pieces: Sequence[Piece], stops: set[int]) -> MovePath:
+    def _bent(self, pieces: Sequence[Piece], kinematics: Kinematics) -> list[Bent]:
+        """Return the pieces as the axes go along them, each within reach and limits."""
+        found = [Bent(piece, kinematics) for piece in pieces]
+        for piece in found:
+            self._reached(lambda piece=piece: survey(piece))  # type: ignore[misc]
+            self._require_room(piece, "way")
+        return found
+
+    def _reached(self, make: Callable[[], T]) -> T:
+        try:
+            return make()
+        except ValueError as error:
+            raise LimitError(
+                f"{self._text}: it leads where the machine does not reach",
+                observed=str(error),
+                remedy="choose another way: farther from where arms are stretched out or folded, within their reach",
+            ) from None
+
+    def _path(self, straight: Sequence[Piece], stops: set[int]) -> MovePath:
+        pieces: Sequence[Piece | Bent] = straight
+        if self._kinematics is not None:
+            pieces = self._bent(straight, self._kinematics)
         limits = [axis.limits for axis in self._axes.values()]
         period = next(iter(self._axes.values())).scan_period
         cycle = Cycle(self._velocity, period)
         way = way_of(pieces, limits, self._acceleration, stops, cycle)
+        if self._jerk is not None and len(way.tops) > 1:
+            raise ArgumentError(
+                f"{self._text}: jerk cannot be limited along this way",
+                observed="its axes' parts of the speed change from place to place",
+                remedy="leave jerk out, and give less acceleration",
+            )
         require_end(way, self._velocity, self._text)
         return MovePath(tuple(self._axes), way, self._velocity, self._jerk, self._buffer)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
+from axisbus.motion.group.bent import Bent, held
 from axisbus.motion.group.pieces import Piece, Place, Straight
 from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import Limits
@@ -35,7 +36,7 @@ class Way:
     of the speed (``shares``), highest speed and acceleration.
     """
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Piece | Bent, ...]
     starts: tuple[float, ...]
     marks: tuple[float, ...]  # and the length of all
     tops: tuple[float, ...]
@@ -56,7 +57,7 @@ class Way:
         """Return which stretch ``s`` lies on; where two join, the second."""
         return min(max(bisect_right(self.marks, s) - 1, 0), len(self.tops) - 1)
 
-    def piece(self, s: float) -> tuple[Piece, float]:
+    def piece(self, s: float) -> tuple[Piece | Bent, float]:
         """Return the piece on which ``s`` lies, and how far along it."""
         number = max(bisect_right(self.starts, s) - 1, 0)
         return self.pieces[number], max(s - self.starts[number], 0.0)
@@ -86,15 +87,16 @@ class Cycle(NamedTuple):
 
 
 class _Stretch(NamedTuple):
-    """A part of a piece, with its highest speed."""
+    """A part of a piece, with its highest speed and acceleration."""
 
     piece: int
     length: float
     top: float
+    ramp: float
 
 
 def way_of(
-    pieces: Sequence[Piece],
+    pieces: Sequence[Piece | Bent],
     limits: Sequence[Limits],
     acceleration: float,
     stops: Collection[int] = (),
@@ -108,15 +110,15 @@ def way_of(
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
     hardest = [min(acceleration, _least([limit.acceleration for limit in limits], parts)) for parts in bends]
     fastest = [_least([limit.velocity for limit in limits], parts) for parts in shares]
-    stretches = [
-        stretch
-        for number, piece in enumerate(pieces)
-        for stretch in _stretches(number, piece, fastest[number], hardest[number], cycle)
-    ]
+    stretches: list[_Stretch] = []
+    for number, piece in enumerate(pieces):
+        if isinstance(piece, Bent):
+            stretches += [_Stretch(number, *part) for part in held(piece, limits, acceleration)]
+        else:
+            stretches += _stretches(number, piece, fastest[number], hardest[number], cycle)
     if cycle is not None:
         stretches = _not_too_many(stretches, cycle.period)
-    slower = [1.0 if isinstance(piece, Straight) else _SPEEDS for piece in pieces]
-    ramps = tuple(hardest[each.piece] * slower[each.piece] for each in stretches)
+    ramps = tuple(each.ramp for each in stretches)
     tops = [max(each.top for each in group) for _, group in groupby(stretches, key=lambda each: each.piece)]
     return Way(
         pieces=tuple(pieces),
@@ -142,8 +144,10 @@ def _stretches(
         slowest = min(cycle.velocity, fastest, _turning(piece.curvatures(1)[0], ramp))
         count = int(max(1.0, min(piece.length / max(slowest * cycle.period, _LEAST), _FINE)))
     curvatures = piece.curvatures(count)
+    slower = ramp if isinstance(piece, Straight) else _SPEEDS * ramp
     for curvature in curvatures:
-        yield _Stretch(number, piece.length / len(curvatures), min(fastest, _turning(curvature, ramp)))
+        top = min(fastest, _turning(curvature, ramp))
+        yield _Stretch(number, piece.length / len(curvatures), top, slower)
 
 
 def _turning(curvature: float, ramp: float) -> float:

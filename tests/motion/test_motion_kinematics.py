@@ -1,0 +1,132 @@
+"""Machines whose axes make places together: there and back, geometry by hand, and the axes' limits along ways in the workspace."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus import CoreXY, Delta, Scara
+from axisbus.motion.group.bent import Bent, survey
+from axisbus.motion.group.path import arc_through, polyline
+from axisbus.motion.group.pieces import Straight
+from axisbus.motion.group.travel import FASTER, Travel
+from axisbus.motion.group.way import Cycle, way_of
+from axisbus.motion.parameters import Limits
+from axisbus.wire.messages import CODEC
+
+SAME = settings(deadline=None, derandomize=True)
+ARM, ROBOT, BELT = Scara(200.0, 150.0), Delta(100.0, 40.0, 120.0, 280.0), CoreXY()
+PERIOD = 0.004
+
+
+@SAME
+@given(st.floats(-179.0, 179.0), st.floats(1.0, 179.0), st.booleans(), st.floats(-720.0, 720.0))
+def test_an_arm_finds_back_to_its_angles(shoulder, elbow, left, middle):
+    arm = Scara(200.0, 150.0, left=left, middle=middle)
+    angles = (middle + shoulder, elbow if left else -elbow, 7.0)
+    assert arm.inverse(arm.forward(angles)) == pytest.approx(angles, abs=1e-5)
+
+
+@SAME
+@given(*[st.floats(-30.0, 70.0)] * 3)
+def test_a_delta_finds_back_to_its_angles_and_its_forearms_keep_their_length(a, b, c):
+    angles = (a, b, c)
+    x, y, z = ROBOT.forward(angles)
+    assert ROBOT.inverse((x, y, z)) == pytest.approx(angles, abs=1e-5)
+    for number, angle in enumerate(angles):
+        turn, down = math.radians(120.0 * number), math.radians(angle)
+        knee = 100.0 + 120.0 * math.cos(down)
+        plate = (x + 40.0 * math.cos(turn), y + 40.0 * math.sin(turn), z)
+        joint = (knee * math.cos(turn), knee * math.sin(turn), -120.0 * math.sin(down))
+        assert math.dist(plate, joint) == pytest.approx(280.0, abs=1e-6)
+
+
+def test_machines_by_hand():
+    assert ARM.forward((0.0, 0.0)) == pytest.approx((350.0, 0.0))
+    assert ARM.forward((90.0, -90.0, 5.0)) == pytest.approx((150.0, 200.0, 5.0))
+    assert Scara(200.0, 150.0, left=False).inverse((200.0, -150.0)) == pytest.approx((0.0, -90.0))
+    assert BELT.inverse((3.0, 1.0, 9.0)) == (4.0, 2.0, 9.0)
+    assert BELT.forward((4.0, 2.0)) == (3.0, 1.0)
+    assert ROBOT.forward((10.0, 10.0, 10.0))[:2] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert ROBOT.forward((30.0, 30.0, 30.0))[2] < ROBOT.forward((0.0, 0.0, 0.0))[2]
+
+
+@pytest.mark.parametrize(
+    ("machine", "place"),
+    [(ARM, (350.1, 0.0)), (ARM, (10.0, 10.0)), (ROBOT, (0.0, 0.0, -500.0)), (ROBOT, (300.0, 0.0, -200.0))],
+)
+def test_what_is_out_of_reach_is_told(machine, place):
+    with pytest.raises(ValueError, match="out of the arm"):
+        machine.inverse(place)
+
+
+def test_arms_that_do_not_meet_are_told():
+    with pytest.raises(ValueError, match="do not meet"):
+        Delta(300.0, 40.0, 120.0, 100.0).forward((0.0, 0.0, 0.0))
+
+
+def places(machine: Scara | Delta | CoreXY, rng: random.Random, count: int) -> list[tuple[float, ...]]:
+    if isinstance(machine, Scara):
+        spots = [(rng.uniform(120.0, 300.0), math.radians(rng.uniform(-80.0, 80.0))) for _ in range(count)]
+        return [(r * math.cos(t), r * math.sin(t)) for r, t in spots]
+    if isinstance(machine, Delta):
+        return [(rng.uniform(-80, 80), rng.uniform(-80, 80), rng.uniform(-300, -220)) for _ in range(count)]
+    return [(rng.uniform(-99, 99), rng.uniform(-99, 99)) for _ in range(count)]
+
+
+@pytest.mark.parametrize("machine", [ARM, ROBOT, BELT], ids=["scara", "delta", "corexy"])
+@pytest.mark.parametrize("seed", range(40))
+def test_no_axis_is_faster_or_harder_than_it_may_be_on_a_way_in_the_workspace(machine, seed):
+    rng = random.Random(seed)
+    stops: set[int] = set()
+    if seed % 4 == 3:
+        base = [arc_through(*places(machine, rng, 3))]
+    else:
+        base, stops = polyline(places(machine, rng, rng.choice([2, 4])), rng.choice([0.0, 3.0, 25.0]))
+    pieces = [Bent(piece, machine) for piece in base]
+    try:
+        for piece in pieces:
+            survey(piece)
+    except ValueError:
+        return  # a circle may lead out of reach
+    axes = len(pieces[0].at(0.0))
+    limits = [
+        Limits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
+        for _ in range(axes)
+    ]
+    velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
+    way = way_of(pieces, limits, acceleration, stops, Cycle(velocity, PERIOD))
+    travel, found = Travel(), [way.at(0.0)]
+    travel.begin(way, velocity)
+    while travel.t < way.length and len(found) < 20_000:
+        if rng.random() < 0.02:
+            travel.factor = rng.choice([0.2, 1.0, FASTER])
+        travel.advance(PERIOD)
+        found.append(way.at(travel.t))
+    assert travel.t == way.length
+    for number, limit in enumerate(limits):
+        speeds = [(b[number] - a[number]) / PERIOD for a, b in pairwise(found)]
+        rates = [(b - a) / PERIOD for a, b in pairwise([0.0, *speeds, 0.0])]
+        assert max(map(abs, speeds)) <= limit.velocity * (1 + 1e-6)
+        assert max(map(abs, rates)) <= limit.acceleration * (1 + 1e-6)
+
+
+def test_a_line_that_comes_too_near_to_the_middle_is_refused():
+    straight = Scara(150.0, 150.0)
+    with pytest.raises(ValueError, match="too near to a leap"):
+        survey(Bent(Straight((200.0, 0.05), (-200.0, 0.05), 400.0), straight))
+
+
+def test_pieces_cross_to_the_core_as_they_are():
+    for machine in (ARM, ROBOT, BELT):
+        piece = Bent(Straight((1.0, 2.0), (3.0, 4.0), math.sqrt(8.0)), machine)
+        assert (
+            CODEC.unpack(CODEC.pack(way_of([Bent(piece.base, BELT)], [Limits()] * 2, 10.0))).pieces[0].base
+            == piece.base
+        )
+        assert CODEC.unpack(CODEC.pack(machine)) == machine

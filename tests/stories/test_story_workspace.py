@@ -1,0 +1,133 @@
+"""Groups in a workspace on the plant: an arm's tool goes along lines, corners and circles, and what it cannot reach is refused."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from axisbus import CoreXY, Scara
+from axisbus.errors import ArgumentError, Interrupted, LimitError
+from axisbus.machine.groups import Group
+from kit.cell import SCALE, Cell
+
+AXIS = "max_acceleration = 4000.0"
+ARM = Scara(200.0, 150.0)
+NEAR = 350.0 * math.radians(2.0 / SCALE)  # what two increments of both joints make of the tool's place
+
+
+def arm(story, start: tuple[float, float] = (0.0, 90.0), **changes: str) -> tuple[Cell, Group]:
+    cell = story.simulated("xy", **{"axis": AXIS} | changes).enabled()
+    joints = cell.machine.group("x", "y")
+    assert cell.end_of(joints.move_direct(start)) is None
+    return cell, joints.with_kinematics(ARM)
+
+
+def tool(cell: Cell, since: float) -> list[tuple[float, ...]]:
+    pairs = zip(cell.positions("x", since), cell.positions("y", since), strict=True)
+    return [ARM.forward(pair) for pair in pairs]
+
+
+def away(place: tuple[float, ...], a: tuple[float, float], b: tuple[float, float]) -> float:
+    length = math.dist(a, b)
+    along = sum((p - q) * (r - q) for p, q, r in zip(place, a, b, strict=True)) / length**2
+    along = min(1.0, max(0.0, along))
+    return math.dist(place, [q + along * (r - q) for q, r in zip(a, b, strict=True)])
+
+
+def test_the_tool_goes_on_a_straight_line(story):
+    cell, xy = arm(story)
+    assert xy.place == pytest.approx((200.0, 150.0), abs=NEAR)
+    since = cell.moment()
+    assert cell.end_of(xy.move_linear((250.0, -100.0), velocity=200.0, acceleration=1000.0)) is None
+    assert xy.place == pytest.approx((250.0, -100.0), abs=NEAR)
+    assert max(away(place, (200.0, 150.0), (250.0, -100.0)) for place in tool(cell, since)) < NEAR
+    assert all(cell.hardest_change(name, since) < 4100.0 for name in "xy")
+
+
+def test_the_tool_goes_on_paths_and_circles_and_an_override_and_a_halt_keep_it_there(story):
+    cell, xy = arm(story)
+    corners = [(200.0, 150.0), (260.0, 150.0), (260.0, 0.0)]
+    since = cell.moment()
+    path = xy.move_path(corners[1:], velocity=150.0, acceleration=1000.0, blend=5.0)
+    cell.run(0.3)
+    cell.end_of(xy.set_override(0.4))
+    cell.run(0.3)
+    assert cell.end_of(xy.halt()) is None
+    assert isinstance(path.exception(), Interrupted)
+    cell.end_of(xy.set_override(1.0))
+    assert cell.end_of(xy.resume()) is None
+    lines = list(pairwise(corners))
+    assert max(min(away(p, *line) for line in lines) for p in tool(cell, since)) < 5.0 + NEAR
+    since = cell.moment()
+    assert (
+        cell.end_of(xy.move_circular((260.0, 0.0), centre=(220.0, 0.0), velocity=100.0, acceleration=800.0))
+        is None
+    )
+    assert max(abs(math.dist(p, (220.0, 0.0)) - 40.0) for p in tool(cell, since)) < NEAR
+
+
+def test_what_waits_begins_where_the_way_before_ends(story):
+    cell, xy = arm(story)
+    handles = [
+        xy.move_linear((250.0, 100.0), velocity=200.0, acceleration=1000.0),
+        xy.move_linear((250.0, -100.0), velocity=200.0, acceleration=1000.0, buffer=True),
+        xy.move_circular((250.0, 100.0), via=(180.0, 0.0), velocity=200.0, acceleration=1000.0, buffer=True),
+    ]
+    assert [cell.end_of(handle) for handle in handles] == [None] * 3
+    assert xy.place == pytest.approx((250.0, 100.0), abs=NEAR)
+
+
+def test_a_belt_moves_one_axis_by_two_motors(story):
+    cell = story.simulated("xy", axis=AXIS).enabled()
+    xy = cell.machine.group("x", "y").with_kinematics(CoreXY())
+    assert cell.end_of(xy.move_linear((20.0, 0.0), velocity=50.0, acceleration=500.0, jerk=5000.0)) is None
+    assert (cell.where("x"), cell.where("y")) == pytest.approx((20.0, 20.0), abs=0.02)
+    assert cell.end_of(xy.move_linear((20.0, 15.0), velocity=50.0, acceleration=500.0)) is None
+    assert (cell.where("x"), cell.where("y")) == pytest.approx((35.0, 5.0), abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "words"),
+    [
+        (
+            lambda g: g.move_linear((400.0, 0.0), velocity=50.0, acceleration=500.0),
+            LimitError,
+            "does not reach",
+        ),
+        (
+            lambda g: g.move_linear((-200.0, -150.0), velocity=50.0, acceleration=500.0),
+            LimitError,
+            "does not reach",
+        ),
+        (
+            lambda g: g.move_circular((200.0, 150.0), centre=(100.0, 75.0), velocity=9.0, acceleration=9.0),
+            LimitError,
+            "does not reach",
+        ),
+        (
+            lambda g: g.move_linear((200.0, 100.0), velocity=50.0),
+            ArgumentError,
+            "in a workspace the defaults",
+        ),
+        (
+            lambda g: g.move_linear((230.0, 150.0), velocity=50.0, acceleration=500.0, jerk=5000.0),
+            ArgumentError,
+            "jerk cannot be limited",
+        ),
+        (
+            lambda g: g.move_linear((200.0,), velocity=50.0, acceleration=500.0),
+            ArgumentError,
+            "1 position for 2",
+        ),
+        (lambda g: g.move_linear((60.0, 90.0), velocity=50.0, acceleration=500.0), LimitError, "limits of y"),
+    ],
+)
+def test_what_leads_nowhere_is_refused_before_anything_moves(story, ask, error, words):
+    cell, xy = arm(story, axis=AXIS + "\nposition_limits = [-95.0, 95.0]")
+    since = cell.moment()
+    with pytest.raises(error, match=words):
+        ask(xy)
+    cell.run(0.2)
+    assert cell.top_speed("x", since) == 0.0
