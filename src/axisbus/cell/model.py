@@ -265,10 +265,14 @@ class AxisConfig:
 
 @dataclass(frozen=True, slots=True)
 class GroupConfig:
-    """``[groups.NAME]``: its axes, in the order in which ``move_linear`` takes their positions."""
+    """``[groups.NAME]``: its axes, in the order in which ``move_linear`` takes their positions.
+
+    ``on_fault`` says how the failure of one stops the others: on their ``path``, ``each`` by its own ramp, or by ``quick`` stop.
+    """
 
     name: str
     axes: tuple[str, ...] = ()
+    on_fault: str = "path"
     at: Place = Place()
 
 

@@ -133,6 +133,7 @@ STOP: Keys = {
 
 GROUP: Keys = {
     "axes": Key(v.list_of(v.text, "axes' names"), 'axes = ["x", "y"]'),
+    "on_fault": Key(v.words("path", "each", "quick")),
 }
 
 TOP = ("bus", "nodes", "axes", "groups")

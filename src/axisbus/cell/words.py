@@ -126,4 +126,7 @@ STOP: Mapping[str, str] = {
     "disable_time": "How long the disabling may take.",
 }
 
-GROUP: Mapping[str, str] = {"axes": "In this order move_linear takes their positions."}
+GROUP: Mapping[str, str] = {
+    "axes": "In this order move_linear takes their positions.",
+    "on_fault": 'How a fault of one stops the others: on their "path" (default), "each" by its own ramp, or by "quick" stop.',
+}

@@ -22,7 +22,7 @@ from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.stop.policy import LostNode
+from axisbus.motion.stop.policy import GroupFault, LostNode
 from axisbus.session import Session
 
 if TYPE_CHECKING:
@@ -127,6 +127,7 @@ class Core:
             cell.bus.scan_period,
             members(cell, cores),
             LostNode(cell.bus.on_lost_node),
+            {name: GroupFault(group.on_fault) for name, group in cell.groups.items()},
         )
         self._pickup = Pickup(runtime.late, self._join)
         self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)

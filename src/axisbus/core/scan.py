@@ -44,7 +44,7 @@ from axisbus.motion.group.core import GroupCore
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.stop.halting import Halting
 from axisbus.motion.stop.leaving import Leaving
-from axisbus.motion.stop.policy import FaultPolicy, LostNode
+from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
 from axisbus.session import Observer, Target
 
@@ -67,8 +67,12 @@ class Scan:
         period: float,
         groups: Mapping[str, Sequence[str]] | None = None,
         on_lost_node: LostNode = LostNode.GROUP,
+        on_fault: Mapping[str, GroupFault] | None = None,
     ) -> None:
-        """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``groups``: the axes of each group by its name."""
+        """``ports`` and ``axes`` have the same names; ``period`` in seconds.
+
+        ``groups``: the axes of each group by its name; ``on_fault``: how it is stopped by a failure, where not on its path.
+        """
         self.cycle = cycle
         self.axes = dict(axes)
         self.period = period
@@ -84,8 +88,8 @@ class Scan:
         self.waiter: Wakes | None = None
         self._work = [(name, ports[name], core) for name, core in self.axes.items()]
         self._members = {name: list(axes) for name, axes in (groups or {}).items()}
-        self._on_lost_node = on_lost_node
-        self._policy = FaultPolicy(tuple(self.axes), self._members, on_lost_node)
+        self._on_lost_node, self._on_fault = on_lost_node, dict(on_fault or {})
+        self._policy = self._make_policy()
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
@@ -339,7 +343,10 @@ class Scan:
             mates = {group: axes for group, axes in self._members.items() if name in axes}
             with self._lock:
                 self.groups = {**self.groups, **{group: self._group_core(mates[group]) for group in mates}}
-        self._policy = FaultPolicy(tuple(self.axes), self._members, self._on_lost_node)
+        self._policy = self._make_policy()
+
+    def _make_policy(self) -> FaultPolicy:
+        return FaultPolicy(tuple(self.axes), self._members, self._on_lost_node, self._on_fault)
 
     def _take_commands(self, now: float) -> None:
         if self._joining:
@@ -380,7 +387,8 @@ class Scan:
 
     def _apply_policy(self) -> None:
         while self._trips:
-            self._policy_stop(dict.fromkeys(self.axes, self._trips.popleft().message))
+            message = self._trips.popleft().message
+            self._policy_stop(dict.fromkeys(self.axes, (message, GroupFault.PATH)))
         tripped: dict[str, AxisbusError] = {}
         for name, _, core in self._work:
             if core.tripped is not None:
@@ -388,11 +396,14 @@ class Scan:
         if not tripped:
             return
         causes = self._policy.all_stops(tripped)
-        self._policy_stop({name: tripped[cause].message for name, cause in causes.items()})
+        how = self._policy.how
+        self._policy_stop(
+            {name: (tripped[cause].message, how(name, cause)) for name, cause in causes.items()}
+        )
 
-    def _policy_stop(self, reasons: Mapping[str, str]) -> None:
-        for name, reason in reasons.items():
-            stop = PolicyStop(f"{name} was stopped because {reason}")
+    def _policy_stop(self, reasons: Mapping[str, tuple[str, GroupFault]]) -> None:
+        for name, (reason, how) in reasons.items():
+            stop = PolicyStop(f"{name} was stopped because {reason}", how)
             accept(self.axes[name], stop, unattended(f"{name}.stop"))
 
     def _wake(self) -> None:

@@ -7,6 +7,7 @@ from enum import Enum
 
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
+from axisbus.motion.stop.policy import GroupFault
 from axisbus.motion.trajectory import Trajectory
 
 
@@ -126,9 +127,10 @@ class Shutdown:
 
 @dataclass(frozen=True, slots=True)
 class PolicyStop:
-    """A halt that the fault policy orders because of another axis."""
+    """A halt that the fault policy orders because of another axis; ``how`` hard."""
 
     reason: str
+    how: GroupFault = GroupFault.PATH
 
 
 @dataclass(frozen=True, slots=True)

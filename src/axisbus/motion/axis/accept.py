@@ -23,6 +23,7 @@ from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
 from axisbus.motion.stop.ladder import Rung, Then
 from axisbus.motion.stop.lost import ANEW, not_to_be_reset
+from axisbus.motion.stop.policy import GroupFault
 from axisbus.motion.stop.stopping import StopKind
 from axisbus.motion.ticket import Ticket
 
@@ -208,17 +209,20 @@ def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> N
 
 
 def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate) -> None:
-    _stop_ours(core, StopKind.POLICY, command.reason, ticket)
+    if command.how is GroupFault.EACH and core.leading_path is not None:
+        core.leading_path.brake_alone()
+    rung = Rung.QUICK_STOP if command.how is GroupFault.QUICK else Rung.HALT
+    _stop_ours(core, StopKind.POLICY, command.reason, ticket, rung)
 
 
 def _hand_over(core: AxisCore, command: c.HandOver, ticket: Ticket, __: Gate) -> None:
     _stop_ours(core, StopKind.HALT, command.reason, ticket)
 
 
-def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket) -> None:
+def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket, rung: Rung = Rung.HALT) -> None:
     ours = core.touched and core.state in MOVING
     if ours or isinstance(core.activity, Enable):
-        core.stop_because(kind, Then.HOLD, Rung.HALT, reason, ticket)
+        core.stop_because(kind, Then.HOLD, rung, reason, ticket)
     else:
         core.finish(ticket)
 

@@ -13,11 +13,9 @@ from axisbus.motion.axis.order import Order
 from axisbus.motion.coupling.master import Master
 from axisbus.motion.group.gate import OPEN
 from axisbus.motion.moves.follow import Follow, Foreseen
-from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.pace import Step, TooMuch
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.pathclock import PathClock
 
 _ENDLESS = 1e9  # seconds
 
@@ -144,18 +142,8 @@ class Coupled(Follow):
         return super().foresee()
 
     def begin_braking(self) -> bool:
-        """Begin to brake from the last target and its speed; False where it does not run, or no deceleration is known."""
-        deceleration = self._parameters.path_deceleration
-        if not self._running or not deceleration:
-            return False
-        if self.clock.braking:
-            return True
-        at, speed = self.last_step
-        rest = at + math.copysign(braking_distance(speed, deceleration), speed)
-        self.begin(Onward(Start(at, speed), rest, abs(speed) or 1.0, deceleration, deceleration))
-        self.clock = self._time = PathClock()
-        self._own_clock = self.clock.braking = True
-        return True
+        """Begin to brake by itself; False where it does not run, or no deceleration is known."""
+        return self.brake_alone()
 
     def _start(self, image: Image) -> None:
         units = self._parameters.units.position

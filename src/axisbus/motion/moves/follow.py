@@ -20,6 +20,8 @@ from axisbus.motion.moves.guarded import Guarded
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
+from axisbus.motion.moves.onward import Onward, Start
+from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
@@ -221,9 +223,27 @@ class Follow(Activity):
             self._travel.brake()
             return True
         deceleration = self._parameters.path_deceleration
-        if deceleration:
+        if deceleration and not self.clock.braking:
             self._time.brake(partial(self._way, self._trajectory), deceleration)
         return self.clock.braking
+
+    def brake_alone(self) -> bool:
+        """Begin to brake by the axis's own deceleration, from the last target and its speed, whatever way it was on.
+
+        False where it does not run, or no deceleration is known.
+        """
+        deceleration = self._parameters.path_deceleration
+        if not self._running or not deceleration:
+            return False
+        if self._travel is None and self._own_clock and self.clock.braking:
+            return True
+        at, speed = self.last_step
+        rest = at + math.copysign(braking_distance(speed, deceleration), speed)
+        self.begin(Onward(Start(at, speed), rest, abs(speed) or 1.0, deceleration, deceleration))
+        self._travel, self._own_clock = None, True
+        self.clock = self._time = PathClock()
+        self.clock.braking = True
+        return True
 
     @property
     def at_rest(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from axisbus.errors import AxisbusError, NodeError
@@ -17,17 +17,30 @@ class LostNode(Enum):
     REPORT = "report"
 
 
+class GroupFault(Enum):
+    """How a failure stops the other axes of a group; ordered from soft to hard."""
+
+    PATH = "path"  # along the path that they are on
+    EACH = "each"  # each by its own deceleration
+    QUICK = "quick"  # by the quick stop of each drive
+
+
+_HARDER = list(GroupFault)
+
+
 @dataclass(frozen=True, slots=True)
 class FaultPolicy:
     """Default policy: a failure stops its group; an axis in no group, or a cell without groups, stops the cell.
 
     ``groups`` maps a group's name to its axes. ``lost_node`` is for the loss of a node: as any failure (``GROUP``), the whole cell,
-    or nobody else. A group's own command cannot go on without one of its axes, whatever is said here.
+    or nobody else; ``on_fault``: how each group is stopped, where that is not on its path. A group's own command cannot go on
+    without one of its axes, whatever is said here.
     """
 
     axes: tuple[str, ...]
     groups: Mapping[str, Sequence[str]]
     lost_node: LostNode = LostNode.GROUP
+    on_fault: Mapping[str, GroupFault] = field(default_factory=dict)
 
     def stops(self, failed: str, error: AxisbusError | None = None) -> frozenset[str]:
         """Return the axes to stop, besides ``failed`` itself, when ``failed`` fails because of ``error``."""
@@ -47,3 +60,12 @@ class FaultPolicy:
             for axis in self.stops(cause, error)
             if axis not in errors
         }
+
+    def how(self, axis: str, failed: str) -> GroupFault:
+        """Return how ``axis`` is stopped because of ``failed``: as hard as any group of both asks for."""
+        ways = (
+            self.on_fault.get(name, GroupFault.PATH)
+            for name, axes in self.groups.items()
+            if axis in axes and failed in axes
+        )
+        return max(ways, key=_HARDER.index, default=GroupFault.PATH)

@@ -1,0 +1,64 @@
+"""How the fault of one axis of a group stops the others: on their path, each by its own ramp, or by quick stop."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus.errors import DriveFault
+from axisbus.motion.states import AxisState
+from kit.cell import Cell
+from kit.probe import ENABLED, OFF, QUICK_STOP
+
+AXIS = "max_acceleration = 2000.0"
+CYCLE = 0.01
+
+
+def group(story, on_fault: str) -> Cell:
+    more = f'[groups.xyz]\naxes = ["x", "y", "z"]\non_fault = "{on_fault}"\n'
+    return story.simulated("xyz", axis=AXIS, more=more).enabled()
+
+
+def braked(cell: Cell, name: str, since: float) -> tuple[float, float]:
+    """When the motor began to brake after ``since``, and how hard it braked, by the plant."""
+    samples = cell.record(name).since(since)
+    top = abs(samples[0].velocity)
+    begin = next(sample for sample in samples if abs(sample.velocity) < 0.98 * top)
+    end = next(sample for sample in samples if abs(sample.velocity) < 0.3 * top)
+    return begin.time - since, (abs(begin.velocity) - abs(end.velocity)) / (end.time - begin.time)
+
+
+@pytest.mark.parametrize(("on_fault", "ramp"), [("path", 250.0), ("each", 500.0), ("quick", 1000.0)])
+def test_a_fault_stops_the_others_as_their_group_says(story, on_fault, ramp):
+    cell = group(story, on_fault)
+    xyz = cell.machine.group("xyz")
+    line = xyz.move_linear((300.0, 150.0, 300.0), velocity=120.0, acceleration=375.0)
+    cell.run(1.0)
+    since = cell.moment()
+    cell.machine.stand_in(3).fault(0x2310)
+    assert isinstance(cell.failure_of(line), DriveFault)
+    cell.run(1.5)
+    for name in "xy":
+        begun, hard = braked(cell, name, since)
+        # The fault is told at a SYNC; two cycles on, the first target that brakes; it is taken, and led to, a cycle later each.
+        assert begun < 7 * CYCLE + 0.02 * abs(cell.record(name).since(since)[0].velocity) / hard
+        share = {"x": 1.0, "y": 0.5}[name] if on_fault == "path" else 1.0
+        assert hard == pytest.approx(share * ramp, rel=0.15)
+        assert cell.speed(name) == 0.0
+        assert cell.stage(name) in ((*OFF, QUICK_STOP) if on_fault == "quick" else (ENABLED,))
+    off_line = abs(cell.where("x") - 2.0 * cell.where("y"))
+    assert off_line < 0.1 if on_fault == "path" else off_line > 0.5
+    if on_fault != "quick":
+        assert cell["x"].state is AxisState.STANDSTILL
+
+
+def test_a_profile_move_is_braked_as_its_group_says(story):
+    cell = group(story, "quick")
+    for name in "xy":
+        cell[name].move_velocity(90.0)
+    cell.run(0.6)
+    since = cell.moment()
+    cell.machine.stand_in(3).fault(0x2310)
+    cell.run(1.0)
+    for name in "xy":
+        assert braked(cell, name, since)[1] == pytest.approx(1000.0, rel=0.15)
+        assert cell.speed(name) == 0.0
