@@ -84,7 +84,7 @@ def scales(case: Case) -> Found:
 
 def increments(case: Case) -> Found:
     """Note axes in increments whose deadlines cannot be derived."""
-    for axis in case.cell.axes.values():
+    for axis in case.cell.driven.values():
         if axis.unit == INCREMENTS and axis.velocity_scale is None and axis.at.sound("unit"):
             yield case.note(
                 axis.at.of("unit"),

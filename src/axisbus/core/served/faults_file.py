@@ -94,7 +94,7 @@ class _Reading(Tables):
         )  # fmt: skip
 
     def _whose(self, name: str, fields: Fields) -> tuple[int, int]:
-        axes, nodes = self._cell.axes, self._cell.nodes
+        axes, nodes = self._cell.driven, self._cell.nodes
         if ("axis" in fields) == ("node" in fields):
             self._error(
                 (name,), f"[{name}] needs an axis or a node", remedy='write axis = "..." or node = ...'
@@ -139,7 +139,7 @@ class _Reading(Tables):
 
     def _condition(self, name: str, text: str) -> Condition | None:
         try:
-            return condition(text, self._cell.axes, KINDS)
+            return condition(text, self._cell.driven, KINDS)
         except ArgumentError as error:
             self._error((name, "when"), error.message, error.observed or "", error.remedy or "")
             return None
