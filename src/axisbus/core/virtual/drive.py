@@ -151,6 +151,8 @@ class VirtualDrive:
 
     def take(self, outputs: Outputs) -> None:
         """Take what is asked for in this cycle: first mode and targets, so that the controlword finds them."""
+        if self._goes_on(outputs):
+            return
         if outputs.mode is not None and outputs.mode != self.mode:
             self.mode = outputs.mode
             self._forget()
@@ -165,6 +167,23 @@ class VirtualDrive:
         if outputs.target_position is not None:
             self._target = None if self._halted else unwrap(self._place, outputs.target_position)
         self._lay(self._wanted())
+
+    def _goes_on(self, outputs: Outputs) -> bool:
+        """Take a cycle that asks for nothing new, or for the next target of a path; return whether it is one."""
+        word, mode, target, velocity, _, _, _, nmt_stop = outputs
+        if (
+            self.state is not _ENABLED
+            or word != self._word
+            or mode is not None
+            or velocity is not None
+            or nmt_stop
+        ):
+            return False
+        if target is not None:
+            if self._wish is not _FOLLOW:
+                return False
+            self._shown_target, self._target = target, unwrap(self._place, target)
+        return True
 
     def _obey(self, word: int) -> None:
         before, self._word = self._word, word
