@@ -33,6 +33,7 @@ SLOW = {
         "stories/test_story_starved.py",
         "stories/test_story_suspended.py",
         "stories/test_story_two_axes.py",
+        "stories/test_story_virtual.py::test_in_real_time_it_is_led_by_the_core_wherever_that_runs",
         "stories/test_story_ways_out.py",
         "test_pages.py",
         "test_examples.py",

@@ -7,6 +7,7 @@ from axisbus.cell.parameters import homing_required, modes
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.units import INT32_HALF
+from axisbus.wording import counted
 
 _M = ModeOfOperation
 
@@ -103,7 +104,7 @@ def resolution(case: Case) -> Found:
         per_unit = float(axis.scale or 1)
         yield case.note(
             axis.at.line,
-            f"virtual axis {axis.name} counts {per_unit:g} increments per {axis.unit}, because scale is left out",
+            f"virtual axis {axis.name} counts {counted(round(per_unit), 'increment')} per {axis.unit}, because scale is left out",
             f"one move may go {INT32_HALF / per_unit:.6g} {axis.unit}, and as many in a second",
             f"scale = ... in [{axis.at.name}] makes it finer, or lets it go farther",
         )

@@ -11,6 +11,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.options import Ramp
 from axisbus.motion.braking import Braking
 from axisbus.motion.parameters import AxisParameters, Homing, Limits
+from axisbus.units import INT32_HALF
 
 # What a drive would have: what is written before a move, and what the axis is led by and seen by.
 SETTINGS = frozenset({objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION})
@@ -49,6 +50,7 @@ def virtual_parameters(cell: CellConfig, name: str) -> AxisParameters:
         objects=OBJECTS,
         modes=MODES,
         braking=Braking(Ramp.SLOW, Ramp.QUICK, quick),
+        following_error=INT32_HALF,  # nothing holds it: what it may be behind is the scan's own lateness, of which others tell
         standstill_speed=standstill_speed(axis, units),
         scan_period=cell.bus.scan_period,
         virtual=True,
