@@ -31,8 +31,9 @@ class Way:
     def __init__(self, velocity: float, pieces: Sequence[Piece] = ()) -> None:
         """``velocity``: the present one, in increments per s."""
         self.velocity = velocity
-        self._pieces = [piece for piece in pieces if piece.seconds > 0.0]
+        self._pieces = list(pieces)
         self._left = self._pieces[0].seconds if self._pieces else math.inf
+        self.advance(0.0)  # past what takes no time
 
     @property
     def over(self) -> bool:
