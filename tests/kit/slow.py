@@ -75,6 +75,7 @@ SLOW = {
         "cli/test_cli_turning.py",
         "cli/test_cli_streams.py",
         "cli/test_cli_underway.py",
+        "cli/test_cli_virtual.py",
         "machine/test_machine_services.py",
         "machine/test_machine_speaks.py",
         "motion/test_motion_handles.py",
