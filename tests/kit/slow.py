@@ -34,6 +34,7 @@ SLOW = {
         "stories/test_story_suspended.py",
         "stories/test_story_two_axes.py",
         "stories/test_story_virtual.py::test_in_real_time_it_is_led_by_the_core_wherever_that_runs",
+        "stories/test_story_virtual.py::test_where_its_core_is_killed_there_is_nothing_of_it_to_be_stopped",
         "stories/test_story_ways_out.py",
         "test_pages.py",
         "test_examples.py",

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
 import sys
+import time
 
 import pytest
 
 from axisbus import Machine
 from axisbus.cia402.state import State
-from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError
+from axisbus.errors import ArgumentError, AxisbusError, LimitError, StaleError, StateError
 from axisbus.motion.states import AxisState
 from kit.cell import cell_text
 from kit.probe import ENABLED
@@ -418,3 +421,22 @@ def test_in_real_time_it_is_led_by_the_core_wherever_that_runs(tmp_path, names, 
         with pytest.raises(StateError, match="virtual"):
             _ = v.temperature
     assert (v.snapshot.velocity, v.snapshot.power) == (0, State.SWITCH_ON_DISABLED)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a core in a process of its own is for Linux")
+def test_where_its_core_is_killed_there_is_nothing_of_it_to_be_stopped(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("x", bus='process = "own"', more=virtual()))
+    machine = Machine.open(path)
+    for axis in machine:
+        axis.enable().wait(5)
+        axis.move_velocity(50.0).wait(5)
+    os.kill(machine._core.process, signal.SIGKILL)
+    with pytest.raises(StaleError):
+        for _ in range(100):
+            _ = machine["v"].state
+            time.sleep(0.05)
+    with pytest.raises(AxisbusError) as told:
+        machine.close()
+    assert "x: stands" in str(told.value)
+    assert "v: " not in str(told.value)

@@ -102,8 +102,10 @@ class _Reading(Tables):
         elif "axis" in fields and fields["axis"] in axes:
             return axes[fields["axis"]].node, axes[fields["axis"]].drive_axis
         elif "axis" in fields:
-            there = f"there are {', '.join(axes)}"
-            self._error((name, "axis"), f"the cell has no axis {fields['axis']!r}", there, "give one of them")
+            there, what = f"there are {', '.join(axes)}", f"the cell has no axis {fields['axis']!r}"
+            if fields["axis"] in self._cell.axes:
+                what = f"axis {fields['axis']} is virtual: there is no drive to fail"
+            self._error((name, "axis"), what, there, "give one of them")
         elif fields["node"] not in nodes:
             there = f"there are {', '.join(map(str, nodes))}"
             self._error((name, "node"), f"the cell has no node {fields['node']}", there, "give one of them")
