@@ -25,7 +25,7 @@ class Lifeline:
         self._numbers = {name: number for number, name in enumerate(names)}
         self._known: dict[str, tuple[int, AxisCore, CanPort]] = {}
         self._virtual = core.cell.axes.keys() - core.cell.driven.keys()
-        for name in core.scan.axes.keys() - self._virtual:
+        for name in (name for name in core.scan.axes if name not in self._virtual):
             self._enter(name)
 
     def stage(self, stage: Stage) -> None:
