@@ -281,3 +281,56 @@ def test_whatever_is_asked_of_it_only_a_cyclic_target_makes_it_jump(asked):
                 assert min(before, now) - hardest <= moved <= max(before, now) + hardest
             if led.drive.state is not State.OPERATION_ENABLED:
                 assert abs(now) <= abs(before)
+
+
+def moving_in_csp(led: Led) -> None:
+    for target in range(0, 400, 20):  # 2000 increments per s
+        led.cycle(target_position=target)
+    assert led.drive.velocity == 2000
+
+
+def must_rest_beyond(led: Led, place: int, word: int = ENABLE, **wishes: int) -> None:
+    """Brake on a ramp from the last target on, and stay where that ends, whatever was a target before."""
+    for _ in range(300):
+        led.cycle(word, **wishes)
+    rested = led.drive.position
+    assert led.drive.velocity == 0
+    assert rested > place + 100
+    for again in (ENABLE, 0x07, 0x0F, ENABLE, ENABLE):
+        led.cycle(again)
+        assert led.drive.position == rested
+
+
+def test_a_cyclic_target_does_not_act_again_once_the_axis_was_without_power():
+    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    moving_in_csp(led)
+    must_rest_beyond(led, led.drive.position, 0x07)
+
+
+def test_a_cyclic_target_does_not_act_again_after_a_halt_even_one_that_came_with_it():
+    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    moving_in_csp(led)
+    place = led.drive.position
+    must_rest_beyond(led, place, ENABLE | HALT, target_position=place)
+
+
+@pytest.mark.parametrize("other", [PP, PV])
+def test_a_cyclic_target_does_not_act_again_after_another_mode(other):
+    led = Led(1000.0, 5000.0).enabled(CSP, target_position=0)
+    moving_in_csp(led)
+    place = led.drive.position
+    for _ in range(300):
+        led.cycle(mode=other, target_velocity=0)
+    led.cycle(mode=CSP)
+    must_rest_beyond(led, place)
+
+
+def test_a_goal_does_not_act_again_once_the_axis_was_without_power():
+    led = Led(1000.0, 5000.0).enabled(PP)
+    led.set(speed=2000, up=10_000, down=10_000)
+    for _ in range(30):
+        led.cycle(ENABLE | NEW, target_position=100_000)
+    for word in [0x07] * 100 + [ENABLE] * 100:
+        led.cycle(word)
+    assert led.drive.position < 2000
+    assert led.drive.velocity == 0
