@@ -106,8 +106,9 @@ class Cell(PlantProbe):
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self.is_virtual = isinstance(machine._core.scan.cycle, DirectCycle)
-        for axis in machine:
-            self.record(axis.name)
+        for name in machine.cell.driven:
+            if any(axis.name == name for axis in machine):
+                self.record(name)
 
     @property
     def cycle(self) -> DirectCycle:

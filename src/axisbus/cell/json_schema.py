@@ -11,6 +11,7 @@ from typing import Any
 
 from axisbus.cell import entries, schema, words
 from axisbus.cell.schema import Keys
+from axisbus.cell.virtual import form
 from axisbus.units import INCREMENTS
 
 Json = dict[str, Any]
@@ -26,7 +27,7 @@ def schema_of_cells() -> Json:
     """Return the schema of a whole cell file, as plain values."""
     tables = {
         "bus": _bus(),
-        "nodes": _many("nodes", _NODE_ID, _node(), minProperties=1),
+        "nodes": _many("nodes", _NODE_ID, _node()),
         "axes": _many("axes", _NAME, _axis()),
         "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP)),
     }
@@ -35,7 +36,8 @@ def schema_of_cells() -> Json:
         "title": "axisbus cell file",
         "type": "object",
         "properties": {name: tables[name] for name in schema.TOP},
-        "required": ["bus", "nodes"],
+        "required": ["bus"],
+        "anyOf": [{"required": ["nodes"]}, {"required": ["axes"]}],
         "additionalProperties": False,
     }
 
@@ -63,8 +65,18 @@ def _axis() -> Json:
         stop=_table(schema.STOP, words.STOP, "axes.stop"),
         objects=_objects("axes.objects"),
     )
-    axis["anyOf"] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
-    return axis
+    scaled = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
+    axis["required"].remove("node")
+    axis["if"] = {"properties": {form.VIRTUAL: {"const": True}}, "required": [form.VIRTUAL]}
+    return {**axis, "then": _virtual(), "else": {"required": ["node"], "anyOf": scaled}}
+
+
+def _virtual() -> Json:
+    """What a virtual axis cannot have: a key of it, or of its tables, is refused whatever it says."""
+    own: Json = dict.fromkeys(form.KEYS, True)
+    for name, keys in form.TABLES.items():
+        own[name] = {"propertyNames": {"enum": sorted(keys)}}
+    return {"properties": own, "additionalProperties": False}
 
 
 def _table(keys: Keys, about: Mapping[str, str], name: str = "", **tables: Json) -> Json:

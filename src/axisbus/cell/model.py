@@ -228,11 +228,13 @@ class AxisConfig:
     """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
 
     ``limits_in_drive``: they are written into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves nothing
-    on this drive; that it has taken a set-point is seen by what the axis does.
+    on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: the core leads it alone; then its node
+    is 0, which no device has.
     """
 
     name: str
     node: int = 0
+    virtual: bool = False
     drive_axis: int = 1
     unit: str = INCREMENTS
     scale: Fraction | None = None
@@ -261,6 +263,14 @@ class AxisConfig:
     stop: StopConfig = StopConfig()
     objects: tuple[ObjectSetting, ...] = ()
     at: Place = Place()
+
+    def no_drive(self, what: str) -> StateError:
+        """Return that the axis is virtual, and has not ``what`` was asked for."""
+        return StateError(
+            f"axis {self.name} is virtual: it has {what}",
+            observed="the core leads it alone: there is no node and no drive",
+            remedy="ask an axis that has a drive, or read its position and velocity",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +301,11 @@ class CellConfig:
     def folder(self) -> Path:
         """The folder that paths in the file are relative to."""
         return Path(self.file).parent
+
+    @property
+    def driven(self) -> Mapping[str, AxisConfig]:
+        """The axes that have a drive, by name: all but the virtual ones."""
+        return {name: axis for name, axis in self.axes.items() if not axis.virtual}
 
     def beside(self, another: bool) -> CellConfig:
         """Return the cell as if its file said ``beside = true``, where ``another`` master is expected on its bus."""

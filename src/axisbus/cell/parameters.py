@@ -51,9 +51,9 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
             axis.rated_torque,
             drive.number,
         ),
-        defaults=_defaults(axis),
+        defaults=defaults(axis),
         homing=_homing(axis),
-        stop_times=_stop_times(axis),
+        stop_times=stop_times(axis),
         timing=_timing(axis),
         holds_load=_HOLDS[axis.holds_load],
         handshake=Handshake(axis.handshake),
@@ -89,11 +89,14 @@ def standstill_speed(axis: AxisConfig, units: Units) -> float | None:
 
 
 def homing_required(axis: AxisConfig) -> bool:
-    """Whether absolute moves wait for homing: as written, else where position limits are set."""
+    """Whether absolute moves wait for homing: as written, else where position limits are set; a virtual axis knows where it is."""
+    if axis.virtual:
+        return False
     return axis.position_limits is not None if axis.homing.required is None else axis.homing.required
 
 
-def _defaults(axis: AxisConfig) -> Defaults:
+def defaults(axis: AxisConfig) -> Defaults:
+    """Return the values for commands that leave them out."""
     given = axis.defaults
     return Defaults(given.velocity, given.acceleration, given.deceleration, given.torque_slope)
 
@@ -110,7 +113,8 @@ def _homing(axis: AxisConfig) -> Homing:
     )
 
 
-def _stop_times(axis: AxisConfig) -> StopTimes:
+def stop_times(axis: AxisConfig) -> StopTimes:
+    """Return the deadlines of the stop ladder: as written, else the usual ones."""
     stop = axis.stop
     given = {"halt": stop.halt_time, "quick_stop": stop.quick_stop_time, "disable": stop.disable_time}
     return replace(StopTimes(), **{name: value for name, value in given.items() if value is not None})

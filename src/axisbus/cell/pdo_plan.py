@@ -61,7 +61,7 @@ def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:
         fixed=pdo_tables.fixed_pdos(node.pdos),
         timed=pdo_tables.timed_pdos(node.pdos),
         requests=pdo_tables.requested_pdos(node.pdos),
-        slow=slow_pace(cell.bus, len(cell.axes)),
+        slow=slow_pace(cell.bus, len(cell.driven)),
     )
 
 

@@ -84,7 +84,7 @@ class Quantities:
 
     def __init__(self, cell: CellConfig | None = None) -> None:
         self._axes: dict[tuple[int, int], tuple[AxisConfig, Units]] = {}
-        for axis in cell.axes.values() if cell is not None else ():
+        for axis in cell.driven.values() if cell is not None else ():
             self._axes[axis.node, axis.drive_axis] = axis, units_of(axis)
 
     def of(self, node_id: int, index: int, subindex: int = 0) -> Quantity | None:

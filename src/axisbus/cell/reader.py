@@ -32,6 +32,8 @@ from axisbus.cell.problem import Problem, errors
 from axisbus.cell.tables import Fields, Tables, name_of
 from axisbus.cell.toml import Document
 from axisbus.cell.toml_lines import KeyPath
+from axisbus.cell.virtual import form
+from axisbus.cell.virtual.form import quick_deceleration
 from axisbus.eds.model import Severity
 from axisbus.errors import ConfigError
 from axisbus.wording import counted
@@ -54,6 +56,7 @@ __all__ = [
     "read",
 ]
 
+_ALONE = "the core leads it alone: it has no node and no drive"
 _SHOWN = 10  # further errors that the text of an exception lists
 
 
@@ -154,7 +157,7 @@ class _Reading(Tables):
 
     def _nodes(self, raw: Any) -> list[NodeConfig]:
         table = self._table(("nodes",), {} if raw is None else raw)
-        if not table:
+        if not table and not self._any_virtual():
             self._error(("nodes",), "the cell has no node", remedy='add [nodes.1] with eds = "..."')
         return [node for key, value in table.items() if (node := self._node(key, value)) is not None]
 
@@ -179,6 +182,12 @@ class _Reading(Tables):
         pdos = self._pdos((*path, "pdo"), table.get("pdo", {}))
         program = self._program(path, table)
         return NodeConfig(node_id, **fields, program=program, objects=self._objects(path, table), pdos=pdos)
+
+    def _any_virtual(self) -> bool:
+        """Whether there is an axis that needs no node."""
+        axes = self._document.data.get("axes")
+        tables = axes.values() if isinstance(axes, dict) else ()
+        return any(isinstance(table, dict) and table.get(form.VIRTUAL) is True for table in tables)
 
     def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
         if "program" not in table:
@@ -225,6 +234,8 @@ class _Reading(Tables):
     def _axis(self, name: str, raw: Any) -> AxisConfig:
         path: KeyPath = ("axes", name)
         table = self._table(path, raw)
+        if table.get(form.VIRTUAL) is True:
+            return self._virtual_axis(name, path, table)
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
             remedy = f"scale = position increments per {table.get('unit', 'unit')}; it is never guessed"
@@ -238,6 +249,33 @@ class _Reading(Tables):
             stop=StopConfig(**self._sub(path, table, "stop", schema.STOP)),
             objects=self._objects(path, table),
         )
+
+    def _virtual_axis(self, name: str, path: KeyPath, table: Fields) -> AxisConfig:
+        """Read an axis without a drive: what belongs to one is refused, whatever it says."""
+        found = list(form.foreign(table))
+        for below, remedy in found:
+            what, of = name_of(below), name_of(path)
+            self._error((*path, *below), f"{what} cannot stand in [{of}], a virtual axis", _ALONE, remedy)
+        table = form.without(table, found)
+        keys = {key: each for key, each in schema.AXIS.items() if key in form.KEYS}
+        fields = {
+            "scale": form.resolution(table.get("unit")),
+            **self._fields(path, table, keys, schema.AXIS_TABLES),
+        }
+        axis = AxisConfig(
+            name,
+            **fields,
+            defaults=DefaultsConfig(**self._sub(path, table, "defaults", schema.DEFAULTS)),
+            stop=StopConfig(**self._sub(path, table, "stop", schema.STOP)),
+        )
+        if quick_deceleration(axis) is None and axis.stop.at.sound("deceleration"):
+            self._error(
+                path,
+                f"nothing says how [{name_of(path)}] is braked",
+                "a virtual axis has no drive that knows a ramp, and must not stop from one cycle to the next",
+                f"add acceleration = ... to [{name_of(path)}.defaults], or deceleration = ... to [{name_of(path)}.stop]",
+            )
+        return axis
 
     def _groups(self, table: Fields) -> list[GroupConfig]:
         axes = self._document.data.get("axes")

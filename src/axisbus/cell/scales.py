@@ -20,12 +20,12 @@ def units_of(axis: AxisConfig) -> Units:
     """
     sign = -1 if axis.invert == MASTER else 1
     position = axis.scale or Fraction(1)
-    derived = Fraction(1) if axis.unit == INCREMENTS else position
+    derived = Fraction(1) if axis.unit == INCREMENTS and not axis.virtual else position
     return Units(
         position=Scale.of(sign * position, axis.unit),
         velocity=Scale.of(sign * (axis.velocity_scale or derived), f"{axis.unit}/s"),
         acceleration=Scale.of(axis.acceleration_scale or derived, f"{axis.unit}/s²"),
-        ratio_known=axis.unit != INCREMENTS or axis.velocity_scale is not None,
+        ratio_known=axis.unit != INCREMENTS or axis.velocity_scale is not None or axis.virtual,
         rated_torque=None if axis.rated_torque is None else sign * axis.rated_torque,
         modulo=axis.modulo,
     )

@@ -71,6 +71,7 @@ PDO: Mapping[str, str] = {
 AXIS: Mapping[str, str] = {
     "node": "The number of its [nodes.N].",
     "drive_axis": "Which axis of a device with several (default 1).",
+    "virtual": "An axis without node and drive, which the core leads alone.",
     "unit": 'Unit of positions: "deg", "mm" ...; "increments" does without a scale.',
     "scale": 'Position increments per unit: 1000, or a ratio such as "131072/360".',
     "velocity_scale": "Velocity increments per unit/s, where they are not the position's per second.",

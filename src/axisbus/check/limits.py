@@ -63,6 +63,19 @@ def modulo_with_limits(case: Case) -> Found:
             )
 
 
+def virtual_outside(case: Case) -> Found:
+    """Warn of a virtual axis that begins outside its position limits."""
+    for axis in case.cell.axes.values():
+        limits = axis.position_limits
+        if axis.virtual and limits is not None and not limits[0] <= 0.0 <= limits[1]:
+            yield case.warning(
+                axis.at.of("position_limits"),
+                f"virtual axis {axis.name} begins outside its position limits",
+                f"it begins at 0, and they are {limits[0]:g} to {limits[1]:g} {axis.unit}",
+                f"say where it is before its first move, such as set_position({limits[0]:g}), or let the limits hold 0",
+            )
+
+
 def invert(case: Case) -> Found:
     """Check that the direction is turned once."""
     for drive in case.drives:
@@ -181,5 +194,5 @@ _UNSAID = {
 }
 
 CHECKS: tuple[Check, ...] = (
-    beyond_maximum, modulo_with_limits, invert, torque, homing_speeds, in_drive,
+    beyond_maximum, modulo_with_limits, virtual_outside, invert, torque, homing_speeds, in_drive,
 )  # fmt: skip

@@ -6,6 +6,8 @@ from axisbus.cell.model import INCREMENTS
 from axisbus.cell.parameters import homing_required, modes
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia402.modes import ModeOfOperation
+from axisbus.units import INT32_HALF
+from axisbus.wording import counted
 
 _M = ModeOfOperation
 
@@ -84,7 +86,7 @@ def scales(case: Case) -> Found:
 
 def increments(case: Case) -> Found:
     """Note axes in increments whose deadlines cannot be derived."""
-    for axis in case.cell.axes.values():
+    for axis in case.cell.driven.values():
         if axis.unit == INCREMENTS and axis.velocity_scale is None and axis.at.sound("unit"):
             yield case.note(
                 axis.at.of("unit"),
@@ -94,4 +96,18 @@ def increments(case: Case) -> Found:
             )
 
 
-CHECKS: tuple[Check, ...] = (defaults, rated_torque, homing, scales, increments)
+def resolution(case: Case) -> Found:
+    """Tell how finely a virtual axis counts that has no ``scale``."""
+    for axis in case.cell.axes.values():
+        if not axis.virtual or axis.unit == INCREMENTS or axis.at.gives("scale") or not axis.at.sound("unit"):
+            continue
+        per_unit = float(axis.scale or 1)
+        yield case.note(
+            axis.at.line,
+            f"virtual axis {axis.name} counts {counted(round(per_unit), 'increment')} per {axis.unit}, because scale is left out",
+            f"one move may go {INT32_HALF / per_unit:.6g} {axis.unit}, and as many in a second",
+            f"scale = ... in [{axis.at.name}] makes it finer, or lets it go farther",
+        )
+
+
+CHECKS: tuple[Check, ...] = (defaults, rated_torque, homing, scales, increments, resolution)

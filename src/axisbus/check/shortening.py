@@ -49,9 +49,10 @@ def _candidates(cell: CellConfig, bitrate: int) -> Iterator[tuple[str, CellConfi
                 _with_node(cell, replace(node, remap="auto")),
                 bitrate,
             )
-    wide = [name for name, axis in cell.axes.items() if not set(axis.modes or ("pv",)) <= set(_BY_POSITION)]
+    driven = cell.driven
+    wide = [name for name, axis in driven.items() if not set(axis.modes or ("pv",)) <= set(_BY_POSITION)]
     if wide:
-        where = "each axis" if len(wide) == len(cell.axes) else ", ".join(f"[axes.{name}]" for name in wide)
+        where = "each axis" if len(wide) == len(driven) else ", ".join(f"[axes.{name}]" for name in wide)
         modes = ", ".join(f'"{mode}"' for mode in _BY_POSITION)
         what = f"modes = [{modes}] in {where}: no velocities and torques are then commanded"
         yield what, _with_modes(cell, wide), bitrate
@@ -81,5 +82,5 @@ def _with_modes(cell: CellConfig, names: list[str]) -> CellConfig:
 
 def _with_nodes(cell: CellConfig, kept: list[int]) -> CellConfig:
     nodes = {node_id: node for node_id, node in cell.nodes.items() if node_id in kept}
-    axes = {name: axis for name, axis in cell.axes.items() if axis.node in nodes}
+    axes = {name: axis for name, axis in cell.driven.items() if axis.node in nodes}
     return replace(cell, nodes=nodes, axes=axes)

@@ -72,7 +72,7 @@ def process(case: Case) -> Found:
 
 def axes_have_nodes(case: Case) -> Found:
     """Check that the node of each axis is there."""
-    for axis in case.cell.axes.values():
+    for axis in case.cell.driven.values():
         if axis.at.sound("node") and axis.node not in case.cell.nodes:
             known = ", ".join(str(node) for node in case.cell.nodes) or "none"
             yield case.error(
@@ -98,7 +98,7 @@ def nodes_have_axes(case: Case) -> Found:
 def one_axis_each(case: Case) -> Found:
     """Check that no two axes are the same axis of the same device."""
     owners: dict[tuple[int, int], str] = {}
-    for axis in case.cell.axes.values():
+    for axis in case.cell.driven.values():
         if not axis.at.sound("node", "drive_axis"):
             continue
         other = owners.setdefault((axis.node, axis.drive_axis), axis.name)

@@ -78,6 +78,8 @@ def _require_simulated(cell: CellConfig) -> None:
         )
     if not cell.axes:
         raise click.UsageError(f"{cell.file}: the demo moves axes, and this cell has none")
+    if len(cell.driven) < len(cell.axes):
+        raise click.UsageError(f"{cell.file}: the demo homes every axis, and a virtual one cannot be homed")
 
 
 def _job(machine: Machine, tally: Tally) -> None:

@@ -32,7 +32,7 @@ def command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool
     MOVES REAL MOTORS, unless the homing method takes the present position. Ctrl-C halts them.
     """
     config = checked(cell)
-    names = named.chosen(config, axes)
+    names = named.driven(config, axes)
 
     def rehearse() -> None:  # what cannot be is told before the bus is opened
         rehearsal = Rehearsal(config)

@@ -69,7 +69,7 @@ def command(
         with recorded(machine, record):
             enable(axes)
             if home_first:
-                home(machine, axes)
+                home(machine, [axis for axis in axes if axis.name in machine.cell.driven])
             follow(machine, [Way(axis, course.start(axis)) for axis in axes])
             for axis in axes:
                 say_position(axis, "at")
@@ -95,7 +95,7 @@ class _Course:
         """
         for name in self.targets:
             axis = rehearsal[name]
-            if home_first:
+            if home_first and name in rehearsal.cell.driven:
                 axis.home()
             self._move(axis)
 

@@ -116,7 +116,7 @@ class CanLink:
         self._consumer = _sync_consumer(bus, self._channel)
         self._cycle = CanCycle(
             self._channel,
-            [port for axis in self._cell.axes.values() for port in self._port(axis)],
+            [port for axis in self._cell.driven.values() for port in self._port(axis)],
             sync_cob_id=bus.sync_cob_id if bus.sync and self._consumer is None else None,
             sync_counter=bus.sync_counter,
             sync_consumer=self._consumer,

@@ -18,6 +18,7 @@ from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.core.scanthread import ScanThread
 from axisbus.core.tuning import IN_A_THREAD
+from axisbus.core.virtual.axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped
@@ -97,6 +98,11 @@ class Owner(Protocol):
         """Be of no use in a forked child, which must neither command nor close what its parent has."""
 
 
+def _needs_rescue(core: AxisCore) -> bool:
+    """Whether a drive may go on without the scan: nothing moves a virtual axis but that."""
+    return core.touched and not core.parameters.virtual
+
+
 def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
     """Return the groups of the cell, each with those of its axes that are there."""
     present = set(there)
@@ -116,13 +122,15 @@ class Core:
         self.runtime = runtime
         self._joined: Joined = lambda _: None
         self._after_cycle: Callable[[], None] = _nothing
+        virtual = virtual_axes(cell)
         cores = {
             name: AxisCore(parameters, runtime.ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
         }
+        cores.update({name: axis.core for name, axis in virtual.items()})
         self.scan = Scan(
             runtime.link.cycle,
-            runtime.ports,
+            {**runtime.ports, **{name: axis.port for name, axis in virtual.items()}},
             cores,
             cell.bus.scan_period,
             members(cell, cores),
@@ -201,7 +209,7 @@ class Core:
             self._end_scan()
             if self.scan.failure is not None:
                 rescued = self.runtime.link.rescue(
-                    [name for name, core in self.scan.axes.items() if core.touched]
+                    [core.parameters.name for core in self.scan.axes.values() if _needs_rescue(core)]
                 )
             self.runtime.leave(self.scan.axes, rescued)
         if self.scan.failure is not None:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
+from axisbus.cell.virtual.parameters import all_virtual
 from axisbus.cia402 import homing
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Capabilities
@@ -70,7 +71,8 @@ class Rehearsal:
 
 def _of_files(cell: CellConfig) -> dict[str, AxisParameters]:
     files = load_dictionaries(cell)
-    return {name: axis_parameters(cell, name, files[axis.node]) for name, axis in cell.axes.items()}
+    driven = {name: axis_parameters(cell, name, files[axis.node]) for name, axis in cell.driven.items()}
+    return driven | all_virtual(cell)
 
 
 class _Stage:

@@ -134,12 +134,16 @@ class Request:
     @property
     def _rated_torque(self) -> float:
         rated = self._parameters.units.rated_torque
+        if self._parameters.virtual:
+            raise self._no_drive("no torque", "use a command of positions or velocities")
         if rated is None:
             raise self.missing("rated_torque", "the axis's rated torque in N·m", in_call=False)
         return rated
 
     def homing_method(self, method: int | None) -> int:
         """Return a method of 6098h."""
+        if self._parameters.virtual:
+            raise self._no_drive("nothing that could be homed", "say where it is: axis.set_position(...)")
         method = self._parameters.homing.method if method is None else method
         if method is None:
             raise self.missing("method", "a homing method of 6098h", "homing")
@@ -336,6 +340,13 @@ class Request:
             remedy=f"give {key} = ... in the call, or {what} in {where}; it is never guessed"
             if in_call
             else f"write {key} = ... ({what}) in {where}; it is never guessed",
+        )
+
+    def _no_drive(self, what: str, remedy: str) -> ArgumentError:
+        return ArgumentError(
+            f"{self.text}: {self._parameters.name} is virtual: it has {what}",
+            observed="the core leads it alone: there is no node and no drive",
+            remedy=remedy,
         )
 
     def _beyond(self, what: str, value: float, unit: str, key: str, limit: float) -> LimitError:

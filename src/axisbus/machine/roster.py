@@ -87,6 +87,8 @@ class Roster:
 
     def _measure(self, name: str, what: str) -> float:
         axis = self._cell.axes[name]
+        if axis.virtual:
+            raise axis.no_drive(f"no {what}")
         return self._node(axis.node).measure(what, axis.drive_axis)
 
     def _make_groups(self) -> None:

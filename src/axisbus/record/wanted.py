@@ -42,6 +42,8 @@ def wanted_object(machine: Watched, text: str) -> WantedObject:
 
 
 def _place(cell: CellConfig, where: str) -> tuple[int, int]:
+    if where in cell.axes and cell.axes[where].virtual:
+        raise cell.axes[where].no_drive("no objects")
     if where in cell.axes:
         return cell.axes[where].node, cell.axes[where].drive_axis
     if where.isdecimal() and int(where) in cell.nodes:

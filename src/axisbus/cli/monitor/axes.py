@@ -218,7 +218,9 @@ def _newest(found: list[list[str]], what: str) -> list[str]:
 
 
 def of_node(machine: Machine, axis: Axis) -> dict[str, object]:
-    """Return the incidents of an axis's node, and what its PDOs have done, as plain values."""
+    """Return the incidents of an axis's node, and what its PDOs have done, as plain values; a virtual axis has no node."""
+    if machine.cell.axes[axis.name].virtual:
+        return {"node": None, "incidents": [], "pdo_events": []}
     node = machine.node(machine.cell.axes[axis.name].node)
     return {
         "node": node.node_id,

@@ -23,6 +23,20 @@ def chosen(cell: CellConfig, names: Iterable[str]) -> list[str]:
     return found or list(cell.axes)
 
 
+def driven(cell: CellConfig, names: Iterable[str]) -> list[str]:
+    """As ``chosen``, but without virtual axes, which have no drive: only one that is named by itself is among them.
+
+    Raises:
+        UsageError, StateError: as ``chosen``; StateError also where none is left.
+    """
+    names = list(names)
+    found = chosen(cell, names)
+    left = [name for name in found if name in cell.driven or name in names]
+    if not left:
+        raise cell.axes[found[0]].no_drive("no drive")
+    return left
+
+
 def once(names: Iterable[str]) -> None:
     """Check that no axis is named twice.
 

@@ -77,12 +77,15 @@ def nodes_and_axes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
     """Yield what may name a node, each with what it is."""
     for node_id, node in cell.nodes.items() if cell is not None else ():
         yield str(node_id), node.file or ""
-    yield from _axes(cell)
+    yield from _axes(cell, driven=True)
 
 
-def _axes(cell: CellConfig | None) -> Iterator[tuple[str, str]]:
+def _axes(cell: CellConfig | None, *, driven: bool = False) -> Iterator[tuple[str, str]]:
     for name, axis in cell.axes.items() if cell is not None else ():
-        yield name, f"axis of node {axis.node}"
+        if not axis.virtual:
+            yield name, f"axis of node {axis.node}"
+        elif not driven:
+            yield name, "virtual axis"
 
 
 def _range(limits: tuple[float, float] | None, unit: str) -> str:

@@ -62,6 +62,8 @@ class Files:
         if text.isdigit() and 1 <= int(text) <= 127:
             return Address(int(text))
         axes = self.cell.axes if self.cell is not None else {}
+        if text in axes and axes[text].virtual:
+            raise axes[text].no_drive("no node")
         if text in axes:
             return Address(axes[text].node, axes[text].drive_axis)
         known = (

@@ -144,7 +144,9 @@ class DirectLink:
         self._devices = devices or {
             node_id: device_from_eds(eds, node_id, seed=node_id) for node_id, eds in dictionaries.items()
         }
-        self._ports = {name: _port(cell, axis, self._devices[axis.node]) for name, axis in cell.axes.items()}
+        self._ports = {
+            name: _port(cell, axis, self._devices[axis.node]) for name, axis in cell.driven.items()
+        }
         self._booted: dict[int, Booted] = {}
         self._parts: dict[int, NodeParts] = {}
         self.cycle = DirectCycle(

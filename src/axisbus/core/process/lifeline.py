@@ -13,7 +13,10 @@ from axisbus.wire.lifeline import Held, LifelineWriter, Stage
 
 
 class Lifeline:
-    """Notes what was sent last, and which axes were commanded; holds the axes that it knows. Belongs to the scan's thread."""
+    """Notes what was sent last, and which axes were commanded; holds the axes that it knows. Belongs to the scan's thread.
+
+    Virtual axes are none of its own: there is no drive that would go on without the core.
+    """
 
     def __init__(self, memory: mmap.mmap, at: int, core: Core, names: Sequence[str]) -> None:
         """``names``: of all axes of the cell, as they are numbered."""
@@ -21,7 +24,8 @@ class Lifeline:
         self._core = core
         self._numbers = {name: number for number, name in enumerate(names)}
         self._known: dict[str, tuple[int, AxisCore, CanPort]] = {}
-        for name in core.scan.axes:
+        self._virtual = core.cell.axes.keys() - core.cell.driven.keys()
+        for name in (name for name in core.scan.axes if name not in self._virtual):
             self._enter(name)
 
     def stage(self, stage: Stage) -> None:
@@ -30,8 +34,8 @@ class Lifeline:
 
     def after_cycle(self, _now: float, snapshots: Mapping[str, Snapshot]) -> None:
         """Note what this cycle has sent; does not block."""
-        if len(snapshots) > len(self._known):
-            for name in snapshots.keys() - self._known.keys():
+        if len(snapshots) > len(self._known) + len(self._virtual):
+            for name in snapshots.keys() - self._known.keys() - self._virtual:
                 self._enter(name)
         for number, axis, port in self._known.values():
             if axis.touched:

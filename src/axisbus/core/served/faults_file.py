@@ -94,7 +94,7 @@ class _Reading(Tables):
         )  # fmt: skip
 
     def _whose(self, name: str, fields: Fields) -> tuple[int, int]:
-        axes, nodes = self._cell.axes, self._cell.nodes
+        axes, nodes = self._cell.driven, self._cell.nodes
         if ("axis" in fields) == ("node" in fields):
             self._error(
                 (name,), f"[{name}] needs an axis or a node", remedy='write axis = "..." or node = ...'
@@ -102,8 +102,10 @@ class _Reading(Tables):
         elif "axis" in fields and fields["axis"] in axes:
             return axes[fields["axis"]].node, axes[fields["axis"]].drive_axis
         elif "axis" in fields:
-            there = f"there are {', '.join(axes)}"
-            self._error((name, "axis"), f"the cell has no axis {fields['axis']!r}", there, "give one of them")
+            there, what = f"there are {', '.join(axes)}", f"the cell has no axis {fields['axis']!r}"
+            if fields["axis"] in self._cell.axes:
+                what = f"axis {fields['axis']} is virtual: there is no drive to fail"
+            self._error((name, "axis"), what, there, "give one of them")
         elif fields["node"] not in nodes:
             there = f"there are {', '.join(map(str, nodes))}"
             self._error((name, "node"), f"the cell has no node {fields['node']}", there, "give one of them")
@@ -139,7 +141,7 @@ class _Reading(Tables):
 
     def _condition(self, name: str, text: str) -> Condition | None:
         try:
-            return condition(text, self._cell.axes, KINDS)
+            return condition(text, self._cell.driven, KINDS)
         except ArgumentError as error:
             self._error((name, "when"), error.message, error.observed or "", error.remedy or "")
             return None

@@ -35,7 +35,7 @@ class Player:
                 devices[axis.node].drives[axis.drive_axis - 1],
                 AxisForm.of(axis_parameters(cell, name, dictionaries[axis.node])),
             )
-            for name, axis in cell.axes.items()
+            for name, axis in cell.driven.items()
         }
 
     def step(self, now: float) -> list[str]:

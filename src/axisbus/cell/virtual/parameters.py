@@ -1,0 +1,62 @@
+"""From a virtual axis of a cell file to what motion must know of it."""
+
+from __future__ import annotations
+
+from axisbus.cell.model import CellConfig
+from axisbus.cell.parameters import defaults, standstill_speed, stop_times
+from axisbus.cell.scales import units_of
+from axisbus.cell.virtual.form import quick_deceleration
+from axisbus.cia402 import objects
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.options import Ramp
+from axisbus.motion.braking import Braking
+from axisbus.motion.parameters import AxisParameters, Homing, Limits
+from axisbus.units import INT32_HALF
+
+# What a drive would have: what is written before a move, and what the axis is led by and seen by.
+SETTINGS = frozenset({objects.PROFILE_VELOCITY, objects.PROFILE_ACCELERATION, objects.PROFILE_DECELERATION})
+OBJECTS = SETTINGS | {
+    objects.CONTROLWORD,
+    objects.STATUSWORD,
+    objects.MODES_OF_OPERATION,
+    objects.MODES_OF_OPERATION_DISPLAY,
+    objects.POSITION_DEMAND,
+    objects.POSITION_ACTUAL,
+    objects.VELOCITY_ACTUAL,
+    objects.TARGET_POSITION,
+    objects.TARGET_VELOCITY,
+}
+MODES = frozenset(
+    {
+        ModeOfOperation.PROFILE_POSITION,
+        ModeOfOperation.PROFILE_VELOCITY,
+        ModeOfOperation.CYCLIC_SYNC_POSITION,
+    }
+)
+
+
+def virtual_parameters(cell: CellConfig, name: str) -> AxisParameters:
+    """Return the parameters of the virtual axis ``name``; raises nothing for a cell that ``reader.load`` returned."""
+    axis = cell.axes[name]
+    units = units_of(axis)
+    quick = (quick_deceleration(axis) or 1.0) * abs(units.position.factor)
+    return AxisParameters(
+        name=name,
+        units=units,
+        limits=Limits(axis.position_limits, axis.max_velocity, axis.max_acceleration),
+        defaults=defaults(axis),
+        homing=Homing(required=False),
+        stop_times=stop_times(axis),
+        objects=OBJECTS,
+        modes=MODES,
+        braking=Braking(Ramp.SLOW, Ramp.QUICK, quick),
+        following_error=INT32_HALF,  # nothing holds it: what it may be behind is the scan's own lateness, of which others tell
+        standstill_speed=standstill_speed(axis, units),
+        scan_period=cell.bus.scan_period,
+        virtual=True,
+    )
+
+
+def all_virtual(cell: CellConfig) -> dict[str, AxisParameters]:
+    """Return the parameters of every virtual axis of a cell, by name."""
+    return {name: virtual_parameters(cell, name) for name, axis in cell.axes.items() if axis.virtual}

@@ -1,0 +1,1 @@
+"""Axes without a drive, which the core leads alone."""
