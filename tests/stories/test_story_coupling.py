@@ -14,6 +14,7 @@ from axisbus.motion.coupling.coupled import Coupled
 from axisbus.motion.states import AxisState
 from kit.cell import SCALE, Cell
 from kit.probe import ENABLED
+from kit.virtual import Trail, virtual
 
 AXIS = "max_acceleration = 2000.0"
 ALONE = 'on_lost_node = "report"'  # else the fault policy stops the slave before its joint does
@@ -214,6 +215,46 @@ def test_by_where_the_master_is(story):
     assert cell.where("x") == pytest.approx(40.0, abs=0.5)
     assert cell.where("y") == pytest.approx(cell.where("x"), abs=3 * INCREMENT)
     assert cell.hardest_change("y") < 2000.0
+
+
+@pytest.mark.parametrize("ratio", [1.0, -2.5])
+def test_a_virtual_master_is_followed_within_an_increment_and_a_cycle_in_any_mode(story, ratio):
+    cell = story.simulated("x", axis=AXIS, more=virtual())
+    cell.enabled()
+    x, v, trail = cell["x"], cell["v"], Trail(cell)
+    assert cell.end_of(x.gear_in(v, ratio)) is None
+    begun = len(trail.positions)
+    targets = []
+    cell.each_cycle(lambda *_: targets.append(cell.core("x").image.led.target / SCALE))
+    for move in (
+        lambda: v.move_absolute(30.0),
+        lambda: v.move_velocity(-40.0),
+        v.halt,
+        lambda: v.move_absolute(5.0),
+    ):
+        assert cell.end_of(move()) is None
+    cell.run(0.2)
+    masters = trail.positions[begun:]
+    pairs = list(zip(masters, targets[1:], strict=False))
+    assert len(pairs) > 120
+    assert (
+        max(abs(target - ratio * place) for place, target in pairs)
+        <= 0.5 * INCREMENT + 1e-6 + abs(ratio) * 1e-4
+    )
+    assert cell.hardest_change("x") < 500.0 * abs(ratio) * 1.1 + 200.0
+    assert cell.where("x") == pytest.approx(5.0 * ratio, abs=INCREMENT)
+
+
+def test_a_virtual_master_without_power_holds_its_slave(story):
+    cell = story.simulated("x", axis=AXIS, more=virtual())
+    cell.enabled()
+    cell.end_of(cell["x"].gear_in(cell["v"], 1.0))
+    cell["v"].move_velocity(60.0).wait()
+    cell.end_of(cell["v"].disable(coast=True))
+    cell.run(0.5)
+    assert cell["x"].state is AxisState.SYNCHRONIZED_MOTION
+    assert cell.speed("x") == 0.0
+    assert cell.hardest_change("x") < 600.0
 
 
 # Out of it.

@@ -2,10 +2,10 @@
 
 Theory of operation
 -------------------
-What this program itself leads is known to any fraction: the path of a trajectory, or the last target in csp. What a drive tells
-comes in whole increments; differences of that are no velocity that a slave could follow. So it goes through a filter of second
-order (``_SHARES``): nothing is late at constant speed, and what is rounded away does not shake the slave. It was sampled at a SYNC
-before, too: as far as the velocity is known, it is carried on to where a target would be (``_LATE``).
+What this program itself leads is known to any fraction: the path of a trajectory, the last target in csp, a virtual axis. What a
+drive tells comes in whole increments; differences of that are no velocity that a slave could follow. So it goes through a filter of
+second order (``_SHARES``): nothing is late at constant speed, and what is rounded away does not shake the slave. It was sampled at
+a SYNC before, too: as far as the velocity is known, it is carried on to where a target would be (``_LATE``).
 
 What leads the master changes from command to command, and the kinds differ by a following error or a cycle. What they differ by
 when one takes over from another is taken back little by little (``_KEPT``).
@@ -82,7 +82,7 @@ class Master:
         units, counted = core.parameters.units.position, core.image.origin - self._origin
         if path is not None:
             return _PATH, path.last_step.position + units.to_units(counted)
-        target = core.image.led.target
+        target = core.image.position if core.parameters.virtual else core.image.led.target
         return None if target is None else (_TARGET, units.to_units(target - self._origin))
 
     def _take_led(self, kind: str, led: float) -> None:
