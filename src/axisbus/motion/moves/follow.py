@@ -230,10 +230,10 @@ class Follow(Activity):
     def brake_alone(self) -> bool:
         """Begin to brake by the axis's own deceleration, from the last target and its speed, whatever way it was on.
 
-        False where it does not run, or no deceleration is known.
+        False where nothing moves yet, or no deceleration is known.
         """
         deceleration = self._parameters.path_deceleration
-        if not self._running or not deceleration:
+        if self._step is None or not deceleration:
             return False
         if self._travel is None and self._own_clock and self.clock.braking:
             return True
@@ -249,7 +249,7 @@ class Follow(Activity):
     def at_rest(self) -> bool:
         """Whether the commanded motion stands still: before the start, after braking, at the end."""
         ended = self._trajectory is not None and self.clock.t >= self._trajectory.duration
-        return not self._running or self.clock.stopped or ended
+        return not self._running or self._step is None or self.clock.stopped or ended
 
     @property
     def leading(self) -> Leading | None:
