@@ -34,6 +34,7 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
+from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.arrival import Arrival
@@ -116,11 +117,11 @@ class AxisCore:
         return self.stopping.ladder
 
     @property
-    def leading_path(self) -> Follow | None:
-        """The trajectory that the axis is on: followed, or being braked along by a halt that may be interrupted."""
+    def leading_path(self) -> Follow | VelocityRamp | None:
+        """The trajectory, or ramp of csv, that the axis is on: followed, or braked along by a halt that may be interrupted."""
         running = None if self.activity is None else self.activity.leading
         follow = running if self.ladder is None else self.ladder.follow
-        return follow if isinstance(follow, Follow) and not follow.at_rest else None
+        return follow if isinstance(follow, (Follow, VelocityRamp)) and not follow.at_rest else None
 
     @property
     def rests(self) -> bool:
