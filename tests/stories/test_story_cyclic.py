@@ -33,7 +33,7 @@ def turning(story, velocity: float = 100.0, **changes: str) -> Cell:
     return cell
 
 
-def pushing(story, torque: float = 0.1, **changes: str) -> Cell:
+def pushing(story, torque: float = 0.25, **changes: str) -> Cell:
     """A cell whose axis is pushed by a torque, and has got to some speed by that."""
     axis = RATED + changes.pop("axis", "")
     cell = story.simulated("x", axis=axis, **changes).enabled()
@@ -316,7 +316,7 @@ def test_a_fault_of_another_axis_ramps_it_down(story):
     start, moment = cell.where("x"), cell.moment("x")
     cell.drive("y").fault(0x2310)
     cell.must_stand("x", within=1.0, stages=ENABLED)
-    cell.must_have_come("x", start, (10.0, 14.0))
+    cell.must_have_come("x", start, (10.0, 16.0))
     assert cell.hardest_change("x", since=moment) <= JOLT
 
 
@@ -449,6 +449,7 @@ def test_the_drive_gets_the_slope_and_the_handle_is_done_in_torque(story):
     assert cell.torque() == pytest.approx(30.0, abs=1.0)
     assert max(abs(after - before) for before, after in pairwise(sent)) <= 1  # 100 ‰ per s, in 10 ms
     cell.x.cyclic_torque(-0.3, slope=5.0).wait(5)
+    cell.run(0.05)
     assert cell.torque() == pytest.approx(-30.0, abs=1.0)
     assert max(abs(after - before) for before, after in pairwise(sent)) <= 5
     with pytest.raises(LimitError):
@@ -464,10 +465,7 @@ def sent_torques(cell: Cell) -> list[int]:
     return values
 
 
-def test_without_a_slope_it_is_refused_at_the_call(story):
-    cell = story.simulated("x", axis=RATED).enabled()
-    with pytest.raises(ArgumentError, match="slope"):
-        cell.x.cyclic_torque(0.1)
+def test_without_rated_torque_it_is_refused_at_the_call(story):
     with pytest.raises(ArgumentError, match="rated_torque"):
         story.simulated("x").enabled().x.cyclic_torque(0.1, slope=1.0)
 
@@ -483,11 +481,11 @@ def test_every_stop_of_a_pushed_axis_stands(story, how):
 def test_a_load_does_not_fall_when_its_axis_is_halted(story, holds):
     from kit.plants import PLANTS, cell_on
 
-    cell = cell_on(story, PLANTS["sagging"], axis=f'holds_load = "{holds}"')
+    cell = cell_on(story, PLANTS["sagging"], axis=f'holds_load = "{holds}"', stop='quick_stop = "ramp-hold"')
     start, moment = cell.where(), cell.moment()
     cell.x.cyclic_torque(3.0, slope=5.0).wait(5)  # what holds it
     cell.must_not_leap(since=moment, way=2.0)
-    cell.x.cyclic_torque(3.05, slope=5.0)
+    cell.x.cyclic_torque(3.3, slope=5.0)
     cell.until(lambda: cell.speed() > 10.0, 5.0)
     halted = cell.moment()
     cell.x.halt().wait(5)
@@ -497,14 +495,14 @@ def test_a_load_does_not_fall_when_its_axis_is_halted(story, holds):
 
 
 def test_a_pushed_axis_stands_within_its_position_limits(story):
-    cell = pushing(story, 0.2, axis="position_limits = [-300.0, 300.0]\n")
+    cell = pushing(story, 0.3, axis="position_limits = [-300.0, 300.0]\n")
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))
     assert cell.farthest()[1] <= 300.0
 
 
 def test_a_pushed_axis_does_not_get_faster_than_it_may(story):
-    cell = pushing(story, 0.3)
+    cell = pushing(story, 1.5)
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 10.0)
     assert "max_velocity" in str(cell.x.error)
     cell.must_stand(within=3.0, stages=(ENABLED, *OFF))

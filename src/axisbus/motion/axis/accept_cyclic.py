@@ -69,14 +69,14 @@ def _require(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
 
 
 def _require_mode(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
-    """Raise StateError where neither the drive's 6502h nor cell.toml has the mode."""
+    """Raise StateError where the axis is not to use the mode, or the drive shows it neither by 6502h nor by its objects."""
     parameters = core.parameters
     if mode in parameters.modes:
         return
     shown = ", ".join(modes.short(each) for each in sorted(parameters.modes)) or "none"
     raise StateError(
         f"{ticket.name}: {parameters.name} does not have {modes.short(mode)} ({mode.text})",
-        observed=f"its modes are {shown}, by 6502h or by cell.toml",
+        observed=f"its modes are {shown}: by cell.toml, else by 6502h and its objects",
         remedy=f"use another command; where the drive does have it, name it in modes = [...] of [axes.{parameters.name}]",
     )
 
