@@ -38,7 +38,7 @@ def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: Ticket, gate: Ga
         running.aim(command)
     else:
         before = _led(core)
-        ramp = before if isinstance(before, VelocityRamp) and before.is_set_up else None
+        ramp = before if isinstance(before, VelocityRamp) else None
         _require_rest(core, ticket, ramp)
         require_braking(core, down, ticket)
         running = VelocityLed(command, core.parameters, gate, ramp)

@@ -14,7 +14,6 @@ import math
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.parameters import AxisParameters
 
 
 class VelocityRamp:
@@ -22,15 +21,9 @@ class VelocityRamp:
 
     mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 
-    def __init__(
-        self, velocity: float, up: float, down: float, period: float, *, is_set_up: bool = True
-    ) -> None:
-        """``velocity``: the axis has it now. ``up`` and ``down`` in velocity increments per s², above 0; ``period`` in seconds.
-
-        ``is_set_up``: a command has set 60C2h and the offsets, so that another may go on from here.
-        """
+    def __init__(self, velocity: float, up: float, down: float, period: float) -> None:
+        """``velocity``: the axis has it now. ``up`` and ``down`` in velocity increments per s², above 0; ``period`` in seconds."""
         self.velocity = velocity
-        self.is_set_up = is_set_up
         self._target = velocity
         self._up = up
         self._down = down
@@ -124,15 +117,3 @@ def next_velocity(velocity: float, target: float, up: float, down: float, time: 
     if needed > time:
         return velocity + math.copysign(rate * time, goal - velocity)
     return next_velocity(goal, target, up, down, time - needed) if turns else target
-
-
-def braking_ramp(image: Image, parameters: AxisParameters) -> VelocityRamp | None:
-    """Return what brakes a drive in csv that no command leads any more: from its own velocity, with the default deceleration.
-
-    None where one of both is not known.
-    """
-    down = parameters.path_deceleration
-    if down is None or image.velocity is None or not parameters.units.ratio_known:
-        return None
-    rate = abs(down * parameters.units.velocity.factor)
-    return VelocityRamp(float(image.velocity), rate, rate, parameters.scan_period, is_set_up=False)

@@ -25,7 +25,6 @@ from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.cyclic.ramps import braking_ramp
 from axisbus.motion.leading import Leading
 from axisbus.motion.modes import HOLDING_MODES, TORQUE_MODES
 from axisbus.motion.moves.activity import ModeSwitch, preload
@@ -219,8 +218,6 @@ class StopLadder:
         """Ask for a halt the way the mode wants it; return whether the axis stands."""
         if self._leaving is not None and not self._has_left(self._leaving, image, order):
             return False
-        if self._follow is None and image.mode == _CSV and not self._stands_now:
-            self._follow = braking_ramp(image, self._parameters)
         if self._follow is not None and _is_led(image, self._follow):
             stands = self._brake_along(self._follow, image, order)
             if stands is not None:
