@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Machine, Recorder, wait
+from axisbus import Cam, Machine, Recorder, wait
 from axisbus.machine.groups import Group
 
 ROOT = Path(__file__).parents[1]
@@ -138,8 +138,79 @@ def jerk() -> None:
     save(figure, "jerk.png")
 
 
+def coupled(what: Callable[[Machine], None]) -> tuple[Trace, tuple[float, ...], list[float], list[float]]:
+    """Return what two axes that are led by one another do: their trace, and their speeds."""
+    trace = traced(lambda cell, _: what(cell))
+    step = OVER * (trace.times[1] - trace.times[0])
+    both = [
+        [0.0] * OVER + [(b - a) / step for a, b in zip(places, places[OVER:], strict=False)]
+        for places in (trace.x, trace.y)
+    ]
+    return trace, tuple(trace.times), *both
+
+
+def gear() -> None:
+    """A gear that takes up its speed, and one that meets its master at a place."""
+
+    def at_speed(cell: Machine) -> None:
+        cell["x"].move_velocity(60.0, acceleration=200.0)
+        cell.sleep(0.5)
+        cell["y"].gear_in(cell["x"], 0.5, acceleration=120.0)
+        cell.sleep(0.7)
+        cell["x"].halt()
+        cell.sleep(0.5)
+
+    def at_place(cell: Machine) -> None:
+        meeting = cell["y"].gear_in(cell["x"], -0.5, at=(60.0, 10.0), over=40.0)
+        cell["x"].follow([(0.0, 0.0), (0.5, 20.0), (1.0, 50.0), (1.7, 90.0)]).wait()
+        meeting.wait()
+
+    figure, (speed, place) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    _, times, *speeds = coupled(at_speed)
+    for name, values, colour in zip("xy", speeds, COLOURS, strict=False):
+        speed.plot(times, values, color=colour, linewidth=1.3, label=name)
+    trace, *_ = coupled(at_place)
+    place.plot(trace.x, trace.y, color=COLOURS[1], linewidth=1.3)
+    place.plot([60.0], [10.0], "o", color="#444444", markersize=4)
+    place.axvspan(20.0, 60.0, color="#dddddd", alpha=0.5)
+    place.text(21.0, 10.4, "over = 40 deg", fontsize=8, color="#444444")
+    place.annotate("at = (60, 10)", (60.0, 10.0), (63.0, 10.4), fontsize=8, color="#444444")
+    speed.set(xlabel="s", ylabel="deg/s", title="gear_in(x, 0.5): y takes up its speed")
+    place.set(xlabel="x in deg", ylabel="y in deg", title="gear_in(x, -0.5, at, over): both there at a time")
+    speed.legend(fontsize=8)
+    save(figure, "gear.png")
+
+
+def cam() -> None:
+    """A cam that is come into from elsewhere."""
+    lobes = Cam([(0.0, 0.0), (90.0, 20.0), (180.0, 0.0), (270.0, 20.0), (360.0, 0.0)], periodic=True)
+
+    def run(cell: Machine) -> None:
+        cell["y"].move_absolute(8.0).wait()
+        cell["y"].cam_in(cell["x"], lobes, over=60.0)
+        cell["x"].follow([(0.0, 0.0), (2.0, 90.0), (3.0, 150.0), (3.5, 175.0)]).wait()
+
+    trace, *_ = coupled(run)
+    figure, place = plt.subplots(figsize=(7, 3.4), layout="constrained")
+    masters = [n * 2.0 for n in range(91)]
+    place.plot(
+        masters,
+        [lobes.at(m) for m in masters],
+        color="#999999",
+        linewidth=1.0,
+        linestyle="--",
+        label="the cam",
+    )
+    place.plot(trace.x, trace.y, color=COLOURS[1], linewidth=1.3, label="y")
+    place.axvspan(0.0, 60.0, color="#dddddd", alpha=0.5)
+    place.text(1.0, 18.5, "over = 60 deg", fontsize=8, color="#444444")
+    place.set(xlabel="x in deg", ylabel="y in deg", title="where y was for each place of x")
+    place.legend(fontsize=8)
+    save(figure, "cam.png")
+
+
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, jerk):
+    for draw in (corners, override, jerk, gear, cam):
         draw()
         print(draw.__name__, flush=True)

@@ -9,7 +9,7 @@ import re
 import grimp
 import pytest
 
-from axisbus import Machine
+from axisbus import Cam, Machine
 from kit.pages import PAGES as ALL_PAGES
 from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
 from kit.slow import LONG, NAMES
@@ -120,6 +120,9 @@ BETWEEN_ROOMS = {
     "Axis.absolute_command": "groups make commands by it",
     "Axis.absolute_increments": "groups make commands by it",
     "Axis.absolute_position": "groups make commands by it",
+    "Axis.checked_position": "couplings are checked by it",
+    "Axis.mate": "couplings are checked by it",
+    "Axis.require_homed": "couplings are checked by it",
     "Axis.scan_period": "paths of groups are made of what a cycle makes",
     "Axis.led_to": "paths of groups begin there",
     "Axis.unwrapped": "what an endless axis tells of its position is within it",
@@ -170,7 +173,9 @@ def test_the_page_of_a_public_module_names_all_that_is_public_and_nothing_else(m
 
 @each_public_module
 def test_the_page_names_the_members_of_each_public_class(module, cell):
-    given = {"Machine": cell, "Axis": cell["x"], "Group": cell.group("x", "y"), "Handle": cell["x"].halt()}
+    group, halt = cell.group("x", "y"), cell["x"].halt()
+    cam = Cam([(0.0, 0.0), (1.0, 1.0)])
+    given = {"Machine": cell, "Axis": cell["x"], "Cam": cam, "Group": group, "Handle": halt}
     for heading, named in sections(API[module]).items():
         what = getattr(importlib.import_module(module), heading, None)
         if not inspect.isclass(what):

@@ -13,6 +13,7 @@ from axisbus.version import __version__ as __version__
 if TYPE_CHECKING:
     from axisbus.errors import AxisbusError
     from axisbus.machine.axis import Axis
+    from axisbus.machine.cam import Cam
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
@@ -27,6 +28,7 @@ _HOME = {
     "AxisbusError": "axisbus.errors",
     "Axis": "axisbus.machine.axis",
     "AxisState": "axisbus.motion.states",
+    "Cam": "axisbus.machine.cam",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
     "Machine": "axisbus.machine.machine",
@@ -44,6 +46,7 @@ __all__ = [
     "Axis",
     "AxisState",
     "AxisbusError",
+    "Cam",
     "Group",
     "Handle",
     "Machine",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from axisbus.cia402 import homing
@@ -10,12 +10,16 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.port import Source
 from axisbus.cia402.state import State
 from axisbus.errors import ArgumentError, AxisbusError, StaleError, StateError
+from axisbus.machine.cam import Cam
 from axisbus.machine.commanding import Commanding
+from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import Request, shown
 from axisbus.motion import commands as c
+from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
+from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
@@ -332,11 +336,13 @@ class Axis:
         deceleration: float | None = None,
         direction: int = 0,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move to ``position`` (MC_MoveAbsolute, profile position mode).
 
         ``direction`` is for endless axes (``modulo``): 0 shortest way, 1 positive, -1 negative. ``timeout`` in seconds replaces the
-        deadline that the master works out.
+        deadline that the master works out. With ``buffer`` it begins when what the axis does has ended well (100 may wait), else it
+        replaces that.
 
         Raises:
             LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or beyond what the object holds.
@@ -345,7 +351,7 @@ class Axis:
         name = f"move_absolute({shown(position)} {self.unit})"
         target = self.absolute_increments(name, position, direction)
         profile = self._request(name).profile(velocity, acceleration, deceleration, timeout)
-        return self._submit(name, c.Move(c.Reference.ABSOLUTE, target, profile))
+        return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer)
 
     def move_relative(
         self,
@@ -355,9 +361,11 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
-        return self._move_by(c.Reference.RELATIVE, distance, velocity, acceleration, deceleration, timeout)
+        ways = velocity, acceleration, deceleration, timeout
+        return self._move_by(c.Reference.RELATIVE, distance, ways, buffer=buffer)
 
     def move_additive(
         self,
@@ -367,9 +375,11 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
-        return self._move_by(c.Reference.ADDITIVE, distance, velocity, acceleration, deceleration, timeout)
+        ways = velocity, acceleration, deceleration, timeout
+        return self._move_by(c.Reference.ADDITIVE, distance, ways, buffer=buffer)
 
     def move_velocity(
         self,
@@ -378,6 +388,7 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity, profile velocity mode).
 
@@ -385,7 +396,7 @@ class Axis:
         """
         name = f"move_velocity({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, deceleration, timeout)
-        return self._submit(name, c.MoveVelocity(profile))
+        return self._submit_motion(name, c.MoveVelocity(profile), buffer)
 
     def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
         """Move at ``velocity`` for 200 ms; call it again with the same values to go on. Raises as ``move_absolute``."""
@@ -497,29 +508,110 @@ class Axis:
         """
         followed = trajectory_of(trajectory, duration, f"{self.name}.follow")
         name = f"follow({type(followed).__name__}, {shown(followed.duration)} s)"
-        self._require_homed(name)
+        self.require_homed(name)
         self._request(name).trajectory(followed)
         return self._submit(name, c.FollowTrajectory(followed))
+
+    def gear_in(
+        self,
+        master: Axis,
+        ratio: float,
+        *,
+        acceleration: float | None = None,
+        at: Sequence[float] | None = None,
+        over: float | None = None,
+        by: str = "command",
+    ) -> Handle:
+        """Be led by ``master``: ``ratio`` units for each of its units, below 0 the other way (MC_GearIn, MC_GearInPos).
+
+        The axis takes up its speed with ``acceleration`` (unit/s², by default its own); from where it has it, it keeps to the
+        master's place. With ``at`` = (master's place, own place) it waits until the master comes by, and within ``over`` units of
+        the master before its place comes into step such that both are there at a time.
+
+        The handle ends when they are in step; the axis is led on, one cycle behind, until another command, ``gear_out`` or a stop
+        takes it away. ``by`` "command": it goes by where the master is led to; "actual": by where it is, filtered. A master in
+        ErrorStop, being homed or unknown is lost: the axis is braked by its own deceleration, in ErrorStop. So it is where the
+        master would take it beyond its own limits.
+
+        Raises:
+            LimitError: a value is beyond a limit.
+            ArgumentError: a value is missing or no number, an axis is not homed where it must be, or ``master`` is no other axis
+                of this machine.
+        """
+        text = f"gear_in({getattr(master, 'name', shown(master))}, {shown(ratio)})"
+        coupling = Coupling(self, master, text, self._request(text), by)
+        return self._couple(coupling.gear(ratio, acceleration, at, over), text)
+
+    def cam_in(
+        self,
+        master: Axis,
+        cam: Cam,
+        *,
+        over: float = 0.0,
+        relative: bool = False,
+        phase: float = 0.0,
+        master_scale: float = 1.0,
+        scale: float = 1.0,
+        by: str = "command",
+    ) -> Handle:
+        """Be led by ``master`` along a ``cam`` (MC_CamIn).
+
+        It must stand where it is due for the master's place, or comes there within the next ``over`` units of the master; with
+        ``relative`` where it is counts as where it is due. ``phase``: by how many units of the master it is ahead;
+        ``master_scale`` (above 0) and ``scale`` stretch the cam for the master's and the slave's places. The handle, ``by``, and
+        the ends are as of ``gear_in``.
+
+        Raises:
+            LimitError: the cam leaves ``position_limits``.
+            ArgumentError: as ``gear_in``.
+        """
+        text = f"cam_in({getattr(master, 'name', shown(master))})"
+        coupling = Coupling(self, master, text, self._request(text), by)
+        command = coupling.cam(
+            cam, over, relative=relative, phase=phase, master_scale=master_scale, scale=scale
+        )
+        return self._couple(command, text)
+
+    def gear_out(self) -> Handle:
+        """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
+        return self._submit("gear_out()", c.GearOut())
 
     # -- how a command is made ----------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:
         return self._commanding.submit(self.name, command, f"{self.name}.{name}")
 
+    def _couple(self, command: Couple, text: str) -> Handle:
+        both = (command.master, command.slave)
+        self._session.add_group(both, both)
+        return self._commanding.submit(both, command, f"{self.name}.{text}")
+
+    def mate(self, master: object, text: str) -> Axis:
+        """Return ``master``, which must be another axis of this machine (ArgumentError); for couplings."""
+        if isinstance(master, Axis) and master is not self and master._session is self._session:
+            return master
+        raise ArgumentError(
+            f"{self.name}.{text}: its master is another axis of this machine",
+            observed=f"it is {'the axis itself' if master is self else told(master)}",
+            remedy='give an axis: cell["x"]',
+        )
+
+    def _submit_motion(self, name: str, command: c.Move | c.MoveVelocity, buffer: bool) -> Handle:
+        return self._submit(name, c.Buffered(command) if buffer else command)
+
     def _move_by(
         self,
         reference: c.Reference,
         distance: float,
-        velocity: float | None,
-        acceleration: float | None,
-        deceleration: float | None,
-        timeout: float | None,
+        given: tuple[float | None, float | None, float | None, float | None],
+        *,
+        buffer: bool,
     ) -> Handle:
+        """``given``: velocity, acceleration, deceleration and timeout."""
         name = f"move_{reference.value}({shown(distance)} {self.unit})"
         request = self._request(name)
         raw = request.distance(distance)
-        profile = request.profile(velocity, acceleration, deceleration, timeout)
-        return self._submit(name, c.Move(reference, raw, profile))
+        return self._submit_motion(name, c.Move(reference, raw, request.profile(*given)), buffer)
 
     def _request(self, name: str) -> Request:
         return Request(self._parameters, name)
@@ -536,7 +628,7 @@ class Axis:
 
     def absolute_increments(self, name: str, position: float, direction: int = 0) -> int:
         """Return the target of an absolute move in user increments, checked as ``move_absolute`` does; for groups."""
-        self._require_homed(name)
+        self.require_homed(name)
         request = self._request(name)
         position = request.finite("position", position)
         modulo, scale = self._parameters.units.modulo, self._parameters.units.position
@@ -552,7 +644,8 @@ class Axis:
         endless = self._parameters.units.modulo is not None
         return self._parameters.units.position.to_units(target) if endless else position
 
-    def _require_homed(self, name: str) -> None:
+    def require_homed(self, name: str) -> None:
+        """Raise ArgumentError where it is not homed and must be; for couplings."""
         if self._parameters.homing.required and not self.snapshot.homed:
             raise ArgumentError(
                 f"{self.name}.{name}: the axis is not homed",
@@ -560,6 +653,11 @@ class Axis:
                 remedy="home it (axis.home()) or confirm its position (axis.set_position(...)); with an absolute encoder set "
                 "required = false in [axes." + self.name + ".homing]",
             )
+
+    def checked_position(self, name: str, position: float) -> float:
+        """Return a place, checked as ``move_absolute`` does; of an endless axis the one within its turn; for couplings."""
+        self.absolute_increments(name, position)
+        return float(position)
 
     @property
     def modes(self) -> frozenset[ModeOfOperation]:

@@ -17,7 +17,9 @@ from axisbus.motion.group.commands import (
     GroupContinue,
     GroupSetOverride,
     MoveLinear,
+    MovePath,
 )
+from axisbus.motion.group.pieces import Place
 from axisbus.motion.group.travel import FASTER
 from axisbus.motion.numbers import number, told
 from axisbus.session import Target
@@ -39,6 +41,7 @@ class Group:
         self._axes = dict(axes)
         self._commanding = commanding
         self._override = 1.0
+        self._last: tuple[Handle, Place] | None = None  # what has moved all last, and where it ends
 
     def __repr__(self) -> str:
         known = self._commanding.session.dead is None
@@ -85,12 +88,14 @@ class Group:
         velocity: float,
         acceleration: float | None = None,
         jerk: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move all on a straight line to ``positions`` (in the group's order of axes) in cyclic synchronous position mode.
 
         ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
         Euclidean length over all axes. Axes that would be asked for more than their own limits slow all down. ``jerk``
-        (unit/s³): the acceleration along the path changes by no more, also in a halt and under an override; None: at once.
+        (unit/s³): the acceleration along the path changes by no more, also in a halt and under an override; None: at once. With
+        ``buffer`` it begins when what the group does has ended well, from where that ends; at most 100 commands wait.
 
         Raises:
             LimitError: an end lies beyond an axis's position limits.
@@ -98,7 +103,8 @@ class Group:
         """
         name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
         ends = self._ends(name, positions)
-        return self._submit(name, MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk)))
+        line = MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk), buffer)
+        return self._move(name, line, tuple(ends.values()))
 
     def move_path(
         self,
@@ -107,12 +113,13 @@ class Group:
         velocity: float,
         acceleration: float | None = None,
         blend: float = 0.0,
+        buffer: bool = False,
     ) -> Handle:
         """Move all on straight lines through ``points`` (positions in the group's order of axes), to the last one (MC_MovePath).
 
         Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it, and less where a line is too short
         for that; with 0 the axes stop there. ``velocity`` and ``acceleration`` as ``move_linear``; the velocity is kept through
-        corners as far as the axes' velocities and accelerations allow. At most 1000 points.
+        corners as far as the axes' velocities and accelerations allow. At most 1000 points. ``buffer`` as ``move_linear``.
 
         Raises:
             LimitError: a point lies beyond an axis's position limits.
@@ -120,9 +127,8 @@ class Group:
             StaleError: where an axis stands is not known.
         """
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
-        return self._submit(
-            text, self._request(text, "move_path", velocity, acceleration, None).along(points, blend)
-        )
+        request = self._request(text, "move_path", velocity, acceleration, None, buffer=buffer)
+        return self._move(text, request.along(points, blend))
 
     def move_circular(
         self,
@@ -134,12 +140,13 @@ class Group:
         velocity: float,
         acceleration: float | None = None,
         jerk: float | None = None,
+        buffer: bool = False,
     ) -> Handle:
         """Move all on an arc to ``end``, by the point ``via`` or about ``centre`` (MC_MoveCircularAbsolute, BORDER and CENTER).
 
         About a centre, for two axes: counter-clockwise as the first axis turns to the second, or ``clockwise``; once round where
         ``end`` is where they stand. ``velocity``, ``acceleration`` and ``jerk`` (that of the speed along it) as ``move_linear``;
-        the circle is slower where its curvature asks for it.
+        the circle is slower where its curvature asks for it. ``buffer`` as ``move_linear``.
 
         Raises:
             LimitError: the arc leaves an axis's position limits.
@@ -152,11 +159,11 @@ class Group:
                 f"{self.name}.{text}: one of via and centre says which circle it is",
                 remedy="give via = a point that the circle goes through, or centre = its centre",
             )
-        request = self._request(text, "move_circular", velocity, acceleration, jerk)
+        request = self._request(text, "move_circular", velocity, acceleration, jerk, buffer=buffer)
         if centre is not None:
-            return self._submit(text, request.about(centre, end, clockwise=clockwise))
+            return self._move(text, request.about(centre, end, clockwise=clockwise))
         assert via is not None
-        return self._submit(text, request.through(via, end))
+        return self._move(text, request.through(via, end))
 
     @property
     def override(self) -> float:
@@ -207,10 +214,27 @@ class Group:
         return self._submit(name, ForEach({axis: make() for axis in self._axes}, together))
 
     def _request(
-        self, text: str, call: str, velocity: float, acceleration: float | None, jerk: float | None
+        self,
+        text: str,
+        call: str,
+        velocity: float,
+        acceleration: float | None,
+        jerk: float | None,
+        *,
+        buffer: bool,
     ) -> PathRequest:
         pace = self._pace(text, velocity, acceleration, jerk)
-        return PathRequest(self._axes, f"{self.name}.{text}", call, *pace)
+        waits = buffer and self._last is not None and self._last[0].busy
+        after = self._last[1] if waits and self._last is not None else None
+        return PathRequest(self._axes, f"{self.name}.{text}", call, *pace, after=after, buffer=buffer)
+
+    def _move(self, name: str, command: MoveLinear | MovePath, end: Place | None = None) -> Handle:
+        """Give a command that moves all, and note where it ends: what waits for it begins there."""
+        if end is None and isinstance(command, MovePath):
+            end = command.way.at(command.way.length)
+        handle = self._submit(name, command)
+        self._last = None if end is None else (handle, end)
+        return handle
 
     def _pace(
         self, name: str, velocity: float, acceleration: float | None, jerk: float | None

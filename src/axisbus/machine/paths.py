@@ -37,8 +37,13 @@ class PathRequest:
         velocity: float,
         acceleration: float,
         jerk: float | None,
+        *,
+        after: Place | None = None,
+        buffer: bool = False,
     ) -> None:
         """``velocity``, ``acceleration`` and ``jerk`` (of an arc) are checked already; ``call`` is the name of the method.
+
+        ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: see ``MovePath``.
 
         Raises:
             ArgumentError: an axis is endless.
@@ -54,7 +59,8 @@ class PathRequest:
                     observed=f"its modulo is {axis.modulo:g} {axis.unit}",
                     remedy="leave it out of the group, or lead it by a trajectory of its own",
                 )
-        self._start: Place = tuple(axis.led_to for axis in axes.values())
+        self._start: Place = after or tuple(axis.led_to for axis in axes.values())
+        self._buffer = buffer
 
     def along(self, points: Sequence[Sequence[float]], blend: float) -> MovePath:
         """Return the path through ``points``; corners are cut by at most ``blend``.
@@ -140,4 +146,4 @@ class PathRequest:
         cycle = Cycle(self._velocity, period)
         way = way_of(pieces, limits, self._acceleration, stops, cycle)
         require_end(way, self._velocity, self._text)
-        return MovePath(tuple(self._axes), way, self._velocity, self._jerk)
+        return MovePath(tuple(self._axes), way, self._velocity, self._jerk, self._buffer)

@@ -263,6 +263,19 @@ class Request:
             raise self._beyond("acceleration", max(up, down), unit, "max_acceleration", limit)
         return up, down
 
+    def acceleration(self, value: float | None) -> float:
+        """Return an acceleration in unit/s², by default the axis's.
+
+        Raises:
+            LimitError: it is not above 0, or beyond ``max_acceleration``.
+            ArgumentError: neither is given.
+        """
+        limit, unit = self._parameters.limits.acceleration, f"{self._unit}/s²"
+        found = self.positive("acceleration", self._or_default("acceleration", value), unit)
+        if limit is not None and found > limit:
+            raise self._beyond("acceleration", found, unit, "max_acceleration", limit)
+        return found
+
     def _or_default(self, what: str, value: float | None) -> float:
         if value is not None:
             return value
@@ -287,6 +300,16 @@ class Request:
                 )
         elif limits.position is not None and self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked ahead of position_limits"
+            raise self.missing("acceleration", what, "defaults", in_call=False)
+
+    def led(self) -> None:
+        """Check that an axis which another one leads can be braked by itself.
+
+        Raises:
+            ArgumentError: nobody says how hard.
+        """
+        if self._parameters.path_deceleration is None:
+            what = "the acceleration with which it is braked when its master is lost"
             raise self.missing("acceleration", what, "defaults", in_call=False)
 
     def _check_pace(self, trajectory: Trajectory) -> None:

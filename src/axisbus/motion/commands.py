@@ -123,6 +123,18 @@ class FollowTrajectory:
 
 
 @dataclass(frozen=True, slots=True)
+class Buffered:
+    """``command`` begins when the one before it has ended well (PLCopen's buffer mode *Buffered*)."""
+
+    command: Move | MoveVelocity
+
+
+@dataclass(frozen=True, slots=True)
+class GearOut:
+    """MC_GearOut, MC_CamOut: an axis that is led by another one goes on by itself, with its present speed."""
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -160,6 +172,8 @@ Command = (
     | Home
     | SetPosition
     | FollowTrajectory
+    | Buffered
+    | GearOut
     | Shutdown
     | PolicyStop
     | HandOver

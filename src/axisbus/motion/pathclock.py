@@ -3,10 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 Way = Callable[
     [float], float
 ]  # the distance covered along the path at a time; in any unit, forwards or backwards
+
+
+class Clock(Protocol):
+    """What goes on along a path: time, the place on the way of a group, or nothing of the path's own."""
+
+    t: float
+    braking: bool
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands because it was braked."""
+
+    def told(self, t: float) -> str:
+        """Return what it was at for people."""
+
+    def advance(self, period: float) -> None:
+        """Go on by one cycle of ``period`` seconds."""
 
 
 class PathClock:

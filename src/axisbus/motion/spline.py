@@ -13,8 +13,10 @@ from axisbus.errors import ArgumentError
 from axisbus.motion.numbers import number, told
 from axisbus.motion.trajectory import Trajectory
 
+_SWEEPS = 60  # then nothing is left that a number could hold
 
-class _Part(NamedTuple):
+
+class Part(NamedTuple):
     """The curve from one point to the next: place + s (speed + s (bend + s twist)), for s from 0 to ``length`` seconds."""
 
     place: float
@@ -29,6 +31,10 @@ class _Part(NamedTuple):
     def speed_at(self, s: float) -> float:
         return self.speed + s * (2.0 * self.bend + s * 3.0 * self.twist)
 
+    def bend_at(self, s: float) -> float:
+        """How the speed changes at ``s``."""
+        return 2.0 * self.bend + 6.0 * self.twist * s
+
 
 @dataclass(frozen=True, slots=True)
 class Spline:
@@ -40,7 +46,7 @@ class Spline:
 
     times: Sequence[float]
     positions: Sequence[float]
-    _parts: tuple[_Part, ...] = field(init=False, repr=False, compare=False)
+    _parts: tuple[Part, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Compute the curve.
@@ -60,7 +66,7 @@ class Spline:
             )
         for name, value in (("times", times), ("positions", positions)):
             object.__setattr__(self, name, tuple(value))
-        object.__setattr__(self, "_parts", tuple(_parts_of(times, positions)))
+        object.__setattr__(self, "_parts", tuple(parts_of(times, positions)))
 
     @property
     def duration(self) -> float:
@@ -70,10 +76,7 @@ class Spline:
     @property
     def span(self) -> tuple[float, float]:
         """The lowest and the highest position."""
-        found = [self.positions[-1]]
-        for part in self._parts:
-            found += [part.at(s) for s in (0.0, *_turns(part)) if 0.0 <= s <= part.length]
-        return min(found), max(found)
+        return span_of(self._parts)
 
     @property
     def top_speed(self) -> float:
@@ -149,13 +152,17 @@ def _through(given: object, text: str) -> Spline:
     return Spline(times, positions)
 
 
-def _parts_of(times: Sequence[float], positions: Sequence[float]) -> Iterator[_Part]:
+def parts_of(times: Sequence[float], positions: Sequence[float], *, periodic: bool = False) -> Iterator[Part]:
+    """Return the curve through points, between which neither speed nor acceleration jumps: at rest at both ends, or ``periodic``.
+
+    Then it goes on after its end as it does after its beginning.
+    """
     lengths = [b - a for a, b in pairwise(times)]
     slopes = [(b - a) / length for (a, b), length in zip(pairwise(positions), lengths, strict=True)]
-    speeds = _speeds(lengths, slopes)
+    speeds = _round(lengths, slopes) if periodic else _speeds(lengths, slopes)
     for place, length, slope, (a, b) in zip(positions, lengths, slopes, pairwise(speeds), strict=False):
         bend, twist = (3.0 * slope - 2.0 * a - b) / length, (a + b - 2.0 * slope) / length**2
-        yield _Part(place, a, bend, twist, length)
+        yield Part(place, a, bend, twist, length)
 
 
 def _speeds(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
@@ -171,7 +178,27 @@ def _speeds(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
     return [0.0, *reversed(speeds)]
 
 
-def _turns(part: _Part) -> tuple[float, ...]:
+def _round(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:
+    """Solve for the same where the last point is the first again: each sweep leaves at most half of what is off."""
+    count = len(lengths)
+    speeds = list(slopes)
+    for _ in range(_SWEEPS):
+        for n in range(count):
+            h, g = lengths[n - 1], lengths[n]  # before the point, and after it
+            known = 3.0 * (g * slopes[n - 1] + h * slopes[n])
+            speeds[n] = (known - g * speeds[n - 1] - h * speeds[(n + 1) % count]) / (2.0 * (h + g))
+    return [*speeds, speeds[0]]
+
+
+def span_of(parts: Sequence[Part]) -> tuple[float, float]:
+    """Return the lowest and the highest position of a curve."""
+    found = [parts[-1].at(parts[-1].length)]
+    for part in parts:
+        found += [part.at(s) for s in (0.0, *_turns(part)) if 0.0 <= s <= part.length]
+    return min(found), max(found)
+
+
+def _turns(part: Part) -> tuple[float, ...]:
     """Where the speed of a part is 0."""
     a, b, c = 3.0 * part.twist, 2.0 * part.bend, part.speed
     if not a:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from axisbus.machine.axis import Axis
+from axisbus.machine.cam import Cam
 from axisbus.machine.handle import Handle
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import Cell
@@ -13,6 +15,9 @@ from kit.plants import Ramp
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
 QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
+
+
+LOBE = Cam([(0.0, 0.0), (90.0, 30.0), (180.0, 0.0), (270.0, -20.0), (360.0, 0.0)], periodic=True)
 
 
 class Order(NamedTuple):
@@ -35,6 +40,16 @@ def demand_of(cell: Cell, name: str) -> float:
 def _trapezoid(cell: Cell, name: str, value: float) -> Handle:
     start = demand_of(cell, name)
     return cell[name].follow(Trapezoid(start, start + 200.0 * value, 100.0, 500.0))
+
+
+def _master(cell: Cell, name: str) -> Axis:
+    """The axis beside one."""
+    names = [axis.name for axis in cell.machine]
+    return cell[names[names.index(name) - 1]]
+
+
+def _cam(cell: Cell, name: str, value: float) -> Handle:
+    return cell[name].cam_in(_master(cell, name), LOBE, relative=True, scale=value)
 
 
 ORDERS: Mapping[str, Order] = {
@@ -66,6 +81,12 @@ ORDERS: Mapping[str, Order] = {
     "cyclic_torque": Order(lambda cell, name, value: cell[name].cyclic_torque(0.3 * value, slope=5.0)),
     "home": Order(lambda cell, name, _: cell[name].home()),
     "set_position": Order(lambda cell, name, value: cell[name].set_position(100.0 * value)),
+    "move_waiting": Order(
+        lambda cell, name, value: cell[name].move_absolute(60.0 * value, velocity=90.0, buffer=True)
+    ),
+    "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
+    "cam": Order(_cam),
+    "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
     "follow": Order(_trapezoid, 200.0, relative=True),
     "follow_on": Order(lambda cell, name, _: cell[name].follow(Ramp(demand_of(cell, name)))),
 }
@@ -114,6 +135,10 @@ MOTIONS = (
     "move_velocity",
     "move_fast",
     "move_additive",
+    "move_waiting",
+    "gear",
+    "cam",
+    "gear_out",
     "follow",
     "follow_on",
     "jog",

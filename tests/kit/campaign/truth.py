@@ -24,6 +24,8 @@ _OWN = (
     "not homed",
     "another axis",
     "was never received",
+    "master",  # of a gear or a cam: lost, or too fast for its slave
+    "did not end well",
 )
 
 

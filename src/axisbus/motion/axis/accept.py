@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
@@ -109,7 +110,7 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     if _runs(core, Coast):
         core.join(ticket)
         return
-    path, switch = core.leading_path, accept_motion.leaving_switch(core)
+    path, switch = core.led_along, accept_motion.leaving_switch(core)
     core.coast(Coast(core.parameters, path, switch), ticket)
 
 
@@ -222,6 +223,17 @@ def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket) -> N
         core.finish(ticket)
 
 
+def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -> None:
+    """Let a motion wait behind what is under way; with nothing under way it begins."""
+    accept_motion.require_motion(core, ticket)
+    if core.ladder is not None:
+        raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it stands")
+    if core.running.ticket is None:
+        _ACCEPT[type(command.command)](core, command.command, ticket, gate)
+    else:
+        core.queue.add(ticket, partial(accept, core, command.command, ticket, gate))
+
+
 _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Enable: _enable,
     c.Disable: _disable,
@@ -238,6 +250,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,
+    c.Buffered: _buffered,
+    c.GearOut: accept_motion.uncouple,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,

@@ -14,6 +14,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
+from axisbus.motion.coupling.coupled import Coupled, LetGo
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
@@ -53,8 +54,8 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     require_watch(core.parameters, command.profile, ticket)
     target = _target(core, command, ticket)
     profile = command.profile
-    leading = core.leading_path if leaving_switch(core) is None else None
-    if isinstance(leading, Follow) and profile.speed and profile.up and profile.down:
+    leading = path_of(core)
+    if leading is not None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), ticket)
         core.aim(target)
         return
@@ -225,15 +226,45 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
     core.begin(follow, ticket, AxisState.SYNCHRONIZED_MOTION)
 
 
+def path_of(core: AxisCore) -> Follow | None:
+    """Return the path that leads the axis, and that another may take over from in its cyclic mode."""
+    return core.leading_path if leaving_switch(core) is None else None
+
+
+def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
+    """Let a slave be led, from standstill or from a path that leads it already.
+
+    Raises:
+        StateError: the axis moves otherwise, or its values do not travel with SYNC.
+    """
+    require_motion(core, ticket)
+    require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
+    if core.state is not AxisState.STANDSTILL and path_of(core) is None:
+        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    core.begin(coupled, ticket, AxisState.SYNCHRONIZED_MOTION)
+    core.aim(None)
+
+
+def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
+    """MC_GearOut, MC_CamOut."""
+    require_motion(core, ticket)
+    activity = core.activity
+    if not isinstance(activity, Coupled) or not activity.is_led:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} is not led by another axis",
+            remedy="couple it first: axis.gear_in(master, ratio) or axis.cam_in(master, cam)",
+        )
+    core.begin(LetGo(activity, core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
+
+
 def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:
     """Raise StateError unless what a cyclic mode lives on travels in synchronous PDOs (DESIGN: freshness)."""
     how, needs = core.capabilities, _CYCLIC[mode]
     sources = {"statusword": how.inputs.get("statusword", Source.NONE)}
     sources |= {name: how.inputs.get(name, Source.NONE) for name in needs.inputs}
     if mode is not _M.CYCLIC_SYNC_POSITION and core.parameters.has(objects.POSITION_ACTUAL):
-        sources["position"] = how.inputs.get(
-            "position", Source.NONE
-        )  # without it nobody watches limits, or a jam
+        # Without it nobody watches limits, or sees a jam.
+        sources["position"] = how.inputs.get("position", Source.NONE)
     sources[needs.output] = how.outputs.get(needs.output, Source.NONE)
     wrong = [
         f"{name} travels by {source.value}"
@@ -252,7 +283,7 @@ def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> Non
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
-    leading, before = core.leading_path, leaving_switch(core)
+    leading, before = core.led_along, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
     transfers = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
     return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, gate, leading, before)

@@ -32,6 +32,7 @@ from axisbus.errors import AxisbusError, Interrupted, Replaced, Stopped, Uncomma
 from axisbus.motion.axis.cruise import Cruise, cruise_of
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.axis.queue import Queue
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
 from axisbus.motion.cyclic.ramps import VelocityRamp
@@ -92,6 +93,7 @@ class AxisCore:
         self.touched = False
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = Running()
+        self.queue = Queue()
         self.last_target: int | None = None
         self.halted = False
         self._broken: AxisbusError | None = None  # what has tripped it between two cycles
@@ -117,8 +119,13 @@ class AxisCore:
         return self.stopping.ladder
 
     @property
-    def leading_path(self) -> Follow | VelocityRamp | None:
-        """The trajectory, or ramp of csv, that the axis is on: followed, or braked along by a halt that may be interrupted."""
+    def leading_path(self) -> Follow | None:
+        """The trajectory that the axis is on: followed, or being braked along by a halt that may be interrupted."""
+        return follow if isinstance(follow := self.led_along, Follow) else None
+
+    @property
+    def led_along(self) -> Follow | VelocityRamp | None:
+        """The same, or the ramp of csv: what must lead the axis on until another mode has taken over."""
         running = None if self.activity is None else self.activity.leading
         follow = running if self.ladder is None else self.ladder.follow
         return follow if isinstance(follow, (Follow, VelocityRamp)) and not follow.at_rest else None
@@ -236,7 +243,7 @@ class AxisCore:
             self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
-        if self.rest_waits.waiting and self.leading_path is None:
+        if self.rest_waits.waiting and self.led_along is None:
             self.rest_waits.step(image, self.finish)
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
@@ -274,6 +281,7 @@ class AxisCore:
             tickets += self._story.tickets
         if self.running.ticket is not None:
             tickets.append(self.running.ticket)
+        self.queue.drop(self._doing, None)
         for ticket in tickets:
             self.finish(ticket, ended(ticket.name))
 
@@ -383,7 +391,8 @@ class AxisCore:
     def _fault(self, image: Image) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
         story = FaultStory(self.parameters, image.now)
-        ticket = self.running.drop(self.order)
+        doing, ticket = self._doing, self.running.drop(self.order)
+        self._drop_waiting(doing, None)
         if ticket is not None:
             story.doing = f" during {ticket.name}" if ticket.busy else ""
             story.tickets.append(ticket)
@@ -454,16 +463,23 @@ class AxisCore:
         self.running.join(ticket)
 
     def end_command(self, error: AxisbusError | None) -> None:
-        """End the running command, keeping a set-point handshake that is under way."""
+        """End the running command, and what waits for its end, keeping a set-point handshake that is under way."""
+        doing = self._doing
         ticket = self.running.drop(self.order)
         if ticket is not None:
             self.finish(ticket, error)
+        self._drop_waiting(doing, error)
+
+    def _drop_waiting(self, before: str, error: AxisbusError | None) -> None:
+        """End what waits for the end of ``before``, which has not ended well."""
+        if self.queue and self.queue.drop(before, error):
+            self.running.ended = True
 
     def at_rest(self, ticket: Ticket, then: Callable[[], None]) -> None:
         """Let something be done at rest: now, where the axis is seen to stand and no path leads it, else as soon as that is so."""
         image = self.image
         stands = image.standstill and image.now - image.position_stamp <= _NOW
-        if stands and not self.run_down.under_way and self.leading_path is None:
+        if stands and not self.run_down.under_way and self.led_along is None:
             then()
             self.finish(ticket)
         else:
@@ -489,6 +505,7 @@ class AxisCore:
             return
         if done and self.running.ticket is not None and self.running.ticket.busy:
             self._completed(activity)
+            self.queue.next()
 
     def _completed(self, activity: Activity) -> None:
         """The activity has ended well: set the state that follows it."""

@@ -148,7 +148,12 @@ class Cruise:
 def cruise_of(core: AxisCore) -> Cruise | None:
     """Return how a calm axis goes on, after a whole step; None where more than that may be to be done."""
     follow, image = core.running.activity, core.image
-    if type(follow) is not Follow or image.state is not _ENABLED or image.position is None:
+    if (
+        not isinstance(follow, Follow)
+        or not follow.foresees
+        or image.state is not _ENABLED
+        or image.position is None
+    ):
         return None
     quiet = image.bus is None and not (image.replies or image.emcy or image.overdue)
     usual = quiet and image.flight.word == GO_ON and image.led.leads_on(image.mode)

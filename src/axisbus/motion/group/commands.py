@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.motion import commands as c
+from axisbus.motion.coupling.entries import By, Entry
+from axisbus.motion.coupling.laws import Law
 from axisbus.motion.group.way import Way
 
 
@@ -26,13 +28,14 @@ class ForEach:
 class MoveLinear:
     """MC_MoveLinearAbsolute: a straight line to ``ends`` (units), with path velocity and acceleration (units/s, units/s²).
 
-    ``jerk`` in units/s³; None: it is not limited.
+    ``jerk`` in units/s³; None: it is not limited. ``buffer``: it begins when what the group does has ended well.
     """
 
     ends: Mapping[str, float]
     velocity: float
     acceleration: float
     jerk: float | None = None
+    buffer: bool = False
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -44,13 +47,14 @@ class MoveLinear:
 class MovePath:
     """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``.
 
-    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited.
+    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited. ``buffer``: as ``MoveLinear``.
     """
 
     axes: tuple[str, ...]
     way: Way
     velocity: float
     jerk: float | None = None
+    buffer: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,4 +76,20 @@ class GroupSetOverride:
         return ()
 
 
-GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride
+@dataclass(frozen=True, slots=True)
+class Couple:
+    """MC_GearIn, MC_GearInPos, MC_CamIn: ``slave`` goes where ``law`` has it for ``master``, once in step by ``entry``."""
+
+    master: str
+    slave: str
+    law: Law
+    entry: Entry
+    by: By = By.COMMAND
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axis that it concerns: its master goes on as it does."""
+        return (self.slave,)
+
+
+GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride | Couple

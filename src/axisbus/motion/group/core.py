@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.accept import accept
-from axisbus.motion.axis.accept_motion import begin_follow
+from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.axis.queue import Queue
 from axisbus.motion.broken import broken
+from axisbus.motion.coupling.joint import Joint
+from axisbus.motion.coupling.ring import require_no_ring
 from axisbus.motion.group.commands import (
+    Couple,
     ForEach,
     GroupCommand,
     GroupContinue,
@@ -36,6 +42,7 @@ class GroupCore:
         self._under_way: list[Undertaking] = []
         self._line: Line | None = None  # the last one, also when it was left
         self._factor = 1.0
+        self._queue = Queue()
         self._ended = False
 
     def accept(self, command: GroupCommand, ticket: Ticket) -> None:
@@ -48,10 +55,12 @@ class GroupCore:
 
     def step(self) -> None:
         """Once per cycle, before the axes."""
-        for undertaking in self._under_way:
+        for undertaking in list(self._under_way):  # what waits may begin meanwhile
             was_busy = undertaking.busy
             undertaking.step(self._period)
-            self._ended = self._ended or undertaking.busy is not was_busy
+            if undertaking.busy is not was_busy:
+                self._ended = True
+                self._go_on_after(undertaking)
         if self._under_way:
             self._under_way = [undertaking for undertaking in self._under_way if not undertaking.is_over]
 
@@ -62,6 +71,7 @@ class GroupCore:
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End what is under way, with the error that ``ended`` makes for its name: the scan has ended."""
+        self._queue.drop("what was before it", None)
         for undertaking in self._under_way:
             undertaking.abandon(ended(undertaking.name))
 
@@ -73,7 +83,17 @@ class GroupCore:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
+    def _go_on_after(self, ended: Undertaking) -> None:
+        """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
+        if ended.error is not None:
+            self._queue.drop(ended.name, ended.error)
+        elif not any(undertaking.busy for undertaking in self._under_way):
+            self._queue.next()
+
     def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
+        if command.buffer and any(undertaking.busy for undertaking in self._under_way):
+            self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
+            return
         self._require_rest(command.axes, ticket)
         gate = Gate()
         self._go_along(Line(command, self.axes, gate), gate, ticket)
@@ -117,6 +137,20 @@ class GroupCore:
             except AxisbusError as error:
                 core.finish(child, error)
 
+    def _couple(self, command: Couple, ticket: Ticket) -> None:
+        master, slave = self.axes[command.master], self.axes[command.slave]
+        require_no_ring(master, slave, ticket.name)
+        joint = Joint(command, master, slave, self._period, path_of(slave))
+        undertaking = Undertaking(ticket, self.axes, OPEN, joint)
+        self._undertake(undertaking, lambda: self._begin_coupled(slave, joint, undertaking))
+
+    def _begin_coupled(self, slave: AxisCore, joint: Joint, undertaking: Undertaking) -> None:
+        child = undertaking.child(slave.parameters.name)
+        try:
+            begin_coupled(slave, joint.follow, child)
+        except AxisbusError as error:
+            slave.finish(child, error)
+
     def _undertake(self, undertaking: Undertaking, begin: Callable[[], None]) -> None:
         """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""
         self._under_way.append(undertaking)
@@ -142,4 +176,5 @@ _ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     MovePath: GroupCore._move_along,
     GroupContinue: GroupCore._continue,
     GroupSetOverride: GroupCore._set_override,
+    Couple: GroupCore._couple,
 }

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
+from typing import Protocol
 
 from axisbus.errors import AxisbusError, Interrupted
 from axisbus.motion import commands as c
@@ -21,18 +22,31 @@ from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.group.gate import OPEN, Gate
-from axisbus.motion.group.line import Line
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket, end_as, unattended
 
 _TOGETHER = "nobody of a group starts alone, or goes on along a line that another has left: ask for it again when all can go"
 
 
+class Leads(Protocol):
+    """What leads axes together: a line, or the joint of a slave and its master."""
+
+    @property
+    def planned(self) -> bool:
+        """Whether it leads them."""
+
+    def step(self, period: float, begins: bool, name: str) -> None:
+        """Once per cycle of ``period`` seconds, before the axes; ``begins``: all may begin. ``name`` says what was asked for."""
+
+    def leads(self) -> bool:
+        """Whether any axis was led since this was asked last."""
+
+
 class Undertaking:
     """Holds the command's ticket, its children by axis, the gate, and the line where it is one."""
 
     def __init__(
-        self, ticket: Ticket, axes: Mapping[str, AxisCore], gate: Gate = OPEN, line: Line | None = None
+        self, ticket: Ticket, axes: Mapping[str, AxisCore], gate: Gate = OPEN, line: Leads | None = None
     ) -> None:
         """``axes``: those of the group, by name."""
         self.gate = gate
@@ -64,6 +78,11 @@ class Undertaking:
         return self._ticket.busy
 
     @property
+    def error(self) -> AxisbusError | None:
+        """What has ended its ticket badly."""
+        return self._ticket.error
+
+    @property
     def is_over(self) -> bool:
         """Whether the ticket has ended, and no axis is led any more."""
         return not self._ticket.busy and (self._line is None or not self._line.leads())
@@ -88,7 +107,7 @@ class Undertaking:
                 self._stop(axis, error.message)
 
     @property
-    def line(self) -> Line | None:
+    def line(self) -> Leads | None:
         """The way that its axes are led along, if there is one."""
         return self._line
 

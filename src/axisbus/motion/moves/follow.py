@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
@@ -23,7 +23,7 @@ from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
 from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.pathclock import PathClock
+from axisbus.motion.pathclock import Clock, PathClock
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 
@@ -46,6 +46,7 @@ class Follow(Activity):
 
     mode = ModeOfOperation.CYCLIC_SYNC_POSITION
     ends_at_rest = True
+    foresees: ClassVar[bool] = True  # ``foresee`` and ``go_on`` are all of its step
 
     def __init__(
         self,
@@ -68,7 +69,7 @@ class Follow(Activity):
         self._travel = travel
         self._own_clock = travel is None
         self._time = PathClock()
-        self.clock: PathClock | Travel = travel or self._time
+        self.clock: Clock = travel or self._time
         self._mode = ModeSwitch(ModeOfOperation.CYCLIC_SYNC_POSITION, parameters)
         self._setup = CyclicSetup(parameters)
         self._prepared = False
@@ -124,13 +125,14 @@ class Follow(Activity):
         t = clock.t + period if self._own_clock else clock.t
         if t >= duration:
             return None
+        braked = self.brakes_along
         try:
             if looks:
                 self._look_beyond()
             place = position(t)
             target = round(place * factor) + origin
         except (AxisbusError, OverflowError):  # ``step`` finds that again, and raises it
-            self.brakes_along = False
+            self.brakes_along = braked
             return None
         velocity = (place - before.position) / period
         if (

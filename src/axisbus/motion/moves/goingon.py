@@ -29,6 +29,8 @@ from axisbus.motion.parameters import AxisParameters
 class GoingOn(Follow):
     """The rest of a move in cyclic synchronous position mode; holds what led the axis before it began, and its deadline."""
 
+    foresees = False
+
     def __init__(
         self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, before: Follow
     ) -> None:

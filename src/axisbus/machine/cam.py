@@ -1,0 +1,130 @@
+"""A cam: where a slave is to be for each place of its master, as a smooth curve through points."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, cast
+
+from axisbus.errors import ArgumentError
+from axisbus.motion.coupling.laws import CamLaw
+from axisbus.motion.numbers import number, told
+from axisbus.motion.spline import Part, parts_of, span_of
+
+MOST = 1000  # points of one cam
+
+
+class Cam:
+    """A curve through ``points``: rows of the master's and the slave's place in their units, the master's rising; also of numpy.
+
+    Neither its slope nor how that changes jumps. Without ``periodic`` it begins and ends at rest, and the slave stands before and
+    beyond it. A periodic one goes on with its beginning after its end: where the last point is at another place of the slave than
+    the first, each turn takes it farther by the difference.
+    """
+
+    def __init__(self, points: Iterable[Sequence[float]], *, periodic: bool = False) -> None:
+        """Compute the curve.
+
+        Raises:
+            ArgumentError: fewer than two points or more than 1000, one that is none, or places of the master that do not rise.
+        """
+        self.periodic = periodic
+        masters, slaves = _columns(points)
+        self.master_span = masters[0], masters[-1]
+        self._marks = tuple(master - masters[0] for master in masters)
+        self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
+        self._lift = slaves[-1] - slaves[0]
+        self.span = span_of(self._parts)
+
+    @classmethod
+    def read(cls, file: str | Path, *, periodic: bool = False) -> Cam:
+        """Read the points from a CSV file with two columns; a first line of words is passed over.
+
+        Raises:
+            ArgumentError: it cannot be read, or holds no such points; the line is named.
+        """
+        try:
+            with Path(file).open(encoding="utf-8-sig", newline="") as text:
+                rows = [(line, row) for line, row in enumerate(csv.reader(text), 1) if any(row)]
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            raise ArgumentError(f"{file}: cannot be read as a cam", observed=str(error)) from None
+        points = [_point(f"{file}, line {line}", row) for line, row in rows[_is_words(rows) :]]
+        try:
+            return cls(points, periodic=periodic)
+        except ArgumentError as error:
+            raise ArgumentError(
+                f"{file}: {error.message}", observed=error.observed, remedy=error.remedy
+            ) from None
+
+    def __repr__(self) -> str:
+        kind = "periodic, " if self.periodic else ""
+        return f"<Cam {kind}from {self.master_span[0]:g} to {self.master_span[1]:g} of the master>"
+
+    @property
+    def lift(self) -> float:
+        """How far the slave is at the end from where it was at the beginning, in its unit."""
+        return self._lift
+
+    def at(self, master: float) -> float:
+        """Return the place of the slave."""
+        return self.law().at(master).place
+
+    def law(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
+        """Return it for two axes: ``phase`` units of the master ahead, and stretched; no factor is 0, the master's is above."""
+        m, s = master_scale, scale
+        parts = tuple(
+            Part(p.place * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m)
+            for p in self._parts
+        )
+        period = (self.master_span[1] - self.master_span[0]) * m
+        marks = tuple(mark * m for mark in self._marks[:-1])
+        lift = self._lift * s if self.periodic else None
+        return CamLaw(self.master_span[0] * m - phase, marks, parts, period, lift)
+
+
+def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float]]:
+    try:
+        rows = [(a, b) for a, b in cast("Any", points)]
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"{told(points)} are no points of a cam", remedy="give rows of the master's and the slave's place"
+        ) from None
+    if not 2 <= len(rows) <= MOST:
+        raise ArgumentError(f"a cam has 2 to {MOST} points, this one has {len(rows)}")
+    known = [[_number(value) for value in column] for column in zip(*rows, strict=True)]
+    for place, (a, b) in enumerate(pairwise(known[0]), 2):
+        if a >= b:
+            raise ArgumentError(
+                "the places of a cam's master must rise", observed=f"point {place}: {b:g} after {a:g}"
+            )
+    return known[0], known[1]
+
+
+def _number(value: object) -> float:
+    found = number(value)
+    if found is None:
+        raise ArgumentError("the points of a cam need finite numbers", observed=told(value))
+    return found
+
+
+def _point(where: str, row: Sequence[str]) -> tuple[float, float]:
+    if len(row) == 2:
+        try:
+            return float(row[0]), float(row[1])
+        except ValueError:
+            pass
+    raise ArgumentError(
+        f"{where}: no point of a cam",
+        observed=", ".join(row),
+        remedy="write two numbers in each line: the master's place and the slave's",
+    )
+
+
+def _is_words(rows: Sequence[tuple[int, Sequence[str]]]) -> bool:
+    """Whether the first line is a heading."""
+    try:
+        return bool(rows) and not [float(value) for value in rows[0][1]]
+    except ValueError:
+        return True

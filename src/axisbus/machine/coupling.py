@@ -1,0 +1,126 @@
+"""From what a user asks of a slave to the command that couples it to its master, checked at the call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from axisbus.errors import ArgumentError, LimitError
+from axisbus.machine.cam import Cam
+from axisbus.machine.request import Request, shown
+from axisbus.motion.coupling.entries import AtPlace, AtSpeed, By, Entry, Here
+from axisbus.motion.coupling.laws import CamLaw, Gear
+from axisbus.motion.group.commands import Couple
+from axisbus.motion.numbers import number, told
+
+if TYPE_CHECKING:
+    from axisbus.machine.axis import Axis
+
+
+class Coupling:
+    """One call, such as ``y.gear_in(x, 2.0)``, on its way to a ``Couple``; ``text`` names it in messages."""
+
+    def __init__(self, slave: Axis, master: object, text: str, request: Request, by: str) -> None:
+        """Check the axes.
+
+        Raises:
+            ArgumentError: ``master`` is no other axis of the same machine, ``by`` is neither "command" nor "actual", the slave is
+                not homed where it must be, or nobody says how hard it is braked.
+        """
+        self._slave, self._request = slave, request
+        self._text, self._call = f"{slave.name}.{text}", text
+        self._master = slave.mate(master, text)
+        if by not in {kind.value for kind in By}:
+            raise ArgumentError(
+                f"{self._text}: by {told(by)} is not known",
+                remedy='by = "command" goes by where the master is led to, by = "actual" by where it is',
+            )
+        self._by = By(by)
+        slave.require_homed(text)
+        request.led()
+
+    def gear(
+        self,
+        ratio: float,
+        acceleration: float | None,
+        at: Sequence[float] | None,
+        over: float | None,
+    ) -> Couple:
+        """Return the command of a gear; see ``Axis.gear_in``."""
+        law = Gear(self._not_zero("ratio", ratio))
+        if at is None:
+            if over is not None:
+                raise ArgumentError(
+                    f"{self._text}: over goes with at",
+                    remedy="give at = (the master's place, the slave's place) as well, or leave over out",
+                )
+            return self._couple(law, AtSpeed(self._request.acceleration(acceleration)))
+        return self._couple(law, self._meeting(at, over))
+
+    def cam(
+        self, cam: object, over: float, *, relative: bool, phase: float, master_scale: float, scale: float
+    ) -> Couple:
+        """Return the command of a cam; see ``Axis.cam_in``."""
+        if not isinstance(cam, Cam):
+            raise ArgumentError(
+                f"{self._text}: {told(cam)} is no cam", remedy="make one: Cam([(master, slave), ...])"
+            )
+        self._master.require_homed(self._call)
+        stretch = self._number("over", over)
+        stretched = self._not_zero("master_scale", master_scale)
+        if stretch < 0.0 or stretched < 0.0:
+            raise ArgumentError(f"{self._text}: over and master_scale are magnitudes")
+        law = cam.law(self._number("phase", phase), stretched, self._not_zero("scale", scale))
+        if not relative:
+            self._require_room(cam, law, scale)
+        return self._couple(law, Here(stretch, relative))
+
+    def _couple(self, law: Gear | CamLaw, entry: Entry) -> Couple:
+        return Couple(self._master.name, self._slave.name, law, entry, self._by)
+
+    def _meeting(self, at: Sequence[float], over: float | None) -> AtPlace:
+        if over is None:
+            raise ArgumentError(
+                f"{self._text}: over is missing",
+                remedy="give over = the way of the master before that place, within which the slave comes into step",
+            )
+        if len(at) != 2:
+            raise ArgumentError(f"{self._text}: at is the place of the master and that of the slave")
+        master = self._master.checked_position(self._call, at[0])
+        slave = self._slave.checked_position(self._call, at[1])
+        return AtPlace(master, slave, self._above_zero("over", over))
+
+    def _require_room(self, cam: Cam, law: CamLaw, scale: float) -> None:
+        """Hold a cam against the slave's limits; where its turns take the slave farther, only its way there tells."""
+        limits = self._slave.limits.position
+        if limits is None or law.lift:
+            return
+        low, high = sorted(place * scale for place in cam.span)
+        if limits[0] <= low and high <= limits[1]:
+            return
+        raise LimitError(
+            f"{self._text}: the cam leaves the position limits of {self._slave.name}",
+            observed=f"it goes from {low:g} to {high:g} {self._slave.unit}; allowed are {limits[0]:g} to {limits[1]:g}",
+            remedy=f"scale it, begin it where the axis stands (relative = True), or change position_limits in "
+            f"[axes.{self._slave.name}] of cell.toml",
+        )
+
+    def _number(self, what: str, value: float) -> float:
+        found = number(value)
+        if found is None:
+            raise ArgumentError(f"{self._text}: {what} {told(value)} is no finite number")
+        return found
+
+    def _not_zero(self, what: str, value: float) -> float:
+        found = self._number(what, value)
+        if found == 0.0:
+            raise ArgumentError(f"{self._text}: {what} 0 couples nothing", remedy=f"give another {what}")
+        return found
+
+    def _above_zero(self, what: str, value: float) -> float:
+        found = self._number(what, value)
+        if found <= 0.0:
+            raise ArgumentError(
+                f"{self._text}: {what} {shown(value)} must be above 0", remedy="it is a magnitude"
+            )
+        return found

@@ -1,0 +1,65 @@
+"""Commands that wait until the one before them has ended (PLCopen's buffer mode *Buffered*)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from axisbus.errors import AxisbusError, StateError, Stopped
+from axisbus.motion.ticket import Status, Ticket
+
+MOST = 100  # commands that wait for one axis or group
+
+
+class Queue:
+    """Holds what waits, in order, each with what begins it; what ends a command badly ends those that wait behind it."""
+
+    __slots__ = ("_waiting",)
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[Ticket, Callable[[], None]]] = deque()
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    def add(self, ticket: Ticket, begin: Callable[[], None]) -> None:
+        """Let a command wait.
+
+        Raises:
+            StateError: too many wait already.
+        """
+        if len(self._waiting) >= MOST:
+            raise StateError(
+                f"{ticket.name}: {MOST} commands wait already",
+                remedy="wait for some of their handles before giving more",
+            )
+        self._waiting.append((ticket, begin))
+
+    def next(self) -> None:
+        """Begin what waits first, if anything does: what was before it has ended well."""
+        if not self._waiting:
+            return
+        ticket, begin = self._waiting.popleft()
+        rest, self._waiting = self._waiting, deque()  # what takes over ends what waits behind another
+        begin()
+        if ticket.error is None:
+            self._waiting = rest
+            return
+        for waiting, _ in rest:
+            _end(waiting, ticket.name, ticket.error)
+
+    def drop(self, before: str, error: AxisbusError | None) -> bool:
+        """End all that waits: ``before`` (a command's name) has ended by ``error``, or is not gone on with; return if any did."""
+        found = bool(self._waiting)
+        while self._waiting:
+            _end(self._waiting.popleft()[0], before, error)
+        return found
+
+
+def _end(ticket: Ticket, before: str, error: AxisbusError | None) -> None:
+    why = Stopped(
+        f"{ticket.name} has not begun, because {before} did not end well",
+        observed="" if error is None else error.message,
+        remedy="see to that first, then ask for what was to follow it",
+    )
+    ticket.finish(Status.ABORTED, why)

@@ -1,0 +1,472 @@
+"""Gears and cams on the plant: in step within an increment and a cycle, into step without a jolt, braked without a master."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+
+from axisbus import Cam
+from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
+from axisbus.motion.axis.cruise import Cruise
+from axisbus.motion.coupling.coupled import Coupled
+from axisbus.motion.states import AxisState
+from kit.cell import SCALE, Cell
+from kit.probe import ENABLED
+
+AXIS = "max_acceleration = 2000.0"
+ALONE = 'on_lost_node = "report"'  # else the fault policy stops the slave before its joint does
+CYCLE = 0.01  # seconds
+INCREMENT = 1.0 / SCALE
+LOBE = [(0.0, 0.0), (90.0, 20.0), (180.0, 0.0), (270.0, -10.0), (360.0, 0.0)]
+
+
+def two(story, names: str = "xy", **changes: str) -> Cell:
+    return story.simulated(names, **{"axis": AXIS} | changes).enabled()
+
+
+def off(cell: Cell, law, since: float, slave: str = "y", master: str = "x", late: float = CYCLE) -> float:
+    """How far the slave's motor was at most from where its master's, one cycle before, has it."""
+    xs, ys = cell.record(master).samples, cell.record(slave).samples
+    step = xs[1].time - xs[0].time
+    shift = round(late / step)
+    pairs = [(x, y) for x, y in zip(xs, ys[shift:], strict=False) if x.time >= since]
+    assert len(pairs) > 50
+    return max(abs(y.position - law(x.position)) for x, y in pairs)
+
+
+def must_brake(cell: Cell, name: str) -> None:
+    cell.run(1.0)
+    cell.must_stand(name, within=0.1, stages=ENABLED)
+    assert cell.hardest_change(name) < 2100.0
+
+
+# In step.
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.0, -0.75, 0.001])
+def test_a_gear_keeps_to_its_master_within_an_increment_and_a_cycle(story, ratio):
+    cell = two(story)
+    assert cell.end_of(cell["y"].gear_in(cell["x"], ratio)) is None
+    since = cell.moment()
+    cell.end_of(cell["x"].follow([(0.0, 0.0), (0.8, 40.0), (1.4, 25.0), (2.5, 60.0)]))
+    cell.run(0.2)
+    assert cell["y"].state is AxisState.SYNCHRONIZED_MOTION
+    assert cell.where("y") == pytest.approx(60.0 * ratio, abs=INCREMENT)
+    assert off(cell, lambda x: ratio * x, since) <= (1.0 + abs(ratio)) * INCREMENT
+
+
+def test_a_gear_follows_a_profile_move_of_its_master_without_a_jolt(story):
+    """In profile position mode its drive leads the master: what it tells comes in increments."""
+    cell = two(story)
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.5))
+    since = cell.moment()
+    assert cell.end_of(cell["x"].move_absolute(60.0)) is None
+    cell.run(0.4)
+    assert cell.where("y") == pytest.approx(90.0, abs=2.0 * INCREMENT)
+    assert off(cell, lambda x: 1.5 * x, since, late=2 * CYCLE) < 3.0
+    assert cell.hardest_change("y") < 1500.0
+
+
+def test_a_gear_takes_up_the_speed_of_a_master_that_turns(story):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    assert cell.end_of(cell["y"].gear_in(cell["x"], 2.0, acceleration=400.0)) is None
+    assert cell["y"].velocity == pytest.approx(160.0, abs=5.0)
+    assert cell.hardest_change("y") < 500.0
+    cell.run(0.3)
+    away = cell.where("y") - 2.0 * cell.where("x")
+    cell.run(2.0)
+    assert cell.where("y") - 2.0 * cell.where("x") == pytest.approx(away, abs=3 * INCREMENT)
+
+
+def test_another_ratio_is_come_to_from_the_present_speed(story):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    for ratio in (1.0, -1.0, 0.5):
+        assert cell.end_of(cell["y"].gear_in(cell["x"], ratio)) is None
+        cell.run(0.3)
+        assert cell["y"].velocity == pytest.approx(80.0 * ratio, abs=2.0)
+    assert cell.hardest_change("y") < 700.0
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_both_are_at_their_places_at_a_time(story, back):
+    way = -1.0 if back else 1.0
+    cell = two(story)
+    handle = cell["y"].gear_in(cell["x"], 0.5, at=(way * 60.0, 25.0), over=30.0)
+    cell.run(0.2)
+    assert handle.active
+    since = cell.moment()
+    cell["x"].follow([(0.0, 0.0), (4.0, way * 120.0)]).wait()
+    assert cell.end_of(handle) is None
+    cell.run(0.3)
+    assert cell.where("y") == pytest.approx(25.0 + way * 30.0, abs=2 * INCREMENT)
+    xs = cell.record("x").since(since)
+    reached = next(x.time for x in xs if way * x.position >= 60.0)
+    assert off(cell, lambda x: 25.0 + 0.5 * (x - way * 60.0), reached) <= 2 * INCREMENT
+    before = [
+        y.position for x, y in zip(xs, cell.record("y").since(since), strict=False) if way * x.position < 29.0
+    ]
+    assert max(map(abs, before)) < INCREMENT
+    assert cell.hardest_change("y") < 700.0
+
+
+def test_an_endless_master_comes_by_again(story):
+    cell = two(story, axis=AXIS + "\nmodulo = 360.0")
+    cell["x"].move_velocity(200.0).wait()
+    for turn in (1, 2):
+        begun = cell.now
+        handle = cell["y"].gear_in(cell["x"], 1.0, at=(90.0, 45.0), over=180.0)
+        assert cell.end_of(handle) is None
+        cell.run(0.1)
+        assert (cell["y"].position - cell["x"].position) % 360.0 == pytest.approx(315.0, abs=4.1), (
+            turn
+        )  # two cycles at 200 deg/s
+        assert cell.now - begun < 4.0
+        cell["y"].halt().wait()
+
+
+def test_a_cam_is_kept_to_over_many_turns_in_both_directions(story):
+    cell = two(story, axis="max_acceleration = 5000.0")
+    cam = Cam(LOBE, periodic=True)
+    assert cell.end_of(cell["y"].cam_in(cell["x"], cam)) is None
+    since = cell.moment()
+    cell["x"].follow([(0.0, 0.0), (3.0, 500.0), (4.0, 470.0), (8.0, -380.0)]).wait()
+    cell.run(0.2)
+    assert off(cell, cam.at, since) <= 2 * INCREMENT
+    assert cell.farthest("y") == pytest.approx(cam.span, abs=2 * INCREMENT)
+
+
+def test_a_cam_that_lifts_takes_its_slave_on(story):
+    cell = two(story)
+    cam = Cam([(0.0, 0.0), (60.0, 5.0), (120.0, 40.0)], periodic=True)
+    assert cam.lift == 40.0
+    cell.end_of(cell["y"].cam_in(cell["x"], cam))
+    cell["x"].follow([(0.0, 0.0), (4.0, 360.0)]).wait()
+    cell.run(0.2)
+    assert cell.where("y") == pytest.approx(120.0, abs=2 * INCREMENT)
+
+
+def test_a_cam_that_does_not_repeat_leaves_its_slave_at_its_ends(story):
+    cell = two(story)
+    cam = Cam([(20.0, 0.0), (40.0, 15.0), (60.0, 10.0)])
+    assert cell.end_of(cell["y"].cam_in(cell["x"], cam)) is None
+    since = cell.moment()
+    cell["x"].follow([(0.0, 0.0), (3.0, 100.0), (6.0, 30.0)]).wait()
+    cell.run(0.2)
+    assert off(cell, cam.at, since) <= 2 * INCREMENT
+    assert cell.where("y") == pytest.approx(cam.at(30.0), abs=2 * INCREMENT)
+
+
+def test_a_cam_is_come_into_over_a_stretch_of_the_master_and_stretched_and_shifted(story):
+    cell = two(story)
+    cam = Cam(LOBE, periodic=True)
+    cell["y"].move_absolute(30.0).wait()
+    handle = cell["y"].cam_in(cell["x"], cam, over=90.0, phase=45.0, scale=0.5, master_scale=2.0)
+    cell.run(0.3)
+    assert handle.active  # its master stands
+    since = cell.moment()
+    cell["x"].follow([(0.0, 0.0), (3.0, 300.0)]).wait()
+    assert cell.end_of(handle) is None
+    cell.run(0.2)
+    reached = next(x.time for x in cell.record("x").since(since) if x.position >= 92.0)
+    assert off(cell, lambda x: 0.5 * cam.at((x + 45.0) / 2.0), reached) <= 2 * INCREMENT
+    assert cell.hardest_change("y", since) < 900.0
+
+
+def test_a_relative_cam_begins_where_the_slave_stands(story):
+    cell = two(story)
+    cell["y"].move_absolute(33.0).wait()
+    cam = Cam(LOBE, periodic=True)
+    assert "does not stand where it is due" in str(cell.failure_of(cell["y"].cam_in(cell["x"], cam)))
+    cell.run(0.3)
+    cell["y"].reset().wait()
+    assert cell.end_of(cell["y"].cam_in(cell["x"], cam, relative=True)) is None
+    cell["x"].follow([(0.0, 0.0), (2.0, 90.0)]).wait()
+    cell.run(0.2)
+    assert cell.where("y") == pytest.approx(53.0, abs=2 * INCREMENT)
+
+
+def test_a_chain_is_one_cycle_later_with_each_link(story):
+    cell = two(story, "xyz")
+    cell.end_of(cell["y"].gear_in(cell["x"], 2.0))
+    cell.end_of(cell["z"].gear_in(cell["y"], -0.5))
+    since = cell.moment()
+    cell["x"].follow([(0.0, 0.0), (2.0, 60.0)]).wait()
+    cell.run(0.2)
+    assert off(cell, lambda x: -x, since, slave="z", late=2 * CYCLE) <= 3 * INCREMENT
+    assert "x is led by z is led by y is led by x" in str(cell.failure_of(cell["x"].gear_in(cell["z"], 1.0)))
+    assert cell["z"].state is AxisState.SYNCHRONIZED_MOTION
+
+
+def test_by_where_the_master_is(story):
+    """A master without power that is turned by hand leads as well."""
+    cell = two(story)
+    cell["x"].disable().wait()
+    assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0, by="actual")) is None
+    motor = cell.drive("x").axis.motor
+    cell.each_cycle(
+        lambda *_: setattr(motor, "position", motor.position + (30.0 if motor.position < 4000 else 0.0))
+    )
+    cell.run(3.0)
+    assert cell.where("x") == pytest.approx(40.0, abs=0.5)
+    assert cell.where("y") == pytest.approx(cell.where("x"), abs=3 * INCREMENT)
+    assert cell.hardest_change("y") < 2000.0
+
+
+# Out of it.
+
+
+def test_gear_out_keeps_the_speed_and_a_halt_brakes(story):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    assert cell.end_of(cell["y"].gear_out()) is None
+    assert cell["y"].state is AxisState.CONTINUOUS_MOTION
+    cell["x"].halt().wait()
+    cell.run(0.3)
+    assert cell["y"].velocity == pytest.approx(80.0, abs=1.0)
+    assert cell.end_of(cell["y"].halt()) is None
+    must_brake(cell, "y")
+    assert cell["y"].state is AxisState.STANDSTILL
+    assert "is not led by another axis" in str(cell.failure_of(cell["y"].gear_out()))
+
+
+def test_a_halt_of_the_slave_takes_it_away_and_one_of_the_master_takes_it_along(story):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    assert cell.end_of(cell["x"].halt()) is None
+    cell.run(0.5)
+    assert cell["y"].state is AxisState.SYNCHRONIZED_MOTION
+    assert cell.speed("y") < 0.1
+    cell["x"].move_velocity(-80.0).wait()
+    cell.run(0.3)
+    assert cell["y"].velocity == pytest.approx(-80.0, abs=2.0)
+    assert cell.end_of(cell["y"].halt()) is None
+    must_brake(cell, "y")
+    assert cell.speed("x") == pytest.approx(80.0, abs=1.0)
+
+
+def test_a_move_takes_over_from_the_present_speed(story):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    assert cell.end_of(cell["y"].move_absolute(0.0)) is None
+    assert cell.where("y") == pytest.approx(0.0, abs=0.1)
+    assert cell.hardest_change("y") < 700.0
+
+
+@pytest.mark.parametrize("when", ["waits", "takes up", "in step"])
+def test_a_halt_at_any_stage_brakes_the_slave(story, when):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    x = cell["x"].position
+    at = (x + 200.0, 10.0) if when == "waits" else None
+    handle = cell["y"].gear_in(
+        cell["x"], 1.0, at=at, over=20.0 if at else None, acceleration=100.0 if not at else None
+    )
+    cell.run(0.3 if when != "in step" else 1.2)
+    assert handle.active is (when != "in step")
+    assert cell.end_of(cell["y"].halt()) is None
+    assert when == "in step" or isinstance(handle.exception(), Interrupted)
+    must_brake(cell, "y")
+
+
+# What is lost, and what is too much.
+
+
+@pytest.mark.parametrize("how", ["dead", "homed"])
+def test_a_slave_is_braked_by_itself_when_its_master_is_lost(story, how):
+    cell = two(story, bus=ALONE)
+    cell["x"].move_velocity(80.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    if how == "homed":
+        cell["x"].halt().wait()
+        cell["x"].home()
+    else:
+        cell.device("x").dials.dead = True
+    cell.until(lambda: cell["y"].error is not None, 1.0)
+    assert "its master is lost" in str(cell["y"].error)
+    assert "couple y to it anew" in str(cell["y"].error)
+    must_brake(cell, "y")
+    assert cell["y"].state is AxisState.ERRORSTOP
+
+
+def test_the_fault_of_a_master_stops_its_slave_by_the_policy(story):
+    cell = two(story)
+    cell["x"].move_velocity(80.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    cell.machine.stand_in(1).fault(0x2310)
+    must_brake(cell, "y")
+    assert cell["y"].state is AxisState.STANDSTILL
+
+
+def test_a_master_that_is_lost_before_the_slave_is_in_step_ends_its_command(story):
+    cell = two(story, bus=ALONE)
+    handle = cell["y"].gear_in(cell["x"], 1.0, at=(60.0, 20.0), over=10.0)
+    cell.run(0.2)
+    cell["x"].home()
+    error = cell.failure_of(handle)
+    assert isinstance(error, StateError)
+    assert "x is being homed" in str(error)
+
+
+def test_one_that_is_in_fault_cannot_lead(story):
+    cell = two(story, bus=ALONE)
+    cell.machine.stand_in(1).fault(0x2310)
+    cell.run(0.3)
+    assert "x is in ErrorStop" in str(cell.failure_of(cell["y"].gear_in(cell["x"], 1.0)))
+
+
+@pytest.mark.parametrize("velocity", [60.0, -150.0])
+def test_a_slave_is_braked_within_its_limits(story, velocity):
+    text = AXIS + "\nposition_limits = [-100.0, 100.0]"
+    cell = two(story, axis=text)
+    cell["x"].move_velocity(velocity / 4.0).wait()
+    assert cell.end_of(cell["y"].gear_in(cell["x"], 4.0)) is None
+    cell.until(lambda: cell["y"].error is not None, 8.0)
+    assert "leads it out of the position limits" in str(cell["y"].error)
+    must_brake(cell, "y")
+    assert 90.0 < abs(cell.where("y")) <= 100.0 + INCREMENT
+
+
+def test_one_that_was_let_go_of_is_braked_within_its_limits_too(story):
+    cell = two(story, axis=AXIS + "\nposition_limits = [-100.0, 100.0]")
+    cell["x"].move_velocity(40.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    cell.end_of(cell["y"].gear_out())
+    cell["x"].halt().wait()
+    cell.until(lambda: cell["y"].error is not None, 8.0)
+    must_brake(cell, "y")
+    assert 90.0 < cell.where("y") <= 100.0 + INCREMENT
+
+
+def test_what_is_faster_or_harder_than_the_slave_may_be_ends_in_a_braked_stop(story):
+    cell = two(story)
+    cell.end_of(cell["y"].gear_in(cell["x"], 8.0))
+    cell["x"].move_velocity(100.0, acceleration=100.0)
+    cell.until(lambda: cell["y"].error is not None, 3.0)
+    assert isinstance(cell["y"].error, LimitError)
+    assert "faster than max_velocity" in str(cell["y"].error)
+    must_brake(cell, "y")
+    assert cell.top_speed("y") < 401.0
+
+
+def test_a_jammed_slave_is_seen_not_to_follow(story):
+    cell = two(story, axis=AXIS + "\nfollowing_error = 20.0")
+    cell["x"].move_velocity(80.0).wait()
+    cell.end_of(cell["y"].gear_in(cell["x"], 1.0))
+    cell.jam("y")
+    cell.until(lambda: cell["y"].error is not None, 2.0)
+    assert "does not follow" in str(cell["y"].error)
+    assert cell["x"].state is AxisState.CONTINUOUS_MOTION
+
+
+def test_a_place_that_the_master_is_too_near_to_is_told(story):
+    cell = two(story)
+    handle = cell["y"].gear_in(cell["x"], 1.0, at=(20.0, 10.0), over=40.0)
+    cell["x"].move_absolute(60.0)
+    assert "was nearer to 20 deg" in str(cell.failure_of(handle))
+
+
+@pytest.mark.parametrize(
+    ("ask", "error", "words"),
+    [
+        (lambda c: c["y"].gear_in(c["y"], 1.0), ArgumentError, "it is the axis itself"),
+        (lambda c: c["y"].gear_in("x", 1.0), ArgumentError, "another axis of this machine"),
+        (lambda c: c["y"].gear_in(c["x"], 0.0), ArgumentError, "ratio 0"),
+        (lambda c: c["y"].gear_in(c["x"], math.nan), ArgumentError, "ratio nan"),
+        (lambda c: c["y"].gear_in(c["x"], 1.0, over=3.0), ArgumentError, "over goes with at"),
+        (lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0, 2.0)), ArgumentError, "over is missing"),
+        (lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0,), over=1.0), ArgumentError, "of the master and"),
+        (lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0, 2.0), over=0.0), ArgumentError, "above 0"),
+        (
+            lambda c: c["y"].gear_in(c["x"], 1.0, at=(1.0, 900.0), over=1.0),
+            LimitError,
+            "beyond the position limits",
+        ),
+        (lambda c: c["y"].gear_in(c["x"], 1.0, by="hand"), ArgumentError, "by 'hand' is not known"),
+        (lambda c: c["y"].gear_in(c["x"], 1.0, acceleration=1e9), LimitError, "max_acceleration"),
+        (lambda c: c["y"].cam_in(c["x"], LOBE), ArgumentError, "is no cam"),
+        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), scale=0.0), ArgumentError, "scale 0"),
+        (
+            lambda c: c["y"].cam_in(c["x"], Cam(LOBE), scale=50.0),
+            LimitError,
+            "leaves the position limits of y",
+        ),
+        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), over=-1.0), ArgumentError, "magnitudes"),
+    ],
+)
+def test_what_couples_nothing_is_refused_before_anything_moves(story, ask, error, words):
+    cell = two(story, axis=AXIS + "\nposition_limits = [-500.0, 500.0]")
+    with pytest.raises(error, match=words):
+        ask(cell)
+    cell.run(0.1)
+    assert cell["y"].state is AxisState.STANDSTILL
+
+
+# At random.
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_whatever_is_asked_of_both_nothing_jolts_and_every_slave_can_be_stopped(story, seed):
+    rng = random.Random(seed)
+    cell = two(story)
+    x, y, cam = cell["x"], cell["y"], Cam(LOBE, periodic=True)
+    asks = [
+        lambda: x.move_velocity(rng.uniform(-90.0, 90.0)),
+        lambda: x.move_absolute(rng.uniform(-90.0, 90.0)),
+        lambda: x.halt(),
+        lambda: y.gear_in(x, rng.choice([-1.0, 0.5, 1.0, 1.5])),
+        lambda: y.gear_in(x, 1.0, at=(rng.uniform(-90.0, 90.0), y.position), over=60.0),
+        lambda: y.cam_in(x, cam, relative=True),
+        lambda: y.cam_in(x, cam, over=120.0),
+        lambda: y.gear_out(),
+        lambda: y.halt(),
+        lambda: y.move_absolute(rng.uniform(-90.0, 90.0)),
+        lambda: y.reset(),
+        lambda: x.reset(),
+    ]
+    for _ in range(25):
+        rng.choice(asks)()
+        cell.run(rng.choice([0.0, 0.02, 0.1, 0.5]))
+        assert cell.scan_lives
+    assert cell.hardest_change("y") < 2300.0
+    assert cell.top_speed("y") < 410.0
+    assert cell.end_of(y.halt()) is None
+    must_brake(cell, "y")
+
+
+@pytest.fixture
+def short_cycles(monkeypatch):
+    """The cycles that were done the short way."""
+    taken, step = [], Cruise.step
+
+    def noted(self, inputs):
+        outputs = step(self, inputs)
+        if outputs is not None and isinstance(self._follow, Coupled):
+            taken.append(outputs)
+        return outputs
+
+    monkeypatch.setattr(Cruise, "step", noted)
+    return taken
+
+
+def test_a_slave_in_step_does_its_cycles_the_short_way_and_goes_where_it_would_go_by_the_long_one(
+    story, monkeypatch, short_cycles
+):
+    ways = []
+    for _ in range(2):
+        cell = two(story, axis=AXIS + "\nposition_limits = [-90.0, 90.0]")
+        cell.end_of(cell["y"].gear_in(cell["x"], 2.0))
+        cell["x"].follow([(0.0, 0.0), (0.8, 30.0), (1.4, 12.0)]).wait()
+        cell["x"].follow([(0.0, 12.0), (1.0, 60.0)])
+        cell.run(2.0)
+        assert "leads it out" in str(cell["y"].error)
+        ways.append(cell.positions("y"))
+        monkeypatch.setattr("axisbus.motion.axis.core.cruise_of", lambda _: None)
+    assert len(short_cycles) > 150
+    assert ways[0] == ways[1]
