@@ -17,6 +17,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
+from kit.plants import PLANTS, cell_on
 from kit.probe import ENABLED, FAULT, OFF, QUICK_STOP
 
 CSV, CST = 9, 10
@@ -103,14 +104,31 @@ def test_a_velocity_may_be_given_in_every_cycle_and_a_jam_is_found_all_the_same(
     cell.must_stand(within=2.0, stages=OFF)
 
 
-def test_a_velocity_that_is_asked_for_before_the_mode_has_changed_replaces_the_first(story):
+@pytest.mark.parametrize("pause", [0.0, 0.01, 0.02, 0.05, 0.1])
+def test_a_velocity_that_is_asked_for_before_the_mode_has_changed_replaces_the_first(story, pause):
     cell = story.simulated("x").enabled()
     cell.drive().dials.mode_delay = 0.2
+    cell.device().write(0x60B1, 0, 5000)
     first = cell.x.cyclic_velocity(100.0)
-    cell.run(0.05)
+    cell.run(pause)
     cell.x.cyclic_velocity(30.0).wait(5)
     assert isinstance(first.exception(), Replaced)
-    assert cell.top_speed() < 31.0
+    cell.run(0.5)
+    assert (
+        cell.top_speed() < 31.0
+    )  # what came first was not left out: no offset, and no jump of the first velocity
+    assert cell.device().read(0x60C2, 1) == 10
+
+
+def test_a_velocity_may_be_given_in_every_cycle_from_the_first_on(story):
+    cell = story.simulated("x").enabled()
+    cell.device().write(0x60B1, 0, 5000)
+    cell.drive().dials.mode_delay = 0.05
+    for _ in range(60):
+        cell.x.cyclic_velocity(50.0)
+        cell.run(0.01)
+    assert cell.speed() == pytest.approx(50.0, rel=0.01)
+    assert cell.top_speed() < 51.0
 
 
 def test_nothing_moves_before_the_mode_is_shown_and_offsets_of_another_program_are_gone(story):
@@ -387,6 +405,20 @@ def test_a_mode_display_that_is_lost_while_it_brakes_is_no_jolt(story):
     assert cell.hardest_change(since=moment) <= 2.2 * RAMP
 
 
+@pytest.mark.parametrize("holds", ["false", '"brake"', '"torque"'])
+@pytest.mark.parametrize("velocity", [60.0, -60.0])
+def test_a_load_is_held_before_during_and_after(story, holds, velocity):
+    cell = cell_on(story, PLANTS["sagging"], axis=f"holds_load = {holds}", stop='quick_stop = "ramp-hold"')
+    moment = cell.moment()
+    cell.x.cyclic_velocity(velocity).wait(5)
+    cell.run(0.5)
+    cell.x.halt().wait(5)
+    cell.must_stand(within=0.1, stages=ENABLED)
+    assert cell.hardest_change(since=moment) <= JOLT
+    low, high = cell.farthest(since=moment)
+    assert high - low == pytest.approx(abs(cell.where() - cell.positions(since=moment)[0]), abs=0.1)
+
+
 # -- velocity: limits ----------------------------------------------------------------------------------------------------
 
 
@@ -479,8 +511,6 @@ def test_every_stop_of_a_pushed_axis_stands(story, how):
 
 @pytest.mark.parametrize("holds", ["brake", "torque"])
 def test_a_load_does_not_fall_when_its_axis_is_halted(story, holds):
-    from kit.plants import PLANTS, cell_on
-
     cell = cell_on(story, PLANTS["sagging"], axis=f'holds_load = "{holds}"', stop='quick_stop = "ramp-hold"')
     start, moment = cell.where(), cell.moment()
     cell.x.cyclic_torque(3.0, slope=5.0).wait(5)  # what holds it

@@ -36,13 +36,13 @@ def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: Ticket, gate: Ga
     if isinstance(running, VelocityLed):
         require_braking(core, down, ticket)
         running.aim(command)
-    else:
-        before = _led(core)
-        ramp = before if isinstance(before, VelocityRamp) else None
-        _require_rest(core, ticket, ramp)
-        require_braking(core, down, ticket)
-        running = VelocityLed(command, core.parameters, gate, ramp)
-    core.begin(running, ticket, AxisState.CONTINUOUS_MOTION)
+        core.go_on(ticket)
+        return
+    before = _led(core)
+    ramp = before if isinstance(before, VelocityRamp) else None
+    _require_rest(core, ticket, ramp)
+    require_braking(core, down, ticket)
+    core.begin(VelocityLed(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
 
 
@@ -52,12 +52,12 @@ def torque(core: AxisCore, command: c.CyclicTorque, ticket: Ticket, gate: Gate) 
     running = core.activity
     if isinstance(running, TorqueLed):
         running.aim(command)
-    else:
-        before = _led(core)
-        ramp = before if isinstance(before, TorqueRamp) else None
-        _require_rest(core, ticket, ramp)
-        running = TorqueLed(command, core.parameters, gate, ramp)
-    core.begin(running, ticket, AxisState.CONTINUOUS_MOTION)
+        core.go_on(ticket)
+        return
+    before = _led(core)
+    ramp = before if isinstance(before, TorqueRamp) else None
+    _require_rest(core, ticket, ramp)
+    core.begin(TorqueLed(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
 
 

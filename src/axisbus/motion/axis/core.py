@@ -430,6 +430,16 @@ class AxisCore:
         if state is not None:
             self.state = state
 
+    def go_on(self, ticket: Ticket) -> None:
+        """Let what runs go on for another command, which it has been given; the one before ends as replaced."""
+        doing, before = self._doing, self.running.ticket
+        error = Replaced(f"{doing} was replaced by {ticket.name}")
+        self.running.ticket = ticket
+        ticket.begin()
+        if before is not None:
+            self.finish(before, error)
+        self._drop_waiting(doing, error)
+
     def aim(self, target: int | None) -> None:
         """Note where the motion that has begun leads, in increments of the drive; None: to no position."""
         self.last_target = target
