@@ -61,7 +61,7 @@ def test_default_velocities_ask_for_a_mode_that_moves(tmp_path: Path) -> None:
         ("0xAD", ("6087",), "pp, pv, tq, hm, csp", "6502h does not list"),
         ("0xAD", ("6098",), "pp, pv, tq, csp", "6502h claims hm, but 6098h is missing"),
         ("0xED", (), "pp, pv, tq, hm, csp", "6502h claims ip, but 60C1h is missing"),
-        ("", (), "pp, pv, tq, hm, csp", "6502h says nothing: by the objects alone"),
+        ("", (), "pp, pv, tq, hm, csp, csv, cst", "6502h says nothing: by the objects alone"),
     ],
 )
 def test_modes_are_those_that_objects_and_6502h_show(

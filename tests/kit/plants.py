@@ -140,10 +140,10 @@ def _follow(cell: Cell, name: str) -> Handle:
     return cell[name].follow(Ramp(demand))
 
 
-def _push(cell: Cell, name: str) -> Handle:
+def _torque(cell: Cell, name: str) -> float:
     """A torque that overcomes what holds the motor and leaves 12 ‰ to accelerate it."""
     params, dials = cell.drive(name).params, cell.drive(name).dials
-    return cell[name].torque_control((params.load + params.friction + dials.sticks + 12.0) * 0.01)
+    return (params.load + params.friction + dials.sticks + 12.0) * 0.01
 
 
 # By mode: what brings an axis into motion at about 60 to 100 deg/s.
@@ -151,7 +151,9 @@ MOTIONS: Mapping[str, Callable[[Cell, str], Handle]] = {
     "pp": lambda cell, name: cell[name].move_relative(2000.0, velocity=100.0),
     "pv": lambda cell, name: cell[name].move_velocity(90.0),
     "csp": _follow,
-    "tq": _push,
+    "csv": lambda cell, name: cell[name].cyclic_velocity(90.0),
+    "tq": lambda cell, name: cell[name].torque_control(_torque(cell, name)),
+    "cst": lambda cell, name: cell[name].cyclic_torque(_torque(cell, name), slope=10.0),
     "hm": lambda cell, name: cell[name].home(),
 }
 

@@ -35,6 +35,8 @@ COMMANDS: dict[str, Callable] = {
     "move additive": lambda x: x.move_additive(5.0),
     "move velocity": lambda x: x.move_velocity(20.0),
     "torque": lambda x: x.torque_control(0.2),
+    "cyclic velocity": lambda x: x.cyclic_velocity(20.0),
+    "cyclic torque": lambda x: x.cyclic_torque(0.2, slope=5.0),
     "home": lambda x: x.home(37),
     "set position": lambda x: x.set_position(1.0),
     "follow": lambda x: x.follow(Trapezoid(x.position, x.position + 2.0, 20.0, 100.0)),

@@ -26,6 +26,7 @@ COMMANDS = st.one_of(
     st.tuples(st.just("move_additive"), TARGETS),
     st.tuples(st.just("move_velocity"), VELOCITIES),
     st.tuples(st.just("jog"), VELOCITIES),
+    st.tuples(st.just("cyclic_velocity"), VELOCITIES),
     st.tuples(st.just("follow"), TARGETS),
     st.tuples(st.just("home"), st.just(37)),
     st.tuples(st.just("halt"), st.none()),

@@ -168,7 +168,7 @@ def must_be_told_plainly(ending: Ending) -> None:
 
 def has_cell(plant: str, mode: str, way: str) -> bool:
     """A move beyond a limit is refused at the call, a homing knows no limits yet, and a jammed axis does not come to one."""
-    return way != "limit" or (mode in ("pv", "csp", "tq") and PLANTS[plant].jams is None)
+    return way != "limit" or (mode in ("pv", "csp", "csv", "tq", "cst") and PLANTS[plant].jams is None)
 
 
 MATRIX = [

@@ -16,7 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus import errors
-from axisbus.motion.commands import Enable, FollowTrajectory, Move, MoveVelocity, Reference
+from axisbus.motion.commands import (
+    CyclicTorque,
+    CyclicVelocity,
+    Enable,
+    FollowTrajectory,
+    Move,
+    MoveVelocity,
+    Reference,
+)
 from axisbus.motion.group.commands import ForEach, MovePath
 from axisbus.motion.group.path import arc_through, polyline
 from axisbus.motion.group.way import way_of
@@ -77,6 +85,8 @@ def test_plain_values_arrive_as_they_were(value):
         ),
         m.Submit(9, "xy", MovePath(("x", "y"), WAY, 50.0), "xy.move_path"),
         m.Submit(8, "x", MoveVelocity(PROFILE, life=0.2), "x.jog"),
+        m.Submit(8, "x", CyclicVelocity(-9000, 50000.5, 50000.0), "x.cyclic_velocity"),
+        m.Submit(8, "x", CyclicTorque(-30, 500, None), "x.cyclic_torque"),
         m.Told((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
     ],
 )

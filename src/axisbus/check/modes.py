@@ -17,6 +17,8 @@ USED = (
     _M.PROFILE_TORQUE,
     _M.HOMING,
     _M.CYCLIC_SYNC_POSITION,
+    _M.CYCLIC_SYNC_VELOCITY,
+    _M.CYCLIC_SYNC_TORQUE,
 )
 # What the user loses without a mode.
 COMMANDS = {
@@ -25,6 +27,8 @@ COMMANDS = {
     _M.PROFILE_TORQUE: "torque_control",
     _M.HOMING: "home",
     _M.CYCLIC_SYNC_POSITION: "follow and a group's move_linear",
+    _M.CYCLIC_SYNC_VELOCITY: "cyclic_velocity",
+    _M.CYCLIC_SYNC_TORQUE: "cyclic_torque",
 }
 _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 

@@ -421,6 +421,42 @@ class Axis:
         )
         return self._submit(name, command)
 
+    def cyclic_velocity(
+        self, velocity: float, *, acceleration: float | None = None, deceleration: float | None = None
+    ) -> Handle:
+        """Turn at ``velocity`` (signed, unit/s) until something else is wanted, in cyclic synchronous velocity mode (csv).
+
+        The ramps are made here: the drive gets one velocity per cycle. Called again while the axis turns, it goes on from the
+        velocity of that cycle; it may be called in every one. It begins at standstill, or where a ``cyclic_velocity`` runs or is
+        being halted. A halt brakes with ``deceleration``. The handle is done when the velocity is measured; it does not block.
+
+        Raises:
+            LimitError: beyond ``max_velocity`` or ``max_acceleration``, or beyond what 60FFh holds.
+            ArgumentError: not finite, not positive, a default is missing, or ``velocity_scale`` of an axis in increments.
+        """
+        name = f"cyclic_velocity({shown(velocity)} {self.unit}/s)"
+        command = self._request(name).cyclic_velocity(velocity, acceleration, deceleration)
+        return self._submit(name, command)
+
+    def cyclic_torque(
+        self, torque: float, *, slope: float | None = None, timeout: float | None = None
+    ) -> Handle:
+        """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) in cyclic synchronous torque mode (cst).
+
+        The slope is made here, from the torque that the axis has when it begins: the drive gets one torque per cycle. It begins
+        at standstill, or where a ``cyclic_torque`` acts. The handle is done when the torque is measured; it does not block.
+        ``timeout`` in seconds replaces the deadline that the master works out.
+
+        Raises:
+            ArgumentError: ``rated_torque`` is not in cell.toml, a value is not finite, or no slope is known: the call gives
+                none, nor does ``torque_slope`` of the defaults, and the drive's own (6087h) is missing or 0.
+            LimitError: beyond ``max_torque``, beyond what 6071h holds, or a slope below 0.1 % of rated torque per second.
+        """
+        name = f"cyclic_torque({shown(torque)} N·m)"
+        request = self._request(name)
+        raw, rise = request.torque(torque), request.cyclic_slope(slope)
+        return self._submit(name, c.CyclicTorque(raw, rise, request.timeout(timeout)))
+
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of ``[axes.NAME.homing]``; ``timeout`` in seconds.
 

@@ -6,6 +6,7 @@ from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
+from axisbus.motion.commands import CyclicVelocity
 from axisbus.motion.moves.lookahead import Known, widened
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.numbers import number, told
@@ -121,6 +122,23 @@ class Request:
         self._countable(raw, DataType.UNSIGNED32, "6087h")
         return self._fits(round(raw), DataType.UNSIGNED32, "6087h")
 
+    def cyclic_slope(self, slope: float | None) -> int:
+        """Return the slope (N·m/s) that is made here, in 0.1 % of rated torque per second, above 0.
+
+        What neither call nor defaults give is the drive's own (6087h), where that is not 0.
+        """
+        raw = self.torque_slope(slope)
+        own = self._parameters.torque_slope if raw is None else raw
+        if own is None:
+            raise self.missing("slope", "torque_slope in N·m/s", "defaults")
+        if not own:
+            raise LimitError(
+                f"{self.text}: slope {told(slope)} N·m/s is less than 0.1 % of rated torque per second",
+                observed=f"the rated torque is {abs(self._rated_torque):g} N·m",
+                remedy="give a steeper slope",
+            )
+        return own
+
     def _require_own_slope(self) -> None:
         if self._parameters.torque_slope != 0:
             return
@@ -196,6 +214,21 @@ class Request:
         raw = self._fits(toward_zero(velocity * scale.factor), DataType.INTEGER32, "60FFh")
         return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
 
+    def cyclic_velocity(
+        self, velocity: float, acceleration: float | None, deceleration: float | None
+    ) -> CyclicVelocity:
+        """Return a signed velocity and its ramps, which are made here: how velocities count must be known."""
+        velocity = self.finite("velocity", velocity, f"{self._unit}/s")
+        self._check_velocity(velocity)
+        up, down = self._magnitudes(acceleration, deceleration)
+        scale = self._parameters.units.velocity
+        if not self._parameters.units.ratio_known:
+            what = f"velocity increments per {self._unit}/s, without which no ramp can be made"
+            raise self.missing("velocity_scale", what, in_call=False)
+        self._countable(velocity * scale.factor, DataType.INTEGER32, "60FFh")
+        raw = self._fits(toward_zero(velocity * scale.factor), DataType.INTEGER32, "60FFh")
+        return CyclicVelocity(raw, abs(up * scale.factor), abs(down * scale.factor))
+
     def _check_velocity(self, velocity: float) -> None:
         limit = self._parameters.limits.velocity
         if limit is not None and abs(velocity) > limit:
@@ -219,6 +252,12 @@ class Request:
 
     def _ramps(self, acceleration: float | None, deceleration: float | None) -> tuple[int, int]:
         """Return acceleration and deceleration in the drive's increments."""
+        up, down = self._magnitudes(acceleration, deceleration)
+        scale = self._parameters.units.acceleration
+        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h")
+
+    def _magnitudes(self, acceleration: float | None, deceleration: float | None) -> tuple[float, float]:
+        """Return acceleration and deceleration in unit/s², within the limit."""
         defaults, limit = self._parameters.defaults, self._parameters.limits.acceleration
         unit = f"{self._unit}/s²"
         up = self.positive("acceleration", self._or_default("acceleration", acceleration), unit)
@@ -226,8 +265,7 @@ class Request:
         down = up if down is None else self.positive("deceleration", down, unit)
         if limit is not None and max(up, down) > limit:
             raise self._beyond("acceleration", max(up, down), unit, "max_acceleration", limit)
-        scale = self._parameters.units.acceleration
-        return self._raw(scale, up, "6083h"), self._raw(scale, down, "6084h")
+        return up, down
 
     def acceleration(self, value: float | None) -> float:
         """Return an acceleration in unit/s², by default the axis's.

@@ -85,6 +85,24 @@ class TorqueControl:
 
 
 @dataclass(frozen=True, slots=True)
+class CyclicVelocity:
+    """A velocity (60FFh, signed) in csv; its ramps in velocity increments per s², above 0."""
+
+    velocity: int
+    acceleration: float
+    deceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class CyclicTorque:
+    """A torque (6071h, 0.1 % of rated torque, signed) in cst; ``slope`` in 0.1 % per s, above 0, ``timeout`` in seconds."""
+
+    torque: int
+    slope: int
+    timeout: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Home:
     """MC_Home."""
 
@@ -151,6 +169,8 @@ Command = (
     | Move
     | MoveVelocity
     | TorqueControl
+    | CyclicVelocity
+    | CyclicTorque
     | Home
     | SetPosition
     | FollowTrajectory

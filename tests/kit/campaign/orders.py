@@ -77,6 +77,8 @@ ORDERS: Mapping[str, Order] = {
     "move_fast": Order(lambda cell, name, value: cell[name].move_velocity(330.0 * value, acceleration=900.0)),
     "jog": Order(lambda cell, name, value: cell[name].jog(80.0 * value)),
     "torque": Order(lambda cell, name, value: cell[name].torque_control(0.3 * value)),
+    "cyclic_velocity": Order(lambda cell, name, value: cell[name].cyclic_velocity(150.0 * value)),
+    "cyclic_torque": Order(lambda cell, name, value: cell[name].cyclic_torque(0.3 * value, slope=5.0)),
     "home": Order(lambda cell, name, _: cell[name].home()),
     "set_position": Order(lambda cell, name, value: cell[name].set_position(100.0 * value)),
     "move_waiting": Order(
@@ -141,6 +143,9 @@ MOTIONS = (
     "follow_on",
     "jog",
     "torque",
+    "cyclic_velocity",
+    "cyclic_velocity",
+    "cyclic_torque",
     "home",
 )
 AXIS_STOPS = ("halt", "halt", "stop", "stop", "quick_stop", "disable", "coast")

@@ -97,6 +97,8 @@ class Play:
             c.Move(pick(tuple(c.Reference)), pick((-20_000, 0, 30_000)), profile),
             c.MoveVelocity(signed, pick((None, 0.2))),
             c.TorqueControl(pick((-200, 100)), None, None),
+            c.CyclicVelocity(speed * pick((1, -1)), float(ramp), float(ramp)),
+            c.CyclicTorque(pick((-200, 100)), pick((500, 5000))),
             c.Home(HomingJob(37, None, None, None, 5.0)),
         )
         ends = (c.Halt(), c.Stop(), c.Release(), c.QuickStop(), c.Disable(), c.Disable(coast=True), c.Reset())

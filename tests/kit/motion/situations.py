@@ -169,6 +169,18 @@ def _loaded() -> Rig:
     return rig(holds_load=HoldsLoad.TORQUE).enabled()
 
 
+def _led() -> Rig:
+    r = _standing()
+    r.axis.cyclic_velocity(50.0).wait(3)
+    return r
+
+
+def _pushed_in_each_cycle() -> Rig:
+    r = _standing()
+    r.axis.cyclic_torque(0.5, slope=5.0).wait(3)
+    return r
+
+
 SITUATIONS: dict[str, Callable[[], Rig]] = {
     "disabled": _disabled,
     "standing": _standing,
@@ -193,4 +205,6 @@ SITUATIONS: dict[str, Callable[[], Rig]] = {
     "following": _following,
     "jogging": _jogging,
     "resetting": _resetting,
+    "led at a velocity": _led,
+    "led by a torque": _pushed_in_each_cycle,
 }

@@ -10,7 +10,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.axis import accept_motion
+from axisbus.motion.axis import accept_cyclic, accept_motion
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
@@ -111,7 +111,7 @@ def _coast(core: AxisCore, ticket: Ticket) -> None:
     if _runs(core, Coast):
         core.join(ticket)
         return
-    path, switch = core.leading_path, accept_motion.leaving_switch(core)
+    path, switch = core.led_along, accept_motion.leaving_switch(core)
     core.coast(Coast(core.parameters, path, switch), ticket)
 
 
@@ -249,6 +249,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.Move: accept_motion.move,
     c.MoveVelocity: accept_motion.move_velocity,
     c.TorqueControl: accept_motion.torque,
+    c.CyclicVelocity: accept_cyclic.velocity,
+    c.CyclicTorque: accept_cyclic.torque,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,

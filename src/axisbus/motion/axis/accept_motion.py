@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import NamedTuple
 
 from axisbus.cia402 import modes, objects
 from axisbus.cia402.modes import ModeOfOperation
-from axisbus.cia402.port import Source
+from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Source
 from axisbus.errors import LimitError, StateError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.core import AxisCore
@@ -14,6 +15,7 @@ from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.braking import Course
 from axisbus.motion.coupling.coupled import Coupled, LetGo
+from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.moves.follow import Follow
@@ -32,6 +34,20 @@ from axisbus.units import INT32_HALF
 _M = ModeOfOperation
 
 
+class _Needs(NamedTuple):
+    """The values without which a cyclic mode is not begun, beside the statusword."""
+
+    inputs: tuple[str, ...]
+    output: str
+
+
+_CYCLIC = {
+    _M.CYCLIC_SYNC_POSITION: _Needs(("position",), "target_position"),
+    _M.CYCLIC_SYNC_VELOCITY: _Needs(("velocity",), "target_velocity"),
+    _M.CYCLIC_SYNC_TORQUE: _Needs(("torque",), "target_torque"),
+}
+
+
 def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     """MC_MoveAbsolute, MC_MoveRelative, MC_MoveAdditive."""
     require_motion(core, ticket)
@@ -44,7 +60,7 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         core.aim(target)
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
-    _require_braking(core, profile, ticket)
+    require_braking(core, profile.down, ticket)
     prepare = _prepare(
         core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
     )
@@ -122,7 +138,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: Ticket, gate:
     prepare = _prepare(
         core, _M.PROFILE_VELOCITY, profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY), gate
     )
-    _require_braking(core, profile, ticket)
+    require_braking(core, profile.down, ticket)
     velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core))
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
@@ -133,14 +149,17 @@ def _course(core: AxisCore) -> Course | None:
     return None if core.activity is None else core.activity.course
 
 
-def _require_braking(core: AxisCore, profile: Profile, ticket: Ticket) -> None:
-    """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration."""
+def require_braking(core: AxisCore, down: float | None, ticket: Ticket) -> None:
+    """Raise LimitError where the axis would leave its position limits because the command brings a weaker deceleration.
+
+    ``down``: that of the command, in position increments per s²; None where it is not known.
+    """
     before = _course(core)
-    if profile.down is None or not core.bounded or core.state not in MOVING:
+    if down is None or not core.bounded or core.state not in MOVING:
         return
-    if before is not None and before.down is not None and profile.down >= before.down:
+    if before is not None and before.down is not None and down >= before.down:
         return
-    stop = core.supervision.guard.overrun(core.image, profile.down, before)
+    stop = core.supervision.guard.overrun(core.image, down, before)
     if stop is None:
         return
     units, limits = core.parameters.units.position, core.parameters.limits.position
@@ -201,7 +220,7 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
         StateError: the axis is not at standstill, or its values do not travel with SYNC.
     """
     require_motion(core, ticket)
-    require_cyclic(core, ticket)
+    require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
     if core.state is not AxisState.STANDSTILL:
         raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
     core.begin(follow, ticket, AxisState.SYNCHRONIZED_MOTION)
@@ -219,7 +238,7 @@ def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
         StateError: the axis moves otherwise, or its values do not travel with SYNC.
     """
     require_motion(core, ticket)
-    require_cyclic(core, ticket)
+    require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
     if core.state is not AxisState.STANDSTILL and path_of(core) is None:
         raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
     core.begin(coupled, ticket, AxisState.SYNCHRONIZED_MOTION)
@@ -238,22 +257,24 @@ def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
     core.begin(LetGo(activity, core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
 
 
-def require_cyclic(core: AxisCore, ticket: Ticket) -> None:
-    """Raise StateError unless statusword, position and target travel in synchronous PDOs (DESIGN: freshness)."""
-    how = core.capabilities
-    wanted = {
-        "statusword": how.inputs.get("statusword", Source.NONE),
-        "position": how.inputs.get("position", Source.NONE),
-        "target_position": how.outputs.get("target_position", Source.NONE),
-    }
+def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:
+    """Raise StateError unless what a cyclic mode lives on travels in synchronous PDOs (DESIGN: freshness)."""
+    how, needs = core.capabilities, _CYCLIC[mode]
+    sources = {"statusword": how.inputs.get("statusword", Source.NONE)}
+    sources |= {name: how.inputs.get(name, Source.NONE) for name in needs.inputs}
+    if mode is not _M.CYCLIC_SYNC_POSITION and core.parameters.has(objects.POSITION_ACTUAL):
+        # Without it nobody watches limits, or sees a jam.
+        sources["position"] = how.inputs.get("position", Source.NONE)
+    sources[needs.output] = how.outputs.get(needs.output, Source.NONE)
     wrong = [
         f"{name} travels by {source.value}"
-        for name, source in wanted.items()
+        for name, source in sources.items()
         if source is not Source.SYNC_PDO
     ]
     if wrong:
+        named = [f"{({**INPUT_OBJECTS, **OUTPUT_OBJECTS})[name]:04X}h" for name in sources]
         raise StateError(
-            f"{ticket.name}: a cyclic mode needs 6041h, 6064h and 607Ah in synchronous PDOs",
+            f"{ticket.name}: a cyclic mode needs {', '.join(named[:-1])} and {named[-1]} in synchronous PDOs",
             observed="; ".join(wrong),
             remedy="set sync = true in [bus], and let axisbus map the PDOs (remap) or map them in the drive",
         )
@@ -262,14 +283,16 @@ def require_cyclic(core: AxisCore, ticket: Ticket) -> None:
 def _prepare(
     core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
 ) -> Prepare:
-    leading, before = core.leading_path, leaving_switch(core)
+    leading, before = core.led_along, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
     transfers = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
     return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, gate, leading, before)
 
 
-def _lead(core: AxisCore, leading: Follow) -> Lead:
-    """Return what leads an axis out of a trajectory: a drive that is in a velocity mode before we see it finds its speed there."""
+def _lead(core: AxisCore, leading: Follow | VelocityRamp) -> Lead:
+    """Return what leads an axis out of a cyclic mode: a drive that is in a velocity mode before we see it finds its speed there."""
+    if isinstance(leading, VelocityRamp):
+        return partial(_keep_up, leading)
     units = core.parameters.units
 
     def lead(image: Image, order: Order) -> None:
@@ -277,6 +300,11 @@ def _lead(core: AxisCore, leading: Follow) -> Lead:
         order.target_velocity = units.velocity.to_increments(leading.last_step.velocity)
 
     return lead
+
+
+def _keep_up(leading: VelocityRamp, image: Image, order: Order) -> None:
+    leading.hold()
+    leading.step(image, order)
 
 
 def leaving_switch(core: AxisCore) -> ModeSwitch | None:

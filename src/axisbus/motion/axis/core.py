@@ -35,6 +35,7 @@ from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
+from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.arrival import Arrival
@@ -120,9 +121,14 @@ class AxisCore:
     @property
     def leading_path(self) -> Follow | None:
         """The trajectory that the axis is on: followed, or being braked along by a halt that may be interrupted."""
+        return follow if isinstance(follow := self.led_along, Follow) else None
+
+    @property
+    def led_along(self) -> Follow | VelocityRamp | None:
+        """The same, or the ramp of csv: what must lead the axis on until another mode has taken over."""
         running = None if self.activity is None else self.activity.leading
         follow = running if self.ladder is None else self.ladder.follow
-        return follow if isinstance(follow, Follow) and not follow.at_rest else None
+        return follow if isinstance(follow, (Follow, VelocityRamp)) and not follow.at_rest else None
 
     @property
     def rests(self) -> bool:
@@ -237,7 +243,7 @@ class AxisCore:
             self._let_go(image)
         if self._story is not None:
             self._step_story(self._story, image, order)
-        if self.rest_waits.waiting and self.leading_path is None:
+        if self.rest_waits.waiting and self.led_along is None:
             self.rest_waits.step(image, self.finish)
 
     def _leave_no_old_target(self, image: Image, order: Order) -> None:
@@ -424,6 +430,16 @@ class AxisCore:
         if state is not None:
             self.state = state
 
+    def go_on(self, ticket: Ticket) -> None:
+        """Let what runs go on for another command, which it has been given; the one before ends as replaced."""
+        doing, before = self._doing, self.running.ticket
+        error = Replaced(f"{doing} was replaced by {ticket.name}")
+        self.running.ticket = ticket
+        ticket.begin()
+        if before is not None:
+            self.finish(before, error)
+        self._drop_waiting(doing, error)
+
     def aim(self, target: int | None) -> None:
         """Note where the motion that has begun leads, in increments of the drive; None: to no position."""
         self.last_target = target
@@ -473,7 +489,7 @@ class AxisCore:
         """Let something be done at rest: now, where the axis is seen to stand and no path leads it, else as soon as that is so."""
         image = self.image
         stands = image.standstill and image.now - image.position_stamp <= _NOW
-        if stands and not self.run_down.under_way and self.leading_path is None:
+        if stands and not self.run_down.under_way and self.led_along is None:
             then()
             self.finish(ticket)
         else:

@@ -25,10 +25,12 @@ def no_offsets(parameters: AxisParameters) -> Transfers:
 class CyclicSetup:
     """Sets the offsets to 0 and 60C2h to the scan period, and reads 60C2h back; what the drive does not have is left out."""
 
-    __slots__ = ("_offsets", "_parameters", "_read", "_wanted", "_write")
+    __slots__ = ("_offsets", "_parameters", "_purpose", "_read", "_wanted", "_write")
 
-    def __init__(self, parameters: AxisParameters) -> None:
+    def __init__(self, parameters: AxisParameters, purpose: str = "follow a trajectory") -> None:
+        """``purpose``: what it cannot do without, for a person."""
         self._parameters = parameters
+        self._purpose = purpose
         self._wanted = interpolation_period(parameters.scan_period)
         self._offsets = no_offsets(parameters)
         index = objects.INTERPOLATION_TIME_PERIOD
@@ -66,7 +68,7 @@ class CyclicSetup:
     def _unfit(self, observed: str) -> DriveError:
         name = self._parameters.name
         return DriveError(
-            f"{name}: cannot follow a trajectory: the drive does not take the scan period as its interpolation time",
+            f"{name}: cannot {self._purpose}: the drive does not take the scan period as its interpolation time",
             axis=name,
             observed=observed,
             remedy="choose a scan_period in cell.toml that the drive can interpolate over (its manual lists them)",

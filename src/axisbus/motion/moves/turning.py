@@ -58,18 +58,9 @@ class VelocityMove(Prepared):
         if not self.reached:
             self.reached = self._in_velocity(image)
             self._watch(image)
-        if not self._is_resisted(image):
-            self.resisted_since = math.inf
-        elif self.resisted_since == math.inf:
-            self.resisted_since = image.now
+        resisted = is_resisted(image, self._profile.velocity)
+        self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
         return self.reached
-
-    def _is_resisted(self, image: Image) -> bool:
-        if image.pull is not None or abs(self._profile.velocity) <= _VELOCITY_FLOOR:
-            return False
-        if image.position is not None:
-            return image.standstill
-        return image.velocity is not None and abs(image.velocity) <= _VELOCITY_FLOOR
 
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
@@ -102,16 +93,7 @@ class VelocityMove(Prepared):
         assert self._deadline is not None
         if self.reached or image.now <= self._deadline:
             return
-        name, velocity = self._parameters.name, self._parameters.units.velocity
-        shown = (
-            "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
-        )
-        raise MotionTimeout(
-            f"{name}: has not reached {velocity.to_units(self._profile.velocity):g} {velocity.unit}",
-            axis=name,
-            observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
-            remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
-        )
+        raise velocity_missed(image, self._parameters, self._profile.velocity)
 
 
 class TorqueMove(Prepared):
@@ -172,14 +154,48 @@ class TorqueMove(Prepared):
         assert self._commanded_at is not None
         if self.reached or self._timeout is None or image.now <= self._commanded_at + self._timeout:
             return
-        shown = "unknown" if image.torque is None else f"{image.torque / 10:g} % of rated torque"
-        raise MotionTimeout(
-            f"{self._parameters.name}: has not reached {self._torque / 10:g} % of rated torque",
-            axis=self._parameters.name,
-            observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
-            remedy="look at max torque (6072h) and torque slope (6087h) of the drive: with a slope of 0 some never get there; "
-            f"torque_slope in [axes.{self._parameters.name}.defaults] sets it",
+        by_slope = (
+            "look at max torque (6072h) and torque slope (6087h) of the drive: with a slope of 0 some never get there; "
+            f"torque_slope in [axes.{self._parameters.name}.defaults] sets it"
         )
+        raise torque_missed(image, self._parameters, self._torque, by_slope)
+
+
+def is_resisted(image: Image, velocity: int) -> bool:
+    """Whether an axis that is to turn with ``velocity`` (increments) stands, and nobody sees by what its drive is led."""
+    if image.pull is not None or abs(velocity) <= _VELOCITY_FLOOR:
+        return False
+    if image.position is not None:
+        return image.standstill
+    return image.velocity is not None and abs(image.velocity) <= _VELOCITY_FLOOR
+
+
+def velocity_missed(image: Image, parameters: AxisParameters, target: int) -> MotionTimeout:
+    """Return the error of a velocity (increments) that the axis has not come to in time."""
+    name, velocity = parameters.name, parameters.units.velocity
+    shown = "unknown" if image.velocity is None else f"{velocity.to_units(image.velocity):g} {velocity.unit}"
+    return MotionTimeout(
+        f"{name}: has not reached {velocity.to_units(target):g} {velocity.unit}",
+        axis=name,
+        observed=f"velocity {shown}, statusword 0x{image.statusword or 0:04X}",
+        remedy="look whether the axis is blocked and whether the drive limits velocity or torque (607Fh, 6080h, 6072h)",
+    )
+
+
+def torque_missed(
+    image: Image,
+    parameters: AxisParameters,
+    target: int,
+    remedy: str = "look at max torque (6072h) of the drive, and at its limits (60E0h, 60E1h)",
+) -> MotionTimeout:
+    """Return the error of a torque (0.1 % of rated torque) that the drive has not shown in time."""
+    shown = "unknown" if image.torque is None else f"{image.torque / 10:g} % of rated torque"
+    return MotionTimeout(
+        f"{parameters.name}: has not reached {target / 10:g} % of rated torque",
+        axis=parameters.name,
+        observed=f"torque {shown}, statusword 0x{image.statusword or 0:04X}",
+        remedy=remedy,
+    )
 
 
 def _course(profile: Profile, before: Course | None = None) -> Course:

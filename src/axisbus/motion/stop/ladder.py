@@ -59,6 +59,7 @@ class Then(Enum):
 _UNSEEN_PULL = "it stood before it was halted, and without 6062h nobody sees whether its drive pulls it on"
 _UNSEEN_PUSH = "it pushes with all its rated torque (6077h), and 6062h does not say where to"
 _NOT_RELIEVED = "it takes no new target while it is halted, and without 6062h nobody sees whether its drive pulls it to the old one"
+_CSV = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 _STARTS = 0.3  # seconds after which a drive has begun to move, unless something holds it
 _MAY_DRIVE = ENERGISED | {State.UNKNOWN}
 _NMT_STOP_TIME = 0.1
@@ -217,7 +218,7 @@ class StopLadder:
         """Ask for a halt the way the mode wants it; return whether the axis stands."""
         if self._leaving is not None and not self._has_left(self._leaving, image, order):
             return False
-        if self._follow is not None and image.mode == self._follow.mode:
+        if self._follow is not None and _is_led(image, self._follow):
             stands = self._brake_along(self._follow, image, order)
             if stands is not None:
                 return stands
@@ -379,6 +380,11 @@ class StopLadder:
             Rung.DISABLE_VOLTAGE: times.disable,
             Rung.NMT_STOP: _NMT_STOP_TIME,
         }[rung]
+
+
+def _is_led(image: Image, follow: Leading) -> bool:
+    """Whether the drive is in the mode in which it is led; where that is not known just now, 0 at once would jolt it in csv."""
+    return image.mode == follow.mode or (image.mode is None and follow.mode is _CSV)
 
 
 _STEPS = {

@@ -243,6 +243,8 @@ def stop_of(parameters: AxisParameters, course: Course) -> tuple[Rung, float | N
     if course.by_target:
         harder = braking.quick_stop in BRAKES and (quick[1] or 0.0) > (slow or 0.0)
         return quick if harder else (Rung.HALT, slow)
+    if course.by_core:
+        return Rung.HALT, course.down
     if course.by_torque:
         return (Rung.HALT, slow) if parameters.halts_torque_by_mode else quick
     if braking.halt is Ramp.COAST and braking.quick_stop in BRAKES:

@@ -10,6 +10,8 @@ less than half of the way it should is found out, in about 1.4 times ``window / 
 
 from __future__ import annotations
 
+import math
+
 from axisbus.cia402 import objects
 from axisbus.motion.axis.image import Image
 from axisbus.motion.moves.profile import Profile
@@ -34,7 +36,7 @@ class RampedWay:
         "speed",
     )
 
-    def __init__(self, target: int, per_velocity: float, up: float, down: float, window: float) -> None:
+    def __init__(self, target: float, per_velocity: float, up: float, down: float, window: float) -> None:
         """``target`` in the drive's velocity increments (signed), each of ``per_velocity`` position increments per s.
 
         ``up`` and ``down`` in position increments per s², above 0; ``window`` in position increments.
@@ -48,6 +50,10 @@ class RampedWay:
         self._stamp = 0.0
         self.speed = 0.0
         self.behind: float | None = None
+
+    def aim(self, target: float) -> None:
+        """Go on to another target, in the drive's velocity increments."""
+        self._target = target * self._per_velocity
 
     def step(self, image: Image) -> None:
         """Take this cycle's position; begin from what the axis does, where that is known."""
@@ -91,3 +97,14 @@ def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None
     up = profile.acceleration * per_acceleration
     down = profile.deceleration * per_acceleration if parameters.has(objects.PROFILE_DECELERATION) else up
     return RampedWay(profile.velocity, per_velocity, up, down, parameters.pull_window)
+
+
+def led_way(parameters: AxisParameters) -> RampedWay | None:
+    """Return the watch over velocities that are made here, each given with ``aim``; None where the ratio of units is not known."""
+    units = parameters.units
+    if not units.ratio_known:
+        return None
+    at_once = math.inf
+    return RampedWay(
+        0.0, units.position.factor / units.velocity.factor, at_once, at_once, parameters.pull_window
+    )

@@ -95,7 +95,7 @@ class Supervision:
         if state not in POWERED:
             return None
         if image.gap > self.longest_gap:
-            return self._gap(image)
+            return self._gap(image, None if activity is None else activity.course)
         if image.state is not _ENABLED and not self._is_held(image, state):
             return self._unknown(image) if image.state is _UNKNOWN else self._dropped(image)
         return self.motion(image, state, activity, bounded)
@@ -172,9 +172,13 @@ class Supervision:
         """Whether the drive holds the axis after a quick stop, as it was asked to."""
         return image.state is State.QUICK_STOP_ACTIVE and state is _STOPPING
 
-    def _gap(self, image: Image) -> Finding:
-        """A program that was suspended comes back with values that look fresh and a world that has moved on."""
+    def _gap(self, image: Image, course: Course | None) -> Finding:
+        """A program that was suspended comes back with values that look fresh and a world that has moved on.
+
+        A drive that is led from cycle to cycle may have gone on, or stopped by itself: only its own quick stop is a ramp for both.
+        """
         name = self._parameters.name
+        led = course is not None and course.by_core
         return Finding(
             StaleError(
                 f"{name}: this program did not run for {image.gap:.3g} s",
@@ -183,6 +187,7 @@ class Supervision:
                 f"{self.longest_gap:.3g} s the state of the drive cannot be trusted",
                 remedy=f"{REMEDY}; the axis was stopped",
             ),
+            Rung.QUICK_STOP if led else Rung.HALT,
             along=False,
         )
 

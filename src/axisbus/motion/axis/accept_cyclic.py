@@ -1,0 +1,98 @@
+"""Taking a command in csv or cst: what the drive has, what travels with SYNC, and from where the axis is led on."""
+
+from __future__ import annotations
+
+from axisbus.cia402 import modes
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.cia402.state import State
+from axisbus.errors import StateError
+from axisbus.motion import commands as c
+from axisbus.motion.axis.accept_motion import (
+    leaving_switch,
+    require_braking,
+    require_cyclic,
+    require_motion,
+    require_objects,
+)
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp
+from axisbus.motion.cyclic.torque import TorqueLed
+from axisbus.motion.cyclic.velocity import VelocityLed
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.leading import Leading
+from axisbus.motion.states import AxisState
+from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.ticket import Ticket
+
+_M = ModeOfOperation
+
+
+def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: Ticket, gate: Gate) -> None:
+    """A velocity in cyclic synchronous velocity mode; one that runs already goes on to it."""
+    _require(core, VelocityLed.mode, ticket)
+    units = core.parameters.units
+    down = abs(command.deceleration * units.position.factor / units.velocity.factor)
+    running = core.activity
+    if isinstance(running, VelocityLed):
+        require_braking(core, down, ticket)
+        running.aim(command)
+        core.go_on(ticket)
+        return
+    before = _led(core)
+    ramp = before if isinstance(before, VelocityRamp) else None
+    _require_rest(core, ticket, ramp)
+    require_braking(core, down, ticket)
+    core.begin(VelocityLed(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
+    core.aim(None)
+
+
+def torque(core: AxisCore, command: c.CyclicTorque, ticket: Ticket, gate: Gate) -> None:
+    """A torque in cyclic synchronous torque mode; one that acts already goes on to it."""
+    _require(core, TorqueLed.mode, ticket)
+    running = core.activity
+    if isinstance(running, TorqueLed):
+        running.aim(command)
+        core.go_on(ticket)
+        return
+    before = _led(core)
+    ramp = before if isinstance(before, TorqueRamp) else None
+    _require_rest(core, ticket, ramp)
+    core.begin(TorqueLed(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
+    core.aim(None)
+
+
+def _require(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
+    require_motion(core, ticket)
+    require_objects(core.parameters, mode, ticket)
+    _require_mode(core, mode, ticket)
+    require_cyclic(core, ticket, mode)
+
+
+def _require_mode(core: AxisCore, mode: ModeOfOperation, ticket: Ticket) -> None:
+    """Raise StateError where the axis is not to use the mode, or the drive shows it neither by 6502h nor by its objects."""
+    parameters = core.parameters
+    if mode in parameters.modes:
+        return
+    shown = ", ".join(modes.short(each) for each in sorted(parameters.modes)) or "none"
+    raise StateError(
+        f"{ticket.name}: {parameters.name} does not have {modes.short(mode)} ({mode.text})",
+        observed=f"its modes are {shown}: by cell.toml, else by 6502h and its objects",
+        remedy=f"use another command; where the drive does have it, name it in modes = [...] of [axes.{parameters.name}]",
+    )
+
+
+def _led(core: AxisCore) -> Leading | None:
+    """Return what leads the axis from cycle to cycle in the mode that its drive shows; of a halt only its first rung."""
+    if leaving_switch(core) is not None or core.image.state is not State.OPERATION_ENABLED:
+        return None
+    ladder = core.ladder
+    if ladder is not None:
+        leading = ladder.follow if ladder.rung is Rung.HALT else None
+    else:
+        leading = None if core.activity is None else core.activity.leading
+    return leading if leading is not None and core.image.mode == leading.mode else None
+
+
+def _require_rest(core: AxisCore, ticket: Ticket, before: Leading | None) -> None:
+    if core.state is not AxisState.STANDSTILL and before is None:
+        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")

@@ -1,0 +1,53 @@
+"""What comes before the first target of csv and cst: offsets of 0, the interpolation time, what a stop needs, and the mode."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers
+from axisbus.motion.moves.interpolation import CyclicSetup
+from axisbus.motion.moves.prepare import OPTIONAL_PROFILE
+from axisbus.motion.parameters import AxisParameters
+
+
+class Ready:
+    """Brings a standing axis into a cyclic mode; holds whether it is there."""
+
+    __slots__ = ("_gate", "_is_ready", "_mode", "_setup", "_transfers")
+
+    def __init__(
+        self,
+        mode: ModeOfOperation,
+        parameters: AxisParameters,
+        gate: Gate,
+        writes: Sequence[tuple[int, int, int | None]] = (),
+        lead: Lead | None = None,
+    ) -> None:
+        """``writes``: (index, sub-index, value) before the mode is asked for. ``lead``: what is sent while it changes."""
+        self._setup = CyclicSetup(parameters, f"be led in {mode.text} mode")
+        self._transfers = Transfers(writes, parameters, OPTIONAL_PROFILE)
+        self._mode = ModeSwitch(mode, parameters, lead)
+        self._gate = gate
+        self._is_ready = False
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True from the cycle on in which the first target may go out.
+
+        Raises:
+            DriveError: the drive does not take what it needs for the mode.
+            ModeError: it does not take the mode.
+        """
+        if not self._is_ready:
+            prepared = self._setup.step(image, order) and self._transfers.step(image, order)
+            self._is_ready = prepared and self._mode.step(image, order)
+        return self._is_ready and self._gate.pass_through(self)
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued, and a mode that was asked for."""
+        self._setup.cancel(order)
+        self._transfers.cancel(order)
+        self._mode.cancel(order)

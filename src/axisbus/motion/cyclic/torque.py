@@ -1,0 +1,115 @@
+"""A torque in cyclic synchronous torque mode: the slope is made here, and the drive gets one torque per cycle."""
+
+from __future__ import annotations
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.braking import Course
+from axisbus.motion.commands import CyclicTorque
+from axisbus.motion.cyclic.ramps import TorqueRamp
+from axisbus.motion.cyclic.ready import Ready
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.prepare import slow_ramp_writes
+from axisbus.motion.moves.turning import torque_missed
+from axisbus.motion.parameters import AxisParameters
+
+_FLOOR = 10  # per mille of rated torque
+_SHARE = 0.05  # of the torque asked for
+_MARGIN = 2.0  # seconds that the torque may be late, beside four times its slope
+
+
+class TorqueLed(Activity):
+    """An axis that is pushed by a torque; ends well when 6077h shows it, and keeps it. Another one may be given to it meanwhile.
+
+    It begins with the torque that the axis has when it is asked for: what holds a load, or leans on something, is not let go.
+    """
+
+    mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
+    goes_on = True
+    course = Course(by_torque=True)
+
+    def __init__(
+        self,
+        command: CyclicTorque,
+        parameters: AxisParameters,
+        gate: Gate,
+        before: TorqueRamp | None = None,
+    ) -> None:
+        """``before``: what leads the axis in cst already; else it stands, and the mode comes first."""
+        self._parameters = parameters
+        writes = slow_ramp_writes(parameters)
+        fresh = before is None
+        self._ready = Ready(self.mode, parameters, gate, writes, self._keep) if fresh else None
+        self._ramp = before
+        self._held: int | None = None  # what was sent while the mode changed
+        self.aim(command)
+
+    def aim(self, command: CyclicTorque) -> None:
+        """Go on to another torque, from the one that was sent last."""
+        self._command = command
+        self._deadline: float | None = None
+        self.reached = False
+        if self._ramp is not None:
+            self._ramp.aim(command.torque, command.slope)
+
+    @property
+    def leading(self) -> TorqueRamp | None:
+        """The ramp on which it is led, once it is."""
+        return self._ramp
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the torque is reached; to be stepped on afterwards, to keep it."""
+        if self._ready is not None and not self._ready.step(image, order):
+            self._held = self._held if order.target_torque is None else order.target_torque
+            return False
+        ramp = self._begun(image)
+        self._watch(image, ramp)  # what fails is stopped in this cycle, from the torque before
+        ramp.step(image, order)
+        return self.reached
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        if self._ready is not None:
+            self._ready.cancel(order)
+
+    def _keep(self, image: Image, order: Order) -> None:
+        """While the mode changes the torque is the one that the axis had before."""
+        if self._held is None:
+            self._held = image.torque
+        order.target_torque = self._held or 0
+
+    def _begun(self, image: Image) -> TorqueRamp:
+        self._ready = None
+        if self._ramp is None:
+            parameters, command = self._parameters, self._command
+            present = self._held if self._held is not None else image.torque
+            lets_go = not parameters.halts_torque_by_mode
+            self._ramp = TorqueRamp(
+                float(present or 0), command.slope, parameters.scan_period, lets_go=lets_go
+            )
+            self._ramp.aim(command.torque, command.slope)
+        return self._ramp
+
+    def _watch(self, image: Image, ramp: TorqueRamp) -> None:
+        if self._deadline is None:
+            self._deadline = image.now + self._allowed(ramp.torque)
+        if self.reached:
+            return
+        self.reached = ramp.at_target and self._in_torque(image)
+        if not self.reached and image.now > self._deadline:
+            raise torque_missed(image, self._parameters, self._command.torque)
+
+    def _in_torque(self, image: Image) -> bool:
+        """The measured torque itself, more than half of it: bit 10 says nothing of it in cst."""
+        if image.torque is None:
+            return False
+        target = self._command.torque
+        off = abs(image.torque - target)
+        return off <= max(_FLOOR, abs(target) * _SHARE) and (not target or off < abs(target) / 2)
+
+    def _allowed(self, torque: float) -> float:
+        """What the call gives, else four times the slope from ``torque`` to the new one, and a margin."""
+        command = self._command
+        return command.timeout or 4.0 * (abs(torque) + abs(command.torque)) / command.slope + _MARGIN

@@ -1,0 +1,124 @@
+"""A constant velocity in cyclic synchronous velocity mode: the ramp is made here, and the drive gets one velocity per cycle."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.braking import Course
+from axisbus.motion.commands import CyclicVelocity
+from axisbus.motion.cyclic.ramps import VelocityRamp
+from axisbus.motion.cyclic.ready import Ready
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.activity import Activity
+from axisbus.motion.moves.turning import is_resisted, velocity_missed
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.stop.ramped import led_way
+
+_FLOOR = 2  # velocity increments
+_SHARE = 0.05  # of the velocity asked for
+_FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
+_MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp
+
+
+class VelocityLed(Activity):
+    """An axis that is led at a velocity; ends well when it is reached, and goes on. Another one may be given to it meanwhile.
+
+    In csv the drive has no word for *reached* (bit 10 is none of it): only what is measured counts.
+    """
+
+    mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
+    goes_on = True
+
+    def __init__(
+        self,
+        command: CyclicVelocity,
+        parameters: AxisParameters,
+        gate: Gate,
+        before: VelocityRamp | None = None,
+    ) -> None:
+        """``before``: what leads the axis in csv already; else it stands, and the mode comes first."""
+        self._parameters = parameters
+        self._ready = None if before is not None else Ready(self.mode, parameters, gate)
+        self._ramp = before
+        self._way = led_way(parameters)
+        self._mean: float | None = None
+        self.aim(command)
+
+    def aim(self, command: CyclicVelocity) -> None:
+        """Go on to another velocity, from the one that was sent last."""
+        units, self._command = self._parameters.units, command
+        scale = units.position.factor / units.velocity.factor
+        up, down = abs(command.acceleration * scale), abs(command.deceleration * scale)
+        self.course = Course(command.velocity * scale, up, down, by_core=True)
+        self._deadline: float | None = None
+        self.reached = False
+        if self._ramp is not None:
+            self._ramp.aim(command.velocity, command.acceleration, command.deceleration)
+
+    @property
+    def leading(self) -> VelocityRamp | None:
+        """The ramp on which it is led, once it is."""
+        return self._ramp
+
+    def step(self, image: Image, order: Order) -> bool:
+        """Return True once the velocity is reached; to be stepped on afterwards, to keep it."""
+        if self._ready is not None and not self._ready.step(image, order):
+            return False
+        ramp = self._begun()
+        self._watch(image, ramp)  # what fails is braked in this cycle, from the velocity before
+        ramp.step(image, order)
+        self._follow(image, ramp)
+        return self.reached
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        if self._ready is not None:
+            self._ready.cancel(order)
+
+    def _begun(self) -> VelocityRamp:
+        self._ready = None
+        if self._ramp is None:
+            command = self._command
+            self._ramp = VelocityRamp(
+                0.0, command.acceleration, command.deceleration, self._parameters.scan_period
+            )
+            self._ramp.aim(command.velocity, command.acceleration, command.deceleration)
+        return self._ramp
+
+    def _watch(self, image: Image, ramp: VelocityRamp) -> None:
+        if self._deadline is None:
+            self._deadline = image.now + self._allowed(ramp.velocity)
+        if not self.reached:
+            self.reached = ramp.at_target and self._in_velocity(image)
+            if not self.reached and image.now > self._deadline:
+                raise velocity_missed(image, self._parameters, self._command.velocity)
+        resisted = is_resisted(image, self._command.velocity)
+        self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
+
+    def _follow(self, image: Image, ramp: VelocityRamp) -> None:
+        """Hold the way that was made against that of the velocities that were sent."""
+        if self._way is not None:
+            self._way.aim(ramp.velocity)
+            self._way.step(image)
+            self.behind, self.led_speed = self._way.behind, abs(self._way.speed)
+
+    def _in_velocity(self, image: Image) -> bool:
+        """The measured velocity, or its mean where it is noisy; more than half of what was asked for must be there in any case."""
+        target, velocity = self._command.velocity, image.velocity
+        if velocity is None:
+            return False
+        if not target:
+            return abs(velocity) <= _FLOOR or image.standstill
+        before = float(velocity) if self._mean is None else self._mean
+        self._mean = mean = before + _FILTER * (velocity - before)
+        off = min(abs(velocity - target), abs(mean - target))
+        return off < abs(target) / 2 and off <= max(_FLOOR, abs(target) * _SHARE)
+
+    def _allowed(self, velocity: float) -> float:
+        """Four times the ramp from ``velocity`` (perhaps the other way) through 0 to the new one, and a margin."""
+        command = self._command
+        ramp = min(command.acceleration, command.deceleration)
+        return 4.0 * (abs(velocity) + abs(command.velocity)) / ramp + _MARGIN

@@ -1,0 +1,189 @@
+"""The ramps of csv and cst by themselves, and what they are asked with."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from axisbus.errors import ArgumentError, LimitError, StateError
+from axisbus.motion.axis.order import Order
+from axisbus.motion.braking import Braking, Course
+from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp, next_velocity
+from axisbus.motion.parameters import Limits, Units
+from axisbus.motion.stop.ladder import Rung
+from axisbus.motion.stop.limits import stop_of
+from axisbus.sim.motor import MotorParams
+from axisbus.units import Scale
+from kit.motion.rig import rig
+from kit.motion.watch import Watch
+
+VELOCITIES = st.floats(-1e6, 1e6)
+RATES = st.floats(1.0, 1e7)
+IMAGE = SimpleNamespace()  # a ramp asks nothing of it
+
+
+@given(VELOCITIES, VELOCITIES, RATES, RATES, st.floats(0.001, 0.1))
+@example(10.0, -10.0, 1000.0, 100.0, 0.05)
+def test_a_step_is_never_harder_than_its_ramps_and_never_goes_past_the_target(before, target, up, down, dt):
+    after = next_velocity(before, target, up, down, dt)
+    assert abs(after - before) <= max(up, down) * dt * 1.000001 + 1e-9
+    assert min(before, target) - 1e-6 <= after <= max(before, target) + 1e-6
+    if before * target >= 0 and abs(target) <= abs(before):  # it only brakes
+        assert abs(after - before) <= down * dt * 1.000001 + 1e-9
+    if before * target >= 0 and abs(target) >= abs(before):  # it only speeds up
+        assert abs(after - before) <= up * dt * 1.000001 + 1e-9
+
+
+@given(VELOCITIES, VELOCITIES, st.floats(1e3, 1e6), st.floats(1e3, 1e6))
+def test_many_short_steps_are_one_long_step(before, target, up, down):
+    value = before
+    for _ in range(50):
+        value = next_velocity(value, target, up, down, 0.002)
+    assert value == pytest.approx(next_velocity(before, target, up, down, 0.1), abs=1e-3)
+
+
+def test_a_turn_brakes_with_the_deceleration_and_speeds_up_with_the_acceleration():
+    # 100 to 0 in 0.1 s with 1000, then 0.1 s with 200
+    assert next_velocity(100.0, -50.0, 200.0, 1000.0, 0.2) == pytest.approx(-20.0)
+
+
+def test_the_ramp_of_a_halt_ends_at_0_and_rests():
+    ramp, order = VelocityRamp(1000.0, 500.0, 20_000.0, 0.01), Order()
+    assert not ramp.at_rest
+    assert ramp.begin_braking()
+    sent = []
+    while not ramp.at_rest:
+        ramp.begin_braking()  # again and again, as a ladder does
+        ramp.hold()  # which would be for another mode: a ramp that brakes goes on braking
+        ramp.step(IMAGE, order)
+        sent.append(order.target_velocity)
+    assert sent == [800, 600, 400, 200, 0]
+
+
+def test_what_is_held_is_the_velocity_of_now():
+    ramp, order = VelocityRamp(0.0, 10_000.0, 10_000.0, 0.01), Order()
+    ramp.aim(1000, 10_000.0, 10_000.0)
+    ramp.step(IMAGE, order)
+    ramp.hold()
+    for _ in range(3):
+        assert ramp.step(IMAGE, order)
+        assert order.target_velocity == 100
+    ramp.aim(-50, 10_000.0, 10_000.0)
+    assert not ramp.step(IMAGE, order)
+
+
+@given(st.integers(-3000, 3000), st.integers(-3000, 3000), st.integers(1, 10_000))
+def test_a_torque_comes_to_its_target_by_its_slope_and_no_farther(start, target, slope):
+    ramp, order = TorqueRamp(float(start), slope, 0.01, lets_go=True), Order()
+    ramp.aim(target, slope)
+    before = float(start)
+    for _ in range(40):
+        ramp.step(IMAGE, order)
+        assert abs(ramp.torque - before) <= slope * 0.01 + 1e-9
+        assert min(start, target) <= ramp.torque <= max(start, target)
+        before = ramp.torque
+    assert (
+        ramp.at_target == (abs(target - start) <= slope * 0.4 + 1e-6)
+        or abs(abs(target - start) - slope * 0.4) < 1e-3
+    )
+
+
+def test_a_torque_that_holds_a_load_is_not_let_go_by_a_halt():
+    ramp, order = TorqueRamp(300.0, 1000, 0.01, lets_go=False), Order()
+    assert not ramp.begin_braking()
+    ramp.step(IMAGE, order)
+    assert order.target_torque == 300
+
+
+def test_what_brakes_an_axis_that_is_led_is_its_own_ramp_whatever_605d_says(dictionary_parameters):
+    for halt in (0, 1, 2):
+        parameters = dictionary_parameters(halt)
+        course = Course(1000.0, 500.0, 800.0, by_core=True)
+        assert stop_of(parameters, course) == (Rung.HALT, 800.0)
+
+
+@pytest.fixture
+def dictionary_parameters():
+    from axisbus.cia402.options import Ramp
+
+    ramps = (Ramp.COAST, Ramp.SLOW, Ramp.QUICK)
+    return lambda halt: rig(braking=Braking(ramps[halt], Ramp.QUICK, 5000.0)).core.parameters
+
+
+# -- what is asked for ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("own", [None, 0])
+def test_a_slope_that_nobody_knows_is_never_guessed(own):
+    r = rig(torque_slope=own).enabled()
+    with pytest.raises(ArgumentError, match="slope is missing"):
+        r.axis.cyclic_torque(0.1)
+
+
+def test_the_drives_own_slope_serves_and_one_too_flat_is_refused():
+    r = rig(torque_slope=2000).enabled()  # ‰ of 10 N·m per s
+    watch = Watch(r)
+    r.axis.cyclic_torque(0.3).wait(3)
+    sent = [item.outputs.target_torque for item in watch.sent if item.outputs.target_torque is not None]
+    assert sent[-1] == 30
+    assert 20 in sent  # 20 ‰ per cycle
+    with pytest.raises(LimitError, match="slope"):
+        r.axis.cyclic_torque(0.1, slope=0.001)
+
+
+def test_an_axis_whose_velocities_cannot_be_compared_is_refused_at_the_call():
+    scale = Scale.of(1, "increments")
+    units = Units(scale, scale, scale, ratio_known=False)
+    r = rig(units=units, limits=Limits()).enabled()
+    with pytest.raises(ArgumentError, match="velocity_scale"):
+        r.axis.cyclic_velocity(10.0)
+
+
+@pytest.mark.parametrize(
+    ("index", "command"),
+    [
+        (0x606C, lambda axis: axis.cyclic_velocity(5.0)),
+        (0x6077, lambda axis: axis.cyclic_torque(0.5, slope=1.0)),
+    ],
+)
+def test_a_drive_without_the_objects_is_told_so(index, command):
+    r = rig().enabled()
+    object.__setattr__(r.core.parameters, "objects", r.core.parameters.objects - {index})
+    with pytest.raises(StateError, match=r"cannot run cs[vt]") as error:
+        command(r.axis).wait(1)
+    assert f"{index:04X}h" in error.value.observed
+
+
+def test_a_turned_axis_turns_the_way_that_was_asked_for():
+    scale = Scale.of(-1000.0, "deg")
+    units = Units(
+        scale, Scale.of(-1000.0, "deg/s"), Scale.of(1000.0, "deg/s²"), ratio_known=True, rated_torque=-10.0
+    )
+    r = rig(units=units).enabled()
+    r.axis.cyclic_velocity(50.0).wait(3)
+    assert r.axis.velocity == pytest.approx(50.0, rel=0.01)
+    assert r.drive.velocity < 0
+    r.run(0.5)
+    assert r.axis.error is None
+    r.axis.halt().wait(3)
+    r.axis.cyclic_torque(0.5, slope=10.0).wait(3)
+    assert r.drive.target_torque == -50
+
+
+def test_velocities_in_coarse_units_are_led_by_whole_ones():
+    """A drive that counts in rpm: 1 rpm is 6 deg/s; the ramp goes by steps of that, and never past the target."""
+    rpm = Scale.of(1 / 6, "deg/s")
+    scale = Scale.of(1000.0, "deg")
+    units = Units(scale, rpm, Scale.of(1000.0, "deg/s²"), ratio_known=True)
+    r = rig(units=units, motor=MotorParams(velocity_unit=1 / 6000.0)).enabled()
+    watch = Watch(r)
+    r.axis.cyclic_velocity(60.0, acceleration=100.0)
+    r.run(1.0)
+    sent = [item.outputs.target_velocity for item in watch.sent if item.outputs.target_velocity is not None]
+    assert sent == sorted(sent)
+    assert sent[-1] == 10
+    assert r.drive.axis.motor.velocity == pytest.approx(60_000.0)
+    assert r.axis.error is None
