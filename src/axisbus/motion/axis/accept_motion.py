@@ -252,7 +252,7 @@ def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
     if not isinstance(activity, Coupled) or not activity.is_led:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is not led by another axis",
-            remedy="couple it first: axis.gear_in(master, ratio) or axis.cam_in(master, cam)",
+            remedy="couple it to a master first, by a gear or a cam",
         )
     core.begin(LetGo(activity, core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
 
