@@ -18,6 +18,16 @@ from kit.campaign.scripts import script
 SEEDS = 300
 
 FOUND: Mapping[str, Script] = {
+    "a cam that is asked for in the cycle in which a move is about to go on from another one": Script(
+        "lagging-much",
+        (
+            Event(0.2, "cam", "x", 0.27),
+            Event(0.4, "gear_out", "x", -0.43),
+            Event(0.02, "move_waiting", "x", 0.43),
+            Event(0.0, "cam", "x", 0.11),
+        ),
+        ending="exception",
+    ),
     "a position that is set in the cycle in which a trajectory was refused": Script(
         "coasting",
         (

@@ -228,7 +228,8 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
 
 def path_of(core: AxisCore) -> Follow | None:
     """Return the path that leads the axis, and that another may take over from in its cyclic mode."""
-    return core.leading_path if leaving_switch(core) is None else None
+    path = core.leading_path if leaving_switch(core) is None else None
+    return None if path is None else path.leads_now
 
 
 def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:

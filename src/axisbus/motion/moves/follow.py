@@ -215,6 +215,11 @@ class Follow(Activity):
         assert self._step is not None
         return self._step
 
+    @property
+    def leads_now(self) -> Follow:
+        """What leads the axis in this cycle: itself, once it has begun."""
+        return self
+
     def begin_braking(self) -> bool:
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
         if self._trajectory is None or not self._running:

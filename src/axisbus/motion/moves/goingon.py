@@ -97,6 +97,11 @@ class GoingOn(Follow):
         return self._before.begin_braking()
 
     @property
+    def leads_now(self) -> Follow:
+        """What leads the axis in this cycle: the path before, until this one takes over."""
+        return self if self._before is None else self._before
+
+    @property
     def last_step(self) -> Step:
         """Where the axis was led to in the last cycle, and how fast."""
         return super().last_step if self._before is None else self._before.last_step
