@@ -37,6 +37,7 @@ class Cam:
         self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
         self._lift = slaves[-1] - slaves[0]
         self.span = span_of(self._parts)
+        self._law = self.law()
 
     @classmethod
     def read(cls, file: str | Path, *, periodic: bool = False) -> Cam:
@@ -69,7 +70,7 @@ class Cam:
 
     def at(self, master: float) -> float:
         """Return the place of the slave."""
-        return self.law().at(master).place
+        return self._law.at(master).place
 
     def law(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
         """Return it for two axes: ``phase`` units of the master ahead, and stretched; no factor is 0, the master's is above."""

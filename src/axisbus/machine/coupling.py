@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.cam import Cam
-from axisbus.machine.request import Request, shown
+from axisbus.machine.request import Request
 from axisbus.motion.coupling.entries import AtPlace, AtSpeed, By, Entry, Here
 from axisbus.motion.coupling.laws import CamLaw, Gear
 from axisbus.motion.group.commands import Couple
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import told
 
 if TYPE_CHECKING:
     from axisbus.machine.axis import Axis
@@ -28,7 +28,7 @@ class Coupling:
                 not homed where it must be, or nobody says how hard it is braked.
         """
         self._slave, self._request = slave, request
-        self._text, self._call = f"{slave.name}.{text}", text
+        self._text, self._call = request.text, text
         self._master = slave.mate(master, text)
         if by not in {kind.value for kind in By}:
             raise ArgumentError(
@@ -66,11 +66,13 @@ class Coupling:
                 f"{self._text}: {told(cam)} is no cam", remedy="make one: Cam([(master, slave), ...])"
             )
         self._master.require_homed(self._call)
-        stretch = self._number("over", over)
+        stretch = self._request.finite("over", over, self._master.unit)
         stretched = self._not_zero("master_scale", master_scale)
         if stretch < 0.0 or stretched < 0.0:
             raise ArgumentError(f"{self._text}: over and master_scale are magnitudes")
-        law = cam.law(self._number("phase", phase), stretched, self._not_zero("scale", scale))
+        law = cam.law(
+            self._request.finite("phase", phase, self._master.unit), stretched, self._not_zero("scale", scale)
+        )
         if not relative:
             self._require_room(cam, law, scale)
         return self._couple(law, Here(stretch, relative))
@@ -88,7 +90,7 @@ class Coupling:
             raise ArgumentError(f"{self._text}: at is the place of the master and that of the slave")
         master = self._master.checked_position(self._call, at[0])
         slave = self._slave.checked_position(self._call, at[1])
-        return AtPlace(master, slave, self._above_zero("over", over))
+        return AtPlace(master, slave, self._request.positive("over", over, self._master.unit))
 
     def _require_room(self, cam: Cam, law: CamLaw, scale: float) -> None:
         """Hold a cam against the slave's limits; where its turns take the slave farther, only its way there tells."""
@@ -105,22 +107,8 @@ class Coupling:
             f"[axes.{self._slave.name}] of cell.toml",
         )
 
-    def _number(self, what: str, value: float) -> float:
-        found = number(value)
-        if found is None:
-            raise ArgumentError(f"{self._text}: {what} {told(value)} is no finite number")
-        return found
-
     def _not_zero(self, what: str, value: float) -> float:
-        found = self._number(what, value)
+        found = self._request.finite(what, value, "units of one axis for one of the other")
         if found == 0.0:
             raise ArgumentError(f"{self._text}: {what} 0 couples nothing", remedy=f"give another {what}")
-        return found
-
-    def _above_zero(self, what: str, value: float) -> float:
-        found = self._number(what, value)
-        if found <= 0.0:
-            raise ArgumentError(
-                f"{self._text}: {what} {shown(value)} must be above 0", remedy="it is a magnitude"
-            )
         return found

@@ -209,10 +209,13 @@ class Request:
         """Return the profile of a signed velocity."""
         velocity = self.finite("velocity", velocity, f"{self._unit}/s")
         self._check_velocity(velocity)
-        scale = self._parameters.units.velocity
-        self._countable(velocity * scale.factor, DataType.INTEGER32, "60FFh")
-        raw = self._fits(toward_zero(velocity * scale.factor), DataType.INTEGER32, "60FFh")
-        return self._with_ramps(raw, abs(velocity), acceleration, deceleration, timeout)
+        return self._with_ramps(self._turn(velocity), abs(velocity), acceleration, deceleration, timeout)
+
+    def _turn(self, velocity: float) -> int:
+        """Return a signed velocity in increments of 60FFh, no more than was asked for."""
+        raw = velocity * self._parameters.units.velocity.factor
+        self._countable(raw, DataType.INTEGER32, "60FFh")
+        return self._fits(toward_zero(raw), DataType.INTEGER32, "60FFh")
 
     def cyclic_velocity(
         self, velocity: float, acceleration: float | None, deceleration: float | None
@@ -225,9 +228,7 @@ class Request:
         if not self._parameters.units.ratio_known:
             what = f"velocity increments per {self._unit}/s, without which no ramp can be made"
             raise self.missing("velocity_scale", what, in_call=False)
-        self._countable(velocity * scale.factor, DataType.INTEGER32, "60FFh")
-        raw = self._fits(toward_zero(velocity * scale.factor), DataType.INTEGER32, "60FFh")
-        return CyclicVelocity(raw, abs(up * scale.factor), abs(down * scale.factor))
+        return CyclicVelocity(self._turn(velocity), abs(up * scale.factor), abs(down * scale.factor))
 
     def _check_velocity(self, velocity: float) -> None:
         limit = self._parameters.limits.velocity
@@ -258,13 +259,11 @@ class Request:
 
     def _magnitudes(self, acceleration: float | None, deceleration: float | None) -> tuple[float, float]:
         """Return acceleration and deceleration in unit/s², within the limit."""
-        defaults, limit = self._parameters.defaults, self._parameters.limits.acceleration
         unit = f"{self._unit}/s²"
         up = self.positive("acceleration", self._or_default("acceleration", acceleration), unit)
-        down = deceleration if deceleration is not None else defaults.deceleration
+        down = deceleration if deceleration is not None else self._parameters.defaults.deceleration
         down = up if down is None else self.positive("deceleration", down, unit)
-        if limit is not None and max(up, down) > limit:
-            raise self._beyond("acceleration", max(up, down), unit, "max_acceleration", limit)
+        self._check_acceleration(max(up, down))
         return up, down
 
     def acceleration(self, value: float | None) -> float:
@@ -274,11 +273,14 @@ class Request:
             LimitError: it is not above 0, or beyond ``max_acceleration``.
             ArgumentError: neither is given.
         """
-        limit, unit = self._parameters.limits.acceleration, f"{self._unit}/s²"
-        found = self.positive("acceleration", self._or_default("acceleration", value), unit)
-        if limit is not None and found > limit:
-            raise self._beyond("acceleration", found, unit, "max_acceleration", limit)
+        found = self.positive("acceleration", self._or_default("acceleration", value), f"{self._unit}/s²")
+        self._check_acceleration(found)
         return found
+
+    def _check_acceleration(self, value: float) -> None:
+        limit = self._parameters.limits.acceleration
+        if limit is not None and value > limit:
+            raise self._beyond("acceleration", value, f"{self._unit}/s²", "max_acceleration", limit)
 
     def _or_default(self, what: str, value: float | None) -> float:
         if value is not None:

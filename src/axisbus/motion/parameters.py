@@ -42,6 +42,11 @@ class Units:
     rated_torque: float | None = None
     modulo: float | None = None
 
+    @property
+    def per_velocity(self) -> float:
+        """Position increments per s in one velocity increment; only where ``ratio_known``."""
+        return self.position.factor / self.velocity.factor
+
     def torque(self, raw: int) -> float:
         """Return a torque of the drive (0.1 % of rated torque) in N·m, in parts of the rated torque where that is not known.
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from axisbus.motion.moves.onward import Onward, Start
+
 
 class Piece(NamedTuple):
     """So many seconds at a constant acceleration (per s², signed); ``end`` is the velocity (per s) at its end, exactly."""
@@ -70,38 +72,15 @@ def to_velocity(velocity: float, target: float, ramps: Ramps) -> Way:
 
 def to_distance(velocity: float, distance: float, ramps: Ramps) -> Way:
     """Return the way that ends at rest after ``distance``: straight on where it can be braked to, else back again."""
-    braked = _braking(velocity, ramps.down)
-    turned = -1.0 if distance < braked else 1.0
-    pieces, speed, left = [], turned * velocity, turned * distance
-    if speed < 0.0:  # the wrong way
-        pieces.append(_change(speed, 0.0, ramps.down))
-        left, speed = left - _braking(speed, ramps.down), 0.0
-    if speed > ramps.speed:
-        pieces.append(_change(speed, ramps.speed, ramps.down))
-        left -= _braking(speed, ramps.down) - _braking(ramps.speed, ramps.down)
-        speed = ramps.speed
-    top = _top(speed, left, ramps)
-    pieces.append(_change(speed, top, ramps.up))
-    cruised = left - (top * top - speed * speed) / (2.0 * ramps.up) - _braking(top, ramps.down)
-    if top > 0.0:
-        pieces.append(Piece(max(0.0, cruised / top), 0.0, top))
-    pieces.append(_change(top, 0.0, ramps.down))
-    return Way(velocity, [Piece(seconds, turned * rate, turned * end) for seconds, rate, end in pieces])
-
-
-def _top(speed: float, left: float, ramps: Ramps) -> float:
-    """Return the highest speed of a way of ``left`` increments from ``speed`` on, from which it can still be braked."""
-    square = (left + speed * speed / (2.0 * ramps.up)) / (0.5 / ramps.up + 0.5 / ramps.down)
-    return max(speed, min(ramps.speed, math.sqrt(max(0.0, square))))
+    planned = Onward(Start(0.0, velocity), distance, *ramps).pieces
+    ends = [*(speed for _, _, speed, _ in planned[1:]), 0.0]
+    return Way(
+        velocity, [Piece(time, rate, end) for (time, _, _, rate), end in zip(planned, ends, strict=True)]
+    )
 
 
 def _change(velocity: float, end: float, rate: float) -> Piece:
     return Piece(abs(end - velocity) / rate, math.copysign(rate, end - velocity), end)
-
-
-def _braking(velocity: float, down: float) -> float:
-    """Return the signed way from a velocity to rest."""
-    return velocity * abs(velocity) / (2.0 * down)
 
 
 def _distance(velocity: float, acceleration: float, seconds: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from axisbus.cia402 import modes
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import State
@@ -13,9 +15,9 @@ from axisbus.motion.axis.accept_motion import (
     require_cyclic,
     require_motion,
     require_objects,
+    require_rest,
 )
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp
 from axisbus.motion.cyclic.torque import TorqueLed
 from axisbus.motion.cyclic.velocity import VelocityLed
 from axisbus.motion.group.gate import Gate
@@ -29,35 +31,36 @@ _M = ModeOfOperation
 
 def velocity(core: AxisCore, command: c.CyclicVelocity, ticket: Ticket, gate: Gate) -> None:
     """A velocity in cyclic synchronous velocity mode; one that runs already goes on to it."""
-    _require(core, VelocityLed.mode, ticket)
-    units = core.parameters.units
-    down = abs(command.deceleration * units.position.factor / units.velocity.factor)
+    down = abs(command.deceleration * core.parameters.units.per_velocity)
+    _lead(core, VelocityLed, command, ticket, gate, down)
+
+
+def torque(core: AxisCore, command: c.CyclicTorque, ticket: Ticket, gate: Gate) -> None:
+    """A torque in cyclic synchronous torque mode; one that acts already goes on to it."""
+    _lead(core, TorqueLed, command, ticket, gate)
+
+
+def _lead(
+    core: AxisCore,
+    led: type[VelocityLed] | type[TorqueLed],
+    command: Any,
+    ticket: Ticket,
+    gate: Gate,
+    down: float | None = None,
+) -> None:
+    """``command`` is one of ``led``; ``down``: see ``require_braking``."""
+    _require(core, led.mode, ticket)
     running = core.activity
-    if isinstance(running, VelocityLed):
+    if isinstance(running, led):
         require_braking(core, down, ticket)
         running.aim(command)
         core.go_on(ticket)
         return
     before = _led(core)
-    ramp = before if isinstance(before, VelocityRamp) else None
-    _require_rest(core, ticket, ramp)
+    ramp: Any = before if isinstance(before, led.ramp) else None
+    require_rest(core, ticket, ramp)
     require_braking(core, down, ticket)
-    core.begin(VelocityLed(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
-    core.aim(None)
-
-
-def torque(core: AxisCore, command: c.CyclicTorque, ticket: Ticket, gate: Gate) -> None:
-    """A torque in cyclic synchronous torque mode; one that acts already goes on to it."""
-    _require(core, TorqueLed.mode, ticket)
-    running = core.activity
-    if isinstance(running, TorqueLed):
-        running.aim(command)
-        core.go_on(ticket)
-        return
-    before = _led(core)
-    ramp = before if isinstance(before, TorqueRamp) else None
-    _require_rest(core, ticket, ramp)
-    core.begin(TorqueLed(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
+    core.begin(led(command, core.parameters, gate, ramp), ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
 
 
@@ -91,8 +94,3 @@ def _led(core: AxisCore) -> Leading | None:
     else:
         leading = None if core.activity is None else core.activity.leading
     return leading if leading is not None and core.image.mode == leading.mode else None
-
-
-def _require_rest(core: AxisCore, ticket: Ticket, before: Leading | None) -> None:
-    if core.state is not AxisState.STANDSTILL and before is None:
-        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")

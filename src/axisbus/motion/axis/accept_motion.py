@@ -17,6 +17,7 @@ from axisbus.motion.braking import Course
 from axisbus.motion.coupling.coupled import Coupled, LetGo
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.gate import Gate
+from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.goingon import GoingOn
@@ -189,8 +190,7 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: Ticket, gate: Gate)
 def home(core: AxisCore, command: c.Home, ticket: Ticket, _: Gate) -> None:
     """MC_Home."""
     require_motion(core, ticket)
-    if core.state is not AxisState.STANDSTILL:
-        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    require_rest(core, ticket)
     require_objects(core.parameters, _M.HOMING, ticket, command.job.method)
     core.begin(HomingRun(command.job, core.parameters), ticket, AxisState.HOMING)
 
@@ -221,8 +221,7 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: Ticket) -> None:
     """
     require_motion(core, ticket)
     require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
-    if core.state is not AxisState.STANDSTILL:
-        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    require_rest(core, ticket)
     core.begin(follow, ticket, AxisState.SYNCHRONIZED_MOTION)
 
 
@@ -240,8 +239,7 @@ def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
     """
     require_motion(core, ticket)
     require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
-    if core.state is not AxisState.STANDSTILL and path_of(core) is None:
-        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
+    require_rest(core, ticket, path_of(core))
     core.begin(coupled, ticket, AxisState.SYNCHRONIZED_MOTION)
     core.aim(None)
 
@@ -327,6 +325,12 @@ def require_motion(core: AxisCore, ticket: Ticket) -> None:
             f"{'unknown' if core.image.mode is None else modes.short(ModeOfOperation(core.image.mode))}",
             remedy="take it over with axis.enable(), or switch it off with axis.disable()",
         )
+
+
+def require_rest(core: AxisCore, ticket: Ticket, led_by: Leading | None = None) -> None:
+    """Raise StateError unless the axis is at standstill, or ``led_by`` what the command can take over from."""
+    if core.state is not AxisState.STANDSTILL and led_by is None:
+        raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
 
 
 def require_objects(

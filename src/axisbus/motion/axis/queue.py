@@ -42,11 +42,9 @@ class Queue:
         ticket, begin = self._waiting.popleft()
         rest, self._waiting = self._waiting, deque()  # what takes over ends what waits behind another
         begin()
-        if ticket.error is None:
-            self._waiting = rest
-            return
-        for waiting, _ in rest:
-            _end(waiting, ticket.name, ticket.error)
+        self._waiting = rest
+        if ticket.error is not None:
+            self.drop(ticket.name, ticket.error)
 
     def drop(self, before: str, error: AxisbusError | None) -> bool:
         """End all that waits: ``before`` (a command's name) has ended by ``error``, or is not gone on with; return if any did."""

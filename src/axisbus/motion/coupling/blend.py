@@ -8,7 +8,7 @@ from axisbus.motion.coupling.laws import Due
 class Blend:
     """A curve of fifth degree over the master's way from ``begin`` to ``end``; neither slope nor bend jumps at its ends."""
 
-    __slots__ = ("_begin", "_factors", "_length", "_slope", "end")
+    __slots__ = ("_begin", "_factors", "_length", "_slope")
 
     def __init__(self, begin: float, end: float, start: Due, goal: Due) -> None:
         """``begin`` and ``end`` differ; ``end`` lies below it where the master goes backwards."""
@@ -20,7 +20,7 @@ class Blend:
         d = 10.0 * place - 4.0 * slope + 0.5 * bend
         e = -15.0 * place + 7.0 * slope - bend
         f = 6.0 * place - 3.0 * slope + 0.5 * bend
-        self._begin, self._length, self.end = begin, length, end
+        self._begin, self._length = begin, length
         self._factors = a, b, c, d, e, f
         self._slope = start.slope
 

@@ -91,26 +91,6 @@ class Coupled(Follow):
             self.resume(before)
 
     @property
-    def name(self) -> str:
-        """The axis."""
-        return self._parameters.name
-
-    @property
-    def unit(self) -> str:
-        """Of its positions."""
-        return self._units.unit
-
-    @property
-    def modulo(self) -> float | None:
-        """How far it turns until it counts anew, in its unit; None where it is not endless."""
-        return self._parameters.units.modulo
-
-    @property
-    def place_window(self) -> float:
-        """How far from a place it is there all the same, in its unit."""
-        return abs(self._units.to_units(self._parameters.place_window))
-
-    @property
     def master(self) -> AxisCore:
         """The axis that leads it."""
         return self._leader.master.core

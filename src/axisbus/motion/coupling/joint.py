@@ -30,7 +30,6 @@ from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.follow import Follow
 
 _FADE = 0.5  # seconds in which what a slave is off is taken back
-_NONE = 0.0  # of the master's way, for a slave that is to come into step where it is
 
 
 class Joint:
@@ -46,12 +45,13 @@ class Joint:
         self.place = 0.0
         self.master = Master(master, command.by, period)
         self.follow = Coupled(self, slave.parameters, before)
+        self._slave = slave.parameters
         self._command = command
         self._period = period
         self._speed = 0.0  # of the slave, in its unit per s
         self._base = 0.0  # where the slave is when its law says 0
-        self._off = 0.0  # what it is off, and is taken back
-        self._since = 0.0  # seconds in step
+        self._fade: Blend | None = None  # what it is off, by its seconds in step
+        self._since = 0.0
         self._passed: float | None = None  # where the master was in the cycle before
         self._lead: Callable[[], float] = self._wait
 
@@ -69,11 +69,6 @@ class Joint:
     def leads(self) -> bool:
         """Whether the slave was led since this was asked last."""
         return self.follow.take_stepped()
-
-    @property
-    def is_at_its_end(self) -> bool:
-        """A joint has none."""
-        return False
 
     # -- the slave -----------------------------------------------------------------------------------------------------
 
@@ -100,7 +95,7 @@ class Joint:
                 self._base = self._nearest(entry, end) - law.at(end).place
                 self._begin_blend(end)
                 return self._lead()
-        elif entry.over == _NONE:
+        elif not entry.over:
             self._join(entry.relative)
             return self._lead()
         elif self._passed is not None and m != self._passed:
@@ -144,8 +139,9 @@ class Joint:
         due = law.at(m.place)
         here = self.place + self._speed * self._period
         self._base = here - due.place if relative else -law.raised(m.place)
-        self._off = here - due.place - self._base
-        self._require_near(self._off)
+        off = here - due.place - self._base
+        self._require_near(off)
+        self._fade = Blend(0.0, _FADE, Due(off, 0.0, 0.0), Due(0.0, 0.0, 0.0)) if off else None
         self._be_in_step()
 
     def _be_in_step(self) -> None:
@@ -153,14 +149,13 @@ class Joint:
 
     def _in_step(self) -> float:
         due = self._command.law.at(self.master.place).place + self._base
-        if not self._off:
+        if self._fade is None:
             return due
         self._since += self._period
-        u = self._since / _FADE
-        if u >= 1.0:
-            self._off = 0.0
+        if self._since >= _FADE:
+            self._fade = None
             return due
-        return due + self._off * (1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)))
+        return due + self._fade.at(self._since)
 
     def _met(self, entry: AtPlace) -> float | None:
         """Return where the master will be when both are to be at their places, in the cycle in which it comes near; else None."""
@@ -179,7 +174,7 @@ class Joint:
 
     def _nearest(self, entry: AtPlace, end: float) -> float:
         """Return the slave's place for the meeting; of an endless one, the turn that is nearest to where it comes by itself."""
-        modulo = self.follow.modulo
+        modulo = self._slave.units.modulo
         if modulo is None:
             return entry.slave
         slope = self._command.law.at(end).slope
@@ -189,12 +184,13 @@ class Joint:
     # -- what is wrong -------------------------------------------------------------------------------------------------
 
     def _require_near(self, off: float) -> None:
-        follow, m = self.follow, self.master
-        if abs(off) <= follow.place_window:
+        units = self._slave.units.position
+        allowed = abs(units.to_units(self._slave.place_window))
+        if abs(off) <= allowed:
             return
         raise LimitError(
-            f"{follow.name} does not stand where it is due for where {m.name} is",
-            observed=f"it is {abs(off):.6g} {follow.unit} off, of which {follow.place_window:.6g} {follow.unit} are allowed",
+            f"{self._slave.name} does not stand where it is due for where {self.master.name} is",
+            observed=f"it is {abs(off):.6g} {units.unit} off, of which {allowed:.6g} {units.unit} are allowed",
             remedy="move it there first, give over = ... (the way of the master within which it comes there), or let it begin "
             "where it stands: relative = True",
         )
@@ -203,17 +199,17 @@ class Joint:
         m = self.master
         left, unit = abs(entry.master - master), m.core.parameters.units.position.unit
         return LimitError(
-            f"{m.name} was nearer to {entry.master:g} {unit} than {self.follow.name} needs to come into step",
+            f"{m.name} was nearer to {entry.master:g} {unit} than {self._slave.name} needs to come into step",
             observed=f"it was {left:.6g} {unit} away, over = {entry.over:g}",
             remedy=f"let {m.name} come from farther away, or give a shorter way (over = ...)",
         )
 
     def _lost(self, error: AxisbusError) -> AxisbusError:
-        follow, m = self.follow, self.master
+        slave, master = self._slave.name, self.master.name
         if isinstance(error, LimitError):
             return error
         return StateError(
-            f"{follow.name}: its master is lost: {error.message}",
+            f"{slave}: its master is lost: {error.message}",
             observed=error.observed,
-            remedy=f"see to {m.name} first, then couple {follow.name} to it anew; the axis was braked",
+            remedy=f"see to {master} first, then couple {slave} to it anew; the axis was braked",
         )

@@ -12,11 +12,9 @@ from axisbus.motion.cyclic.ready import Ready
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.prepare import slow_ramp_writes
-from axisbus.motion.moves.turning import torque_missed
+from axisbus.motion.moves.turning import TORQUE_FLOOR, TORQUE_SHARE, torque_missed
 from axisbus.motion.parameters import AxisParameters
 
-_FLOOR = 10  # per mille of rated torque
-_SHARE = 0.05  # of the torque asked for
 _MARGIN = 2.0  # seconds that the torque may be late, beside four times its slope
 
 
@@ -27,6 +25,7 @@ class TorqueLed(Activity):
     """
 
     mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
+    ramp = TorqueRamp
     goes_on = True
     course = Course(by_torque=True)
 
@@ -107,7 +106,7 @@ class TorqueLed(Activity):
             return False
         target = self._command.torque
         off = abs(image.torque - target)
-        return off <= max(_FLOOR, abs(target) * _SHARE) and (not target or off < abs(target) / 2)
+        return off <= max(TORQUE_FLOOR, abs(target) * TORQUE_SHARE) and (not target or off < abs(target) / 2)
 
     def _allowed(self, torque: float) -> float:
         """What the call gives, else four times the slope from ``torque`` to the new one, and a margin."""

@@ -13,12 +13,10 @@ from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.cyclic.ready import Ready
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Activity
-from axisbus.motion.moves.turning import is_resisted, velocity_missed
+from axisbus.motion.moves.turning import VELOCITY_FLOOR, VELOCITY_SHARE, is_resisted, velocity_missed
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ramped import led_way
 
-_FLOOR = 2  # velocity increments
-_SHARE = 0.05  # of the velocity asked for
 _FILTER = 0.2  # share of a new sample in the mean of a noisy velocity
 _MARGIN = 2.0  # seconds that the axis may be late, beside four times its ramp
 
@@ -30,6 +28,7 @@ class VelocityLed(Activity):
     """
 
     mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
+    ramp = VelocityRamp
     goes_on = True
 
     def __init__(
@@ -49,8 +48,7 @@ class VelocityLed(Activity):
 
     def aim(self, command: CyclicVelocity) -> None:
         """Go on to another velocity, from the one that was sent last."""
-        units, self._command = self._parameters.units, command
-        scale = units.position.factor / units.velocity.factor
+        self._command, scale = command, self._parameters.units.per_velocity
         up, down = abs(command.acceleration * scale), abs(command.deceleration * scale)
         self.course = Course(command.velocity * scale, up, down, by_core=True)
         self._deadline: float | None = None
@@ -111,11 +109,11 @@ class VelocityLed(Activity):
         if velocity is None:
             return False
         if not target:
-            return abs(velocity) <= _FLOOR or image.standstill
+            return abs(velocity) <= VELOCITY_FLOOR or image.standstill
         before = float(velocity) if self._mean is None else self._mean
         self._mean = mean = before + _FILTER * (velocity - before)
         off = min(abs(velocity - target), abs(mean - target))
-        return off < abs(target) / 2 and off <= max(_FLOOR, abs(target) * _SHARE)
+        return off < abs(target) / 2 and off <= max(VELOCITY_FLOOR, abs(target) * VELOCITY_SHARE)
 
     def _allowed(self, velocity: float) -> float:
         """Four times the ramp from ``velocity`` (perhaps the other way) through 0 to the new one, and a margin."""

@@ -18,7 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.pieces import Arc, Corner, Place, Straight
+from axisbus.motion.group.pieces import SPEEDS, Arc, Corner, Place, Straight, turning
 from axisbus.motion.parameters import Limits
 
 _FINE = 24  # stretches in a piece as long as the machine is large
@@ -100,10 +100,7 @@ def held(piece: Bent, limits: Sequence[Limits], acceleration: float) -> Iterator
             if limit.acceleration is not None and bend:
                 top = min(top, math.sqrt(_HALF * limit.acceleration / bend))
         if part.curvature:
-            ramp, top = (
-                min(ramp, 0.6 * acceleration),
-                min(top, math.sqrt(0.8 * acceleration / part.curvature)),
-            )
+            ramp, top = min(ramp, SPEEDS * acceleration), min(top, turning(part.curvature, acceleration))
         yield Held(part.length, top, ramp)
 
 

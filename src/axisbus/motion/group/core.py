@@ -28,8 +28,11 @@ from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
 from axisbus.motion.group.travel import FASTER
 from axisbus.motion.group.undertaking import Undertaking
+from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
+
+Begin = Callable[[AxisCore, Follow, Ticket], None]
 
 
 class GroupCore:
@@ -87,11 +90,15 @@ class GroupCore:
         """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
-        elif not any(undertaking.busy for undertaking in self._under_way):
+        elif not self._is_busy:
             self._queue.next()
 
+    @property
+    def _is_busy(self) -> bool:
+        return any(undertaking.busy for undertaking in self._under_way)
+
     def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
-        if command.buffer and any(undertaking.busy for undertaking in self._under_way):
+        if command.buffer and self._is_busy:
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
             return
         self._require_rest(command.axes, ticket)
@@ -127,13 +134,13 @@ class GroupCore:
         line.travel.factor = self._factor
         undertaking = Undertaking(ticket, self.axes, gate, line)
         self._line = line
-        self._undertake(undertaking, lambda: self._lead(line, undertaking))
+        self._undertake(undertaking, lambda: self._lead(line.follows, begin_follow, undertaking))
 
-    def _lead(self, line: Line, undertaking: Undertaking) -> None:
-        for name, follow in line.follows.items():
+    def _lead(self, follows: Mapping[str, Follow], begin: Begin, undertaking: Undertaking) -> None:
+        for name, follow in follows.items():
             core, child = self.axes[name], undertaking.child(name)
             try:
-                begin_follow(core, follow, child)
+                begin(core, follow, child)
             except AxisbusError as error:
                 core.finish(child, error)
 
@@ -142,14 +149,8 @@ class GroupCore:
         require_no_ring(master, slave, ticket.name)
         joint = Joint(command, master, slave, self._period, path_of(slave))
         undertaking = Undertaking(ticket, self.axes, OPEN, joint)
-        self._undertake(undertaking, lambda: self._begin_coupled(slave, joint, undertaking))
-
-    def _begin_coupled(self, slave: AxisCore, joint: Joint, undertaking: Undertaking) -> None:
-        child = undertaking.child(slave.parameters.name)
-        try:
-            begin_coupled(slave, joint.follow, child)
-        except AxisbusError as error:
-            slave.finish(child, error)
+        follows = {command.slave: joint.follow}
+        self._undertake(undertaking, lambda: self._lead(follows, begin_coupled, undertaking))
 
     def _undertake(self, undertaking: Undertaking, begin: Callable[[], None]) -> None:
         """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""

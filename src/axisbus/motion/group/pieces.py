@@ -29,6 +29,8 @@ _NODES = (
     (0.7966664774136267, 0.2223810344533745),
     (0.9602898564975363, 0.1012285362903763),
 )
+# On a curve, of an axis's acceleration: what turns, and what speeds up (0.8² + 0.6² = 1).
+TURNS, SPEEDS = 0.8, 0.6
 _STRETCHES = 12  # of a corner: enough that it is gone into faster than through its middle
 
 
@@ -180,6 +182,11 @@ def _rise(count: int) -> Place:
     """Return the highest curvature of each stretch of a corner that turns by 1 over a length of 1."""
     middle = (min(max(0.5, n / count), (n + 1) / count) for n in range(count))  # its place next to the middle
     return tuple(1.0 - math.cos(math.tau * at) for at in middle)
+
+
+def turning(curvature: float, ramp: float) -> float:
+    """Return how fast a curve may be gone along, of which ``ramp`` is the acceleration (per s²)."""
+    return math.sqrt(TURNS * ramp / curvature) if curvature else math.inf
 
 
 def turned(angle: float, share: float) -> tuple[float, float]:

@@ -18,11 +18,10 @@ from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
 from axisbus.motion.group.bent import Bent, held
-from axisbus.motion.group.pieces import Piece, Place, Straight
+from axisbus.motion.group.pieces import SPEEDS, Piece, Place, Straight, turning
 from axisbus.motion.moves.profile import duration
 from axisbus.motion.parameters import Limits
 
-_TURNS, _SPEEDS = 0.8, 0.6
 _AT_ONCE = 8  # stretches in a cycle: each takes some of its time
 _FINE, _LEAST = 1 << 30, 1e-290
 
@@ -141,18 +140,13 @@ def _stretches(
     """Divide a piece into stretches, each of which takes a cycle at least."""
     count = _FINE
     if cycle is not None:
-        slowest = min(cycle.velocity, fastest, _turning(piece.curvatures(1)[0], ramp))
+        slowest = min(cycle.velocity, fastest, turning(piece.curvatures(1)[0], ramp))
         count = int(max(1.0, min(piece.length / max(slowest * cycle.period, _LEAST), _FINE)))
     curvatures = piece.curvatures(count)
-    slower = ramp if isinstance(piece, Straight) else _SPEEDS * ramp
+    slower = ramp if isinstance(piece, Straight) else SPEEDS * ramp
     for curvature in curvatures:
-        top = min(fastest, _turning(curvature, ramp))
+        top = min(fastest, turning(curvature, ramp))
         yield _Stretch(number, piece.length / len(curvatures), top, slower)
-
-
-def _turning(curvature: float, ramp: float) -> float:
-    """Return how fast a curve may be."""
-    return math.sqrt(_TURNS * ramp / curvature) if curvature else math.inf
 
 
 def _not_too_many(stretches: Sequence[_Stretch], period: float) -> list[_Stretch]:

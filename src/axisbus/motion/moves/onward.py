@@ -29,21 +29,22 @@ class Onward:
     velocity: float
     up: float
     down: float
-    _pieces: tuple[tuple[float, float, float, float], ...] = field(init=False, default=())
+    # Of each piece: its seconds, and where it begins, how fast, and with what acceleration.
+    pieces: tuple[tuple[float, float, float, float], ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
         """Plan the pieces."""
-        object.__setattr__(self, "_pieces", tuple(self._plan()))
+        object.__setattr__(self, "pieces", tuple(self._plan()))
 
     @property
     def duration(self) -> float:
         """Seconds until rest."""
-        return sum(piece[0] for piece in self._pieces)
+        return sum(piece[0] for piece in self.pieces)
 
     @property
     def span(self) -> tuple[float, float]:
         """The lowest and the highest position."""
-        turns = [piece[1] for piece in self._pieces]
+        turns = [piece[1] for piece in self.pieces]
         return min(*turns, self.end, self.start.position), max(*turns, self.end, self.start.position)
 
     @property
@@ -55,7 +56,7 @@ class Onward:
         """Return the position at ``t`` seconds; before and after, the ends."""
         if t <= 0:
             return self.start.position
-        for time, position, speed, rate in self._pieces:
+        for time, position, speed, rate in self.pieces:
             if t < time:
                 return position + speed * t + 0.5 * rate * t * t
             t -= time

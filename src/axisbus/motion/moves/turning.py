@@ -16,10 +16,10 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ramped import ramped_way
 
-_VELOCITY_FLOOR = 2  # velocity increments
-_VELOCITY_SHARE = 0.05  # of the velocity asked for
-_TORQUE_FLOOR = 10  # per mille of rated torque
-_TORQUE_SHARE = 0.05  # of the torque asked for
+VELOCITY_FLOOR = 2  # velocity increments
+VELOCITY_SHARE = 0.05  # of the velocity asked for
+TORQUE_FLOOR = 10  # per mille of rated torque
+TORQUE_SHARE = 0.05  # of the torque asked for
 _UNKNOWN_SLOPE = 10.0  # seconds
 
 
@@ -73,8 +73,8 @@ class VelocityMove(Prepared):
             return self._says_reached(image)
         off = abs(velocity - target)
         if not target:
-            return off <= _VELOCITY_FLOOR or image.standstill
-        close = max(_VELOCITY_FLOOR, abs(target) * _VELOCITY_SHARE)
+            return off <= VELOCITY_FLOOR or image.standstill
+        close = max(VELOCITY_FLOOR, abs(target) * VELOCITY_SHARE)
         return off < abs(target) / 2 and (off <= close or self._says_reached(image))
 
     def _says_reached(self, image: Image) -> bool:
@@ -147,7 +147,7 @@ class TorqueMove(Prepared):
         if image.now < self._commanded_at + self._parameters.timing.settle:
             return False
         off, target = abs(image.torque - self._torque), abs(self._torque)
-        close = off <= max(_TORQUE_FLOOR, target * _TORQUE_SHARE)
+        close = off <= max(TORQUE_FLOOR, target * TORQUE_SHARE)
         return close and (says or off < target / 2 or not target)
 
     def _watch(self, image: Image) -> None:
@@ -163,11 +163,11 @@ class TorqueMove(Prepared):
 
 def is_resisted(image: Image, velocity: int) -> bool:
     """Whether an axis that is to turn with ``velocity`` (increments) stands, and nobody sees by what its drive is led."""
-    if image.pull is not None or abs(velocity) <= _VELOCITY_FLOOR:
+    if image.pull is not None or abs(velocity) <= VELOCITY_FLOOR:
         return False
     if image.position is not None:
         return image.standstill
-    return image.velocity is not None and abs(image.velocity) <= _VELOCITY_FLOOR
+    return image.velocity is not None and abs(image.velocity) <= VELOCITY_FLOOR
 
 
 def velocity_missed(image: Image, parameters: AxisParameters, target: int) -> MotionTimeout:

@@ -92,11 +92,10 @@ def ramped_way(profile: Profile, parameters: AxisParameters) -> RampedWay | None
     units = parameters.units
     if not units.ratio_known or not parameters.has(objects.PROFILE_ACCELERATION):
         return None
-    per_velocity = units.position.factor / units.velocity.factor
     per_acceleration = abs(units.position.factor / units.acceleration.factor)
     up = profile.acceleration * per_acceleration
     down = profile.deceleration * per_acceleration if parameters.has(objects.PROFILE_DECELERATION) else up
-    return RampedWay(profile.velocity, per_velocity, up, down, parameters.pull_window)
+    return RampedWay(profile.velocity, units.per_velocity, up, down, parameters.pull_window)
 
 
 def led_way(parameters: AxisParameters) -> RampedWay | None:
@@ -105,6 +104,4 @@ def led_way(parameters: AxisParameters) -> RampedWay | None:
     if not units.ratio_known:
         return None
     at_once = math.inf
-    return RampedWay(
-        0.0, units.position.factor / units.velocity.factor, at_once, at_once, parameters.pull_window
-    )
+    return RampedWay(0.0, units.per_velocity, at_once, at_once, parameters.pull_window)
