@@ -12,6 +12,7 @@ from axisbus.motion.numbers import number, told
 from axisbus.motion.points.commands import OnUnderrun
 
 _LEAST, _MOST = 0.0001, 60.0  # seconds
+_IN_A_CYCLE = 8  # points that a cycle goes by at most: each takes some of its time
 _READ = duration("100us", "60s")
 
 
@@ -48,11 +49,12 @@ def options_of(
 
 
 def require_apart(seconds: float, scan: float, text: str, what: str) -> None:
-    """Raise ArgumentError where two points are nearer in time than two cycles, or farther than a stream takes."""
-    if not scan * (1.0 - 1e-6) <= seconds <= _MOST:
+    """Raise ArgumentError where two points are too near in time for a cycle to go by, or farther than a stream takes."""
+    least = scan / _IN_A_CYCLE
+    if not least <= seconds <= _MOST:
         raise ArgumentError(
-            f"{text}: {what} {seconds:.6g} s is not between the scan period and {_MOST:g} s",
-            observed=f"the scan period is {scan:g} s: each cycle takes one target",
+            f"{text}: {what} {seconds:.6g} s is not from {least:.6g} to {_MOST:g} s",
+            observed=f"the scan period is {scan:g} s, and a cycle goes by {_IN_A_CYCLE} points at most",
             remedy="leave out points that come faster than that, or set scan_period in [bus] of cell.toml",
         )
 

@@ -36,6 +36,8 @@ class PointStream:
     ``handle`` is that of the stream: done when the axes rest at the last point, and ended by whatever else stops them.
     """
 
+    handle: Handle
+
     def __init__(
         self,
         axes: Mapping[str, Axis],

@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from axisbus.errors import AxisbusError, CommandError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.travel import Travel
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.points.commands import AddPoints, FollowPoints, OnUnderrun, Span
 from axisbus.motion.points.course import Course
+from axisbus.motion.points.pace import StreamTravel
 from axisbus.motion.ticket import Status, Ticket
 
 MOST = 4096  # spans that are held
@@ -26,16 +26,6 @@ _KEPT = 2  # spans behind where the axes are
 _FADE = 0.5  # seconds of the stream within which the axes take back what they were off where it begins
 _ENDLESS = 1e9  # seconds: the duration of what has not been ended
 _SLOWER = 1e-9  # by how much less a pace counts as less
-
-
-class StreamTravel(Travel):
-    """The travel along a course; its places are told as times."""
-
-    __slots__ = ()
-
-    def told(self, t: float) -> str:
-        """Return a time for people."""
-        return f"{t:.3f} s of the stream"
 
 
 class PatientGate(Gate):
@@ -81,7 +71,7 @@ class Stream:
         self._name = name
         self.number = command.stream
         self.gate = PatientGate()
-        self.travel: Travel = StreamTravel()
+        self.travel = StreamTravel()
         self.planned = False
         self.gives_up: AxisbusError | None = None
         self.follows = {
@@ -211,7 +201,7 @@ class Stream:
     def _look(self, before: float) -> None:
         """See whether the pace falls for want of points."""
         travel = self.travel
-        wanted = min(travel.velocity * travel.factor, 1.0)
+        wanted = travel.wanted
         if self._ends or travel.braking:
             self._starves = False
             return
