@@ -104,7 +104,7 @@ def _path(cell: Cell, value: float) -> list[tuple[float, ...]]:
 
 
 def _stream(cell: Cell, value: float) -> Handle:
-    """As many points as find room, at up to 130 deg/s and 430 deg/s²: ended, or left to run out, with or without an error."""
+    """As many points as find room, at up to 130 deg/s and 430 deg/s²: ended, or left to run out."""
     starts = [demand_of(cell, axis.name) for axis in cell.machine]
     points = _group(cell).stream(
         period=0.01, buffer=0.5 + abs(value), on_underrun="error" if value < 0.0 else "hold"
@@ -113,7 +113,7 @@ def _stream(cell: Cell, value: float) -> Handle:
         way = 40.0 * value * (1.0 - math.cos(3.3 * 0.01 * number))
         if not points.try_push([start + way / (1 + axis) for axis, start in enumerate(starts)]):
             break
-    if abs(value) > 0.5:
+    if value >= 0.0:
         points.end()
     return points.handle
 
