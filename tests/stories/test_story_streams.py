@@ -215,6 +215,48 @@ def test_it_begins_where_the_axes_stand(story):
     assert cell.end_of(points.end()) is None
 
 
+def test_axes_wait_for_points_for_as_long_as_it_takes(story):
+    cell = opened(story)
+    cell["x"].move_absolute(10.0).wait()
+    points = stream(cell)
+    cell.run(30.0)
+    assert points.handle.active
+    assert cell.where("x") == pytest.approx(10.0, abs=0.05)
+    cell.must_be(ENABLED)
+    for number in range(100):
+        x, y, z = place(number * STEP)
+        points.push((x + 10.0, y, z))
+    assert cell.end_of(points.end()) is None
+    must_not_jolt(cell)
+
+
+def test_points_that_are_lost_on_their_way_end_the_stream_and_nothing_leaps(story):
+    cell = opened(story)
+    points = stream(cell)
+    feed(cell, points, 0.8)
+    points._sent += 1  # as if one had not found its way to the core
+    with pytest.raises(StateError, match="did not arrive"):
+        feed(cell, points, 1.0)
+    cell.run(1.0)
+    must_stand(cell)
+    must_be_on_the_line(cell)
+    must_not_jolt(cell)
+
+
+def test_cycles_that_are_late_make_it_late_and_nothing_else(story):
+    cell = opened(story)
+    points = stream(cell, on_underrun="error")
+    feed(cell, points, 0.6)
+    skipped = cell.machine.lateness.skipped
+    for blocks in (0.018, 0.0, 0.025, 0.0):
+        cell.cycle.dials.send_blocks = blocks
+        feed(cell, points, 0.2)
+    assert cell.machine.lateness.skipped > skipped
+    assert cell.end_of(points.end()) is None
+    must_be_on_the_line(cell)
+    assert cell.where("x") == pytest.approx(place((points.count - 1) * STEP)[0], abs=0.1)
+
+
 def test_one_that_gets_no_point_ends_well(story):
     cell = opened(story)
     with stream(cell) as points:
