@@ -13,6 +13,8 @@ are debts, taken back little by little (``Debt``): the slave never jumps, and is
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.coupling.entries import By
@@ -20,6 +22,14 @@ from axisbus.motion.coupling.told import Debt, Told
 from axisbus.motion.states import AxisState
 
 _PATH, _TARGET, _TOLD = "path", "target", "told"
+
+
+class _Led(NamedTuple):
+    """By what kind of value a master is led, where to in the last cycle, and in the one before that."""
+
+    kind: str
+    place: float
+    before: float
 
 
 class Master:
@@ -34,6 +44,7 @@ class Master:
         self._period = period
         self._origin = core.image.origin  # what is counted anew meanwhile moves no slave
         self._kind: str | None = None
+        self._target: float | None = None  # the last one
         self._debt = Debt(period)
         self._told = Told(core, by, period)
 
@@ -55,7 +66,7 @@ class Master:
         if led is None:
             self._take_told()
         else:
-            self._take_led(*led)
+            self._take_led(led)
 
     def _lost(self) -> AxisbusError | None:
         core, image = self.core, self.core.image
@@ -68,25 +79,28 @@ class Master:
             return NodeError(f"nobody knows where {self.name} is", node=core.parameters.node)
         return None
 
-    def _led(self) -> tuple[str, float] | None:
-        """Return by what kind of value it is led exactly, and where to; None where its drive leads itself."""
-        path, core = self.core.leading_path, self.core
-        units, counted = core.parameters.units.position, core.image.origin - self._origin
-        if path is not None:
-            return _PATH, path.last_step.position + units.to_units(counted)
+    def _led(self) -> _Led | None:
+        """Return where it is led to exactly; None where its drive leads itself."""
+        path, core, units = self.core.leading_path, self.core, self.core.parameters.units.position
         target = core.image.position if core.parameters.virtual else core.image.led.target
-        return None if target is None else (_TARGET, units.to_units(target - self._origin))
+        before, self._target = self._target, None if target is None else units.to_units(target - self._origin)
+        if path is not None:
+            place = path.last_step.position + units.to_units(core.image.origin - self._origin)
+            return _Led(_PATH, place, place - path.last_step.velocity * self._period)
+        return (
+            None
+            if self._target is None
+            else _Led(_TARGET, self._target, self._target if before is None else before)
+        )
 
-    def _take_led(self, kind: str, led: float) -> None:
-        path, before = self.core.leading_path, self._kind
-        self._kind = kind
+    def _take_led(self, led: _Led) -> None:
+        before, self._kind = self._kind, led.kind
         if before is None:
-            self.place, self.velocity = led, 0.0 if path is None else path.last_step.velocity
+            self.place, self.velocity = led.place, (led.place - led.before) / self._period
             return
-        if kind != before:
-            onward = self.place + self.velocity * self._period
-            self._debt.add(onward - self._debt.value - led, self.velocity)
-        self._go_to(led)
+        if led.kind != before:
+            self._debt.add(self.place - led.before - self._debt.value, self.velocity)
+        self._go_to(led.place)
 
     def _take_told(self) -> None:
         told, before = self._told, self._kind
