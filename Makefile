@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign flaky explore mutants pictures format clean
+.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign bounds flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -47,6 +47,9 @@ bench-guests: $(READY)    ## what recordings, monitors and attacks beside a core
 
 campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
 	$(BIN)/python tests/campaign.py
+
+bounds: $(READY)          ## 10,000 random commands of axes that the master leads, with the highest share of each limit
+	PYTHONPATH=tests $(BIN)/python tests/bounds.py
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py

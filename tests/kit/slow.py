@@ -99,6 +99,7 @@ SLOW = {
         "motion/test_motion_no_jolt.py",
         "motion/test_motion_properties.py",
         "motion/test_motion_streaming.py",
+        "stories/test_story_bounds.py",
         "stories/test_story_groups.py",
         "stories/test_story_handshake.py::test_a_replacement_at_any_moment_of_the_handshake_ends_at_the_last_target",
         "stories/test_story_limits.py",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from axisbus.motion.group.pieces import Place
 from axisbus.motion.group.way import Way
+from axisbus.motion.parameters import Limits
 
 _SLOPE = 100.0  # units of way for one of what the beginning is off
 
@@ -29,6 +31,18 @@ class Along:
         self._fade = min(rest, max(own, _SLOPE * math.hypot(*self._off)))
         self._last = math.nan
         self._place: Place = here
+
+    def eased(self, limits: Sequence[Limits], velocity: float) -> Way:
+        """Return the way, so slow (at ``velocity`` at most) that what is taken back leads no axis beyond its limits."""
+        if not any(self._off):
+            return self.way
+        fastest, hardest = min(velocity, max(self.way.tops)), max(self.way.ramps)
+        more = 0.0
+        for off, limit in zip(self._off, limits, strict=True):
+            slope = abs(off) / self._fade if self._fade else 0.0
+            more = max(more, slope * fastest / (limit.velocity or math.inf))
+            more = max(more, slope * hardest / (limit.acceleration or math.inf))
+        return self.way.slower(1.0 / (1.0 + more))
 
     def at(self, s: float) -> Place:
         """Return the place at ``s``."""

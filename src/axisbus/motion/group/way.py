@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
@@ -73,6 +73,11 @@ class Way:
             duration(length, min(velocity, top), ramp)
             for length, top, ramp in zip(lengths, self.tops, self.ramps, strict=True)
         )
+
+    def slower(self, share: float) -> Way:
+        """Return the same way with ``share`` (above 0, at most 1) of its speeds and accelerations: it can be gone along as well."""
+        tops, ramps, leaves = ([share * one for one in each] for each in (self.tops, self.ramps, self.leaves))
+        return replace(self, tops=tuple(tops), ramps=tuple(ramps), leaves=tuple(leaves))
 
 
 NOWHERE = Way((), (), (0.0,), (), (), (), (), (), (), (), ())

@@ -1,0 +1,71 @@
+"""What axes that the master leads come to, as a share of what they may: ``make bounds``.
+
+``python tests/bounds.py [--commands 10000] [--first SEED] [--jobs N]``: random lines, paths, circles, trajectories, gears, replans,
+overrides, halts and resumes, in virtual time, with a table of what was asked for and the highest share of each limit. Fresh ones in
+each run unless the first seed is given. Exit code 1 where a limit did not hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import multiprocessing
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from kit.bounds.play import ORDER, Play, played
+
+STEPS = 25  # commands of a play
+COMPUTED = 1e-9  # what the arithmetic may be off, as a share
+
+
+def trial(seed: int) -> Play:
+    """Play one seed in a folder of its own; nobody is told of handles that nobody looks at."""
+    logging.disable(logging.CRITICAL)
+    sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    with tempfile.TemporaryDirectory() as folder:
+        return played(seed, STEPS, Path(folder))
+
+
+def table(total: Play) -> str:
+    """Return what was asked for, and what it came to."""
+    lines = [f"{'':26}{'asked for':>10}{'done':>8}{'broken off':>12}"]
+    for what in ORDER:
+        counts = total.asked[what], total.done[what], total.broken_off[what]
+        lines.append(f"{what:26}{counts[0]:>10}{counts[1]:>8}{counts[2]:>12}")
+    worst = total.worst
+    lines += ["", f"highest share of a limit, in {worst.cycles} cycles of an axis"]
+    for what, (share, where) in (
+        ("max_velocity", worst.velocity),
+        ("max_acceleration", worst.acceleration),
+        ("jerk of a line", worst.jerk),
+    ):
+        lines.append(f"{what:18}{share:>20.12f}   {where}")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Play until so many commands have been given, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--commands", type=int, default=10_000)
+    parser.add_argument("--first", type=int, default=int(time.time()))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    chosen = parser.parse_args()
+    seeds = range(chosen.first, chosen.first + -(-chosen.commands // STEPS))
+    print(f"seeds {seeds[0]} to {seeds[-1]}")
+    total = Play()
+    with multiprocessing.get_context("spawn").Pool(chosen.jobs) as pool:
+        for number, play in enumerate(pool.imap_unordered(trial, seeds), 1):
+            total.join(play)
+            print(f"\r{number}/{len(seeds)} plays", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    print(table(total))
+    shares = (total.worst.velocity, total.worst.acceleration, total.worst.jerk)
+    return int(any(share > 1.0 + COMPUTED for share, _ in shares))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

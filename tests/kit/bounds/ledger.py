@@ -1,0 +1,75 @@
+"""What every cycle of the axes that the master leads comes to, as a share of what it may; computed here from places alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from kit.cell import Cell
+
+
+@dataclass
+class Worst:
+    """The highest share of each limit so far, and where it was seen (a line of the play)."""
+
+    velocity: tuple[float, str] = (0.0, "")
+    acceleration: tuple[float, str] = (0.0, "")
+    jerk: tuple[float, str] = (0.0, "")
+    cycles: int = 0
+
+    def join(self, other: Worst) -> None:
+        """Take what another play has seen."""
+        self.velocity = max(self.velocity, other.velocity)
+        self.acceleration = max(self.acceleration, other.acceleration)
+        self.jerk = max(self.jerk, other.jerk)
+        self.cycles += other.cycles
+
+
+@dataclass
+class _Seen:
+    """The last places of one axis, and its velocity and acceleration by their differences."""
+
+    place: float | None = None
+    velocity: float = 0.0
+    acceleration: float | None = 0.0
+    path: object = None
+
+
+@dataclass
+class Ledger:
+    """Looks at each cycle of a cell; ``jerk`` (unit/s³) is that of the way under way, None where none is asked for.
+
+    An axis that nothing leads stands: its velocity and acceleration begin at 0.
+    """
+
+    cell: Cell
+    period: float
+    worst: Worst = field(default_factory=Worst)
+    jerk: float | None = None
+    what: str = ""
+
+    def __post_init__(self) -> None:
+        self._seen = {axis.name: _Seen() for axis in self.cell.machine}
+        self.cell.each_cycle(self._look)
+
+    def _look(self, _now: float, _snapshots: object) -> None:
+        for name, seen in self._seen.items():
+            path = self.cell.core(name).leading_path
+            if path is None or path._step is None:
+                seen.place, seen.velocity, seen.acceleration = None, 0.0, 0.0
+                continue
+            self._take(name, seen, path.last_step.position)
+
+    def _take(self, name: str, seen: _Seen, place: float) -> None:
+        before, seen.place = seen.place, place
+        if before is None:
+            return
+        limits, worst, t = self.cell.core(name).parameters.limits, self.worst, self.period
+        velocity = (place - before) / t
+        acceleration = (velocity - seen.velocity) / t
+        change = (acceleration - (seen.acceleration or 0.0)) / t
+        worst.cycles += 1
+        worst.velocity = max(worst.velocity, (abs(velocity) / limits.velocity, self.what))
+        worst.acceleration = max(worst.acceleration, (abs(acceleration) / limits.acceleration, self.what))
+        if self.jerk is not None:
+            worst.jerk = max(worst.jerk, (abs(change) / self.jerk, self.what))
+        seen.velocity, seen.acceleration = velocity, acceleration
