@@ -35,6 +35,9 @@ class Travel:
         ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
         self._foreign: set[str] = set()  # on the way to where another master has sent it
         self._pushed = dict.fromkeys(facts.names, facts.now)  # when the drive was in a torque mode last
+        self._beside = dict.fromkeys(
+            facts.names, -_CALM
+        )  # when the drive held its motor beside its demand last, by itself
         self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
 
     def ended(self, asked: Asked) -> None:
@@ -155,10 +158,13 @@ class Travel:
     def _smooth(self, name: str, samples: list[PlantSample]) -> None:
         """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set.
 
-        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells.
+        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells. One
+        that has led its motor away by itself, and was seen to stand, takes that back as hard as it can.
         """
         drive = self._facts.cell.drive(name)
-        if self._facts.now - self._pushed[name] < _SEIZED:
+        if drive.axis.drift:
+            self._beside[name] = self._facts.now
+        if self._facts.now - max(self._pushed[name], self._beside[name]) < _SEIZED:
             return
         if any(sample.stage != ENABLED for sample in samples) or self._by_path(name):
             return
