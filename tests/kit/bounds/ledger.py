@@ -30,8 +30,7 @@ class _Seen:
 
     place: float | None = None
     velocity: float = 0.0
-    acceleration: float | None = 0.0
-    path: object = None
+    acceleration: float = 0.0
 
 
 @dataclass
@@ -66,7 +65,7 @@ class Ledger:
         limits, worst, t = self.cell.core(name).parameters.limits, self.worst, self.period
         velocity = (place - before) / t
         acceleration = (velocity - seen.velocity) / t
-        change = (acceleration - (seen.acceleration or 0.0)) / t
+        change = (acceleration - seen.acceleration) / t
         worst.cycles += 1
         worst.velocity = max(worst.velocity, (abs(velocity) / limits.velocity, self.what))
         worst.acceleration = max(worst.acceleration, (abs(acceleration) / limits.acceleration, self.what))
