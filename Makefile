@@ -49,7 +49,7 @@ campaign: $(READY)        ## 10,000 fresh scenarios of random commands and misha
 	$(BIN)/python tests/campaign.py
 
 bounds: $(READY)          ## 10,000 random commands of axes that the master leads, with the highest share of each limit
-	PYTHONPATH=tests $(BIN)/python tests/bounds.py
+	$(BIN)/python tests/bounds.py
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py

@@ -6,21 +6,25 @@ from dataclasses import dataclass, field
 
 from kit.cell import Cell
 
+VELOCITY, ACCELERATION, JERK = LIMITS = "max_velocity", "max_acceleration", "jerk of a line"
+MOST = 1.0 + 1e-9  # of a limit, with what the arithmetic may be off
+
 
 @dataclass
 class Worst:
     """The highest share of each limit so far, and where it was seen (a line of the play)."""
 
-    velocity: tuple[float, str] = (0.0, "")
-    acceleration: tuple[float, str] = (0.0, "")
-    jerk: tuple[float, str] = (0.0, "")
+    shares: dict[str, tuple[float, str]] = field(default_factory=lambda: dict.fromkeys(LIMITS, (0.0, "")))
     cycles: int = 0
+
+    def see(self, limit: str, share: float, where: str) -> None:
+        """Take a share of one limit."""
+        self.shares[limit] = max(self.shares[limit], (share, where))
 
     def join(self, other: Worst) -> None:
         """Take what another play has seen."""
-        self.velocity = max(self.velocity, other.velocity)
-        self.acceleration = max(self.acceleration, other.acceleration)
-        self.jerk = max(self.jerk, other.jerk)
+        for limit, seen in other.shares.items():
+            self.see(limit, *seen)
         self.cycles += other.cycles
 
 
@@ -67,8 +71,8 @@ class Ledger:
         acceleration = (velocity - seen.velocity) / t
         change = (acceleration - seen.acceleration) / t
         worst.cycles += 1
-        worst.velocity = max(worst.velocity, (abs(velocity) / limits.velocity, self.what))
-        worst.acceleration = max(worst.acceleration, (abs(acceleration) / limits.acceleration, self.what))
+        worst.see(VELOCITY, abs(velocity) / limits.velocity, self.what)
+        worst.see(ACCELERATION, abs(acceleration) / limits.acceleration, self.what)
         if self.jerk is not None:
-            worst.jerk = max(worst.jerk, (abs(change) / self.jerk, self.what))
+            worst.see(JERK, abs(change) / self.jerk, self.what)
         seen.velocity, seen.acceleration = velocity, acceleration

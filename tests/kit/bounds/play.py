@@ -144,8 +144,7 @@ class Player:
     def _trajectory(self) -> Handle:
         self._rest(0.5)
         axis = self.cell[self.random.choice("xyz")]
-        here = axis.position
-        return axis.follow(Trapezoid(here, self.random.uniform(-REACH, REACH), 300.0, 1500.0))
+        return axis.follow(Trapezoid(axis.position, self.random.uniform(-REACH, REACH), 300.0, 1500.0))
 
     def _replan(self) -> Handle:
         """A move out of whatever leads the axis; one that stands is not moved by its drive."""

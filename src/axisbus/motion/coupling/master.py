@@ -87,11 +87,9 @@ class Master:
         if path is not None:
             place = path.last_step.position + units.to_units(core.image.origin - self._origin)
             return _Led(_PATH, place, place - path.last_step.velocity * self._period)
-        return (
-            None
-            if self._target is None
-            else _Led(_TARGET, self._target, self._target if before is None else before)
-        )
+        if self._target is None:
+            return None
+        return _Led(_TARGET, self._target, self._target if before is None else before)
 
     def _take_led(self, led: _Led) -> None:
         before, self._kind = self._kind, led.kind

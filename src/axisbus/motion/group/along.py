@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from axisbus.motion.group.pieces import Place
-from axisbus.motion.group.way import Way
+from axisbus.motion.group.way import Way, least
 from axisbus.motion.parameters import Limits
 
 _SLOPE = 100.0  # units of way for one of what the beginning is off
@@ -34,15 +34,13 @@ class Along:
 
     def eased(self, limits: Sequence[Limits], velocity: float) -> Way:
         """Return the way, so slow (at ``velocity`` at most) that what is taken back leads no axis beyond its limits."""
-        if not any(self._off):
+        if not self._fade or not any(self._off):
             return self.way
+        slopes = tuple(abs(off) / self._fade for off in self._off)
         fastest, hardest = min(velocity, max(self.way.tops)), max(self.way.ramps)
-        more = 0.0
-        for off, limit in zip(self._off, limits, strict=True):
-            slope = abs(off) / self._fade if self._fade else 0.0
-            more = max(more, slope * fastest / (limit.velocity or math.inf))
-            more = max(more, slope * hardest / (limit.acceleration or math.inf))
-        return self.way.slower(1.0 / (1.0 + more))
+        more_speed = fastest / least([limit.velocity for limit in limits], slopes)
+        more_ramp = hardest / least([limit.acceleration for limit in limits], slopes)
+        return self.way.slower(1.0 / (1.0 + max(more_speed, more_ramp)))
 
     def at(self, s: float) -> Place:
         """Return the place at ``s``."""
