@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 from axisbus.cell.entries import Unfit, duration
 from axisbus.errors import ArgumentError
@@ -14,6 +14,14 @@ from axisbus.motion.points.commands import OnUnderrun
 _LEAST, _MOST = 0.0001, 60.0  # seconds
 _IN_A_CYCLE = 8  # points that a cycle goes by at most: each takes some of its time
 _READ = duration("100us", "60s")
+
+
+class StreamWords(TypedDict, total=False):
+    """What ``Group.stream`` may be given."""
+
+    period: float | str | None
+    on_underrun: str
+    buffer: float | str
 
 
 class StreamOptions(NamedTuple):
