@@ -209,6 +209,30 @@ def cam() -> None:
     save(figure, "cam.png")
 
 
+def stream() -> None:
+    """Points that a program gives at its own pace, of which some come too late."""
+
+    def run(cell: Machine, xy: Group) -> None:
+        def give(last: int) -> None:
+            while points.count < last:
+                t = 0.02 * points.count
+                grown = 20.0 * min(t, 1.0) ** 2 * (3.0 - 2.0 * min(t, 1.0))
+                points.push((grown * math.sin(3.0 * t) + 20.0, grown * math.sin(6.0 * t)))
+
+        xy.move_linear((20.0, 0.0), velocity=60.0).wait()
+        with xy.stream(period="20ms") as points:
+            give(110)
+            cell.sleep(1.2)
+            give(190)
+
+    trace = traced(run)
+    first = next(n for n, x in enumerate(trace.x) if x > 19.99)
+    trace = Trace(*(row[first:] for row in trace))
+    figure, speed = two_views({"a stream": trace})
+    speed.set(title="speed along the path: points run out, and come again")
+    save(figure, "stream.png")
+
+
 def workspace() -> None:
     """A straight line of an arm's tool, beside what the joints make where each goes straight."""
     machine = Scara(200.0, 150.0)
@@ -256,6 +280,6 @@ def workspace() -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, jerk, gear, cam, workspace):
+    for draw in (corners, override, jerk, gear, cam, stream, workspace):
         draw()
         print(draw.__name__, flush=True)

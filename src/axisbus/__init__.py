@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.machine.streaming.points import PointStream
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
@@ -37,6 +38,7 @@ _HOME = {
     "Handle": "axisbus.machine.handle",
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
+    "PointStream": "axisbus.machine.streaming.points",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Spline": "axisbus.motion.spline",
@@ -57,6 +59,7 @@ __all__ = [
     "Handle",
     "Machine",
     "Plant",
+    "PointStream",
     "Recorder",
     "Sampled",
     "Scara",

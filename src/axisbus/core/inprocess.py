@@ -16,6 +16,7 @@ from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.points.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Ticket
 from axisbus.session import (
@@ -131,7 +132,8 @@ class InProcess:
 
     def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
         """As ``Session.submit``."""
-        self._ledger.give(number, name)  # before it may end
+        if not isinstance(command, AddPoints):  # which are no commands of their own, and too many to keep
+            self._ledger.give(number, name)  # before it may end
         kept = self._scan.submit(target, command, Ticket(name, self._tell, number)).number
         if kept != number:
             self._ledger.retract(number)

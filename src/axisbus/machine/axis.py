@@ -21,6 +21,7 @@ from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters, Limits
+from axisbus.motion.points.joining import Allowed, allowed_of
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
@@ -643,6 +644,26 @@ class Axis:
         target = self.absolute_increments(name, position)
         endless = self._parameters.units.modulo is not None
         return self._parameters.units.position.to_units(target) if endless else position
+
+    def require_stream(self, text: str) -> None:
+        """Raise ArgumentError where nothing says how it is braked, or how fast it may be; for streams."""
+        self._request(text).streamed()
+
+    def allowed(self) -> Allowed:
+        """Return what it may do on a stream of points that begins where it is led to; for streams."""
+        return allowed_of(self._parameters, self.led_to)
+
+    def require_near(self, text: str, position: float) -> None:
+        """Raise StateError where ``position`` is not where it is led to; for streams."""
+        units = self._parameters.units.position
+        off, allowed = abs(position - self.led_to), abs(units.to_units(self._parameters.place_window))
+        if off > allowed:
+            raise StateError(
+                f"{text}: {self.name} does not stand where the stream begins",
+                observed=f"{self.name} is at {self.led_to:.6g} {units.unit}, the point at {position:.6g}; allowed are "
+                f"{allowed:.3g} between them",
+                remedy="begin the stream with where the axes stand, or go to its first point before",
+            )
 
     def require_homed(self, name: str) -> None:
         """Raise ArgumentError where it is not homed and must be; for couplings."""

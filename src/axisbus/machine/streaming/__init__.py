@@ -1,0 +1,1 @@
+"""Streams of points as their user sees them."""
