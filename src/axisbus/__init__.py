@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.machine.probing import Probed, ProbeHandle
     from axisbus.machine.streaming.points import PointStream
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
@@ -39,6 +40,8 @@ _HOME = {
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
     "PointStream": "axisbus.machine.streaming.points",
+    "ProbeHandle": "axisbus.machine.probing",
+    "Probed": "axisbus.machine.probing",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Spline": "axisbus.motion.spline",
@@ -60,6 +63,8 @@ __all__ = [
     "Machine",
     "Plant",
     "PointStream",
+    "ProbeHandle",
+    "Probed",
     "Recorder",
     "Sampled",
     "Scara",

@@ -14,6 +14,7 @@ from axisbus.machine.cam import Cam
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
+from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
 from axisbus.machine.request import Request, shown
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple
@@ -576,6 +577,58 @@ class Axis:
     def gear_out(self) -> Handle:
         """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
         return self._submit("gear_out()", c.GearOut())
+
+    # -- touch probe -------------------------------------------------------------------------------------------------
+
+    def probe(
+        self,
+        input: int = 1,  # noqa: A002  # the standard's word
+        edge: str = "rising",
+        *,
+        continuous: bool = False,
+        window: tuple[float, float] | None = None,
+        source: str = "input",
+    ) -> ProbeHandle:
+        """Arm a touch probe: the drive latches where it is at the next ``edge`` (MC_TouchProbe; CiA 402-2, 60B8h to 60BDh).
+
+        ``input``: 1 or 2. ``edge``: "rising", "falling", or "both", which is done when one of each was latched. ``source``:
+        "input", or "zero pulse" of the encoder. ``continuous`` tells every edge until it is cancelled. ``window``: from where to
+        where (in the axis's unit) an edge counts; of an endless axis it may go over the end of the turn.
+
+        It does not block, energises and moves nothing, and works in every state in which the node is operational. The position is
+        the drive's own latch; that it was latched is seen by SDO, 10 ms and two answers later at most. An edge counts from when the
+        handle is ``active`` (see ``wait_armed``). Another request for the same input replaces this one; homing ends it.
+
+        Raises:
+            StateError: the EDS lacks an object for it.
+            ArgumentError: a value is none that there is; or with a window, the axis is not homed where it must be.
+        """
+        name = f"probe(input {shown(input)}, {edge if isinstance(edge, str) else told(edge)})"
+        command = probe_command(
+            self._request(name), self._parameters, input, edge, source, window, continuous=continuous
+        )
+        if window is not None:
+            self.require_homed(name)
+        abort = c.ProbeAbort(command.number, command.key)
+        handle = ProbeHandle(
+            f"{self.name}.{name}",
+            self._session.waiter,
+            self._parameters.units,
+            lambda: self._submit(f"probe_abort(input {command.number})", abort),
+        )
+        self._commanding.give(handle, self.name, command)
+        return handle
+
+    def probe_abort(self, input: int = 1) -> Handle:  # noqa: A002  # the standard's word
+        """Switch the touch probe of ``input`` (1 or 2) off, whoever has armed it (MC_AbortTrigger); its handle ends as aborted.
+
+        It does not block; done when the drive has taken it. Raises as ``probe``.
+        """
+        name = f"probe_abort(input {shown(input)})"
+        request = self._request(name)
+        number = input_number(request, input)
+        require_objects(request, self._parameters, number, frozenset())
+        return self._submit(name, c.ProbeAbort(number))
 
     # -- how a command is made ----------------------------------------------------------------------------------------
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from axisbus.cia402.touch_probe import Edge, ProbeSource
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.stop.policy import GroupFault
@@ -136,6 +137,29 @@ class GearOut:
 
 
 @dataclass(frozen=True, slots=True)
+class Probe:
+    """MC_TouchProbe: tell where the axis is at the next edge of input ``number`` (1 or 2) of each kind, or at every one.
+
+    ``window``: from where to where (in units) an edge counts. ``key`` tells this request from others of its program.
+    """
+
+    number: int
+    edges: frozenset[Edge]
+    source: ProbeSource
+    continuous: bool
+    window: tuple[float, float] | None
+    key: int
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeAbort:
+    """MC_AbortTrigger: switch input ``number`` off; with ``key`` only what that request has armed."""
+
+    number: int
+    key: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -176,6 +200,8 @@ Command = (
     | FollowTrajectory
     | Buffered
     | GearOut
+    | Probe
+    | ProbeAbort
     | Shutdown
     | PolicyStop
     | HandOver

@@ -198,6 +198,7 @@ def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:
 
 
 def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> None:
+    core.probes.end_all(Stopped(f"stopped: {command.reason}"), core.order)
     if not core.touched:
         core.finish(ticket)  # never commanded by us: left as it was found
         return
@@ -216,6 +217,7 @@ def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate
 
 
 def _hand_over(core: AxisCore, command: c.HandOver, ticket: Ticket, __: Gate) -> None:
+    core.probes.end_all(Stopped(command.reason), core.order)
     _stop_ours(core, StopKind.HALT, command.reason, ticket)
 
 
@@ -225,6 +227,25 @@ def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket, rung
         core.stop_because(kind, Then.HOLD, rung, reason, ticket)
     else:
         core.finish(ticket)
+
+
+# -- touch probe -----------------------------------------------------------------------------------------------------
+
+
+def _probe(core: AxisCore, command: c.Probe, ticket: Ticket, _: Gate) -> None:
+    if core.state is AxisState.HOMING:
+        raise StateError(
+            f"{ticket.name}: the axis is being homed, and its drive will count its positions anew",
+            remedy="wait until it is homed",
+        )
+    core.probes.begin(command, ticket, core.image, core.order)
+
+
+def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: Ticket, _: Gate) -> None:
+    core.probes.abort(command, ticket, core.image, core.order)
+
+
+# -- one after the other ---------------------------------------------------------------------------------------------
 
 
 def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -> None:
@@ -256,6 +277,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
     c.GearOut: accept_motion.uncouple,
+    c.Probe: _probe,
+    c.ProbeAbort: _probe_abort,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,

@@ -43,6 +43,7 @@ from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.aftermath import Aftermath
@@ -94,6 +95,7 @@ class AxisCore:
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = Running()
         self.queue = Queue()
+        self.probes = Probes(parameters, self.running)
         self.last_target: int | None = None
         self.halted = False
         self._broken: AxisbusError | None = None  # what has tripped it between two cycles
@@ -168,6 +170,8 @@ class AxisCore:
         else:
             self._look_at_all(image, order)
         self._was_calm = calm
+        if self.probes.requests:
+            self.probes.step(image, order)
         order.halt = self.halted
         stopping, activity = self.stopping, self.running.activity
         if stopping.ladder is None and activity is not None:
@@ -202,6 +206,7 @@ class AxisCore:
             and self.tripped is None
             and self._broken is None
             and self._story is None
+            and not self.probes.requests
         )
 
     def _is_calm(self, image: Image) -> bool:
@@ -277,6 +282,7 @@ class AxisCore:
         """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
         tickets = self.stopping.drop()
         tickets += self.rest_waits.drop()
+        tickets += self.probes.drop()
         if self._story is not None:
             tickets += self._story.tickets
         if self.running.ticket is not None:
@@ -425,6 +431,7 @@ class AxisCore:
         self._stopped_for_sure = False
         if activity.mode is ModeOfOperation.HOMING:
             self.homed = False  # until it is done
+            self.probes.end_all(Replaced(f"{ticket.name} lets the drive count positions anew"), self.order)
         self.running.begin(activity, ticket)
         self._arrival.begin(activity, self.image.now)
         if state is not None:
