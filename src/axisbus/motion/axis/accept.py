@@ -198,7 +198,7 @@ def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:
 
 
 def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> None:
-    core.probes.end_all(Stopped(f"stopped: {command.reason}"), core.order)
+    core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     if not core.touched:
         core.finish(ticket)  # never commanded by us: left as it was found
         return
@@ -217,7 +217,7 @@ def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate
 
 
 def _hand_over(core: AxisCore, command: c.HandOver, ticket: Ticket, __: Gate) -> None:
-    core.probes.end_all(Stopped(command.reason), core.order)
+    core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     _stop_ours(core, StopKind.HALT, command.reason, ticket)
 
 

@@ -431,7 +431,8 @@ class AxisCore:
         self._stopped_for_sure = False
         if activity.mode is ModeOfOperation.HOMING:
             self.homed = False  # until it is done
-            self.probes.end_all(Replaced(f"{ticket.name} lets the drive count positions anew"), self.order)
+            why = f"was ended by {ticket.name}, with which the drive counts its positions anew"
+            self.probes.end_all(Replaced, why, self.order)
         self.running.begin(activity, ticket)
         self._arrival.begin(activity, self.image.now)
         if state is not None:

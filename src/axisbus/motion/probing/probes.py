@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from axisbus.errors import AxisbusError, NodeError, Replaced, StateError, Stopped
+from axisbus.errors import AxisbusError, Interrupted, NodeError, Replaced, StateError, Stopped
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.axis.running import Running
@@ -81,11 +81,11 @@ class Probes:
             except AxisbusError as error:
                 self._fail(number, request, error, order)
 
-    def end_all(self, error: AxisbusError, order: Order) -> None:
-        """End all requests, and switch their inputs off."""
+    def end_all(self, kind: type[Interrupted], why: str, order: Order) -> None:
+        """End all requests, and switch their inputs off; ``why`` goes on after the name of each, in words."""
         for request in self.requests.values():
             if request.ticket is not None:
-                self._end(request, error)
+                self._end(request, kind(f"{request.ticket.name} {why}"))
                 request.arming.switch_off(order)
 
     def lose(self, error: AxisbusError, order: Order) -> None:
