@@ -11,7 +11,9 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds import builtin
 from axisbus.errors import (
     ArgumentError,
+    CommandError,
     DriveError,
+    LimitError,
     NodeError,
     Replaced,
     ScanError,
@@ -506,6 +508,125 @@ def test_an_axis_on_a_trajectory_goes_its_way_as_if_nobody_probed(story):
         ways.append(cell.positions(since=since))
         assert [edge.position for edge in probe.captures] == pytest.approx([20.0, 30.0] if probed else [])
     assert ways[0] == ways[1]
+
+
+# -- until an edge ---------------------------------------------------------------------------------------------------
+
+
+def test_a_search_ends_at_rest_beyond_the_edge_and_tells_where_that_was(story):
+    cell = story.simulated().enabled()
+    mark(cell, 12.34, 40.0)
+    search = cell.x.probe_move(40.0, velocity=50.0, acceleration=500.0)
+    assert search.wait(5).position == pytest.approx(12.34)
+    assert cell.speed() == 0.0
+    assert (
+        12.34 + 2.5 < cell.where() < 12.34 + 2.5 + 50.0 * 0.08
+    )  # braking, and what is gone until it was seen
+    assert cell.x.state is AxisState.STANDSTILL
+    cell.must_stand(within=0.1, stages=ENABLED)
+    assert function(cell) == DISARMED
+    cell.x.move_absolute(0.0).wait(5)
+
+
+def test_nothing_moves_before_the_input_is_armed(story):
+    cell = story.simulated().enabled()
+    cell.drive().dials.probe_deaf = True
+    search = cell.x.probe_move(40.0)
+    assert isinstance(cell.failure_of(search), DriveError)
+    cell.must_stand(within=0.1, stages=ENABLED)
+    assert cell.farthest() == (0.0, 0.0)
+
+
+def test_a_search_that_finds_nothing_says_so_where_it_was_to_end(story, golden):
+    cell = story.simulated().enabled()
+    search = cell.x.probe_move(30.0)
+    error = cell.failure_of(search)
+    assert isinstance(error, CommandError)
+    golden("probe_move_without_edge", error)
+    assert cell.where() == pytest.approx(30.0, abs=0.05)
+    cell.run(0.1)
+    assert function(cell) == DISARMED
+
+
+def test_an_edge_at_the_very_end_is_found(story):
+    cell = story.simulated().enabled()
+    mark(cell, 29.99, 40.0)
+    assert cell.x.probe_move(30.0).wait(5).position == pytest.approx(29.99)
+
+
+@pytest.mark.parametrize("after", [0.0, 0.03, 0.1, 0.3])
+@pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable", "cancel", "move"])
+def test_what_else_is_told_ends_a_search(story, how, after):
+    cell = story.simulated().enabled()
+    mark(cell, 80.0, 90.0)
+    search = cell.x.probe_move(100.0)
+    cell.run(after)
+    other = (
+        cell.x.move_absolute(-10.0)
+        if how == "move"
+        else search.cancel()
+        if how == "cancel"
+        else getattr(cell.x, how)()
+    )
+    other.wait(5)
+    assert search.aborted, search.exception()
+    cell.run(0.5)
+    assert cell.speed() == 0.0
+    assert cell.farthest()[1] < 60.0
+    assert function(cell) == DISARMED
+
+
+def test_a_touch_probe_that_fails_halts_the_search(story):
+    cell = story.simulated().enabled()
+    search = cell.x.probe_move(100.0)
+    cell.until(lambda: cell.where() > 10.0)
+    cell.drive().touch_probe.take(0)
+    assert isinstance(cell.failure_of(search), DriveError)
+    cell.must_stand(within=0.5, stages=ENABLED)
+    assert cell.where() < 40.0
+
+
+def test_another_request_for_its_input_halts_the_search(story):
+    cell = story.simulated().enabled()
+    search = cell.x.probe_move(100.0)
+    cell.until(lambda: cell.where() > 10.0)
+    probe = cell.x.probe()
+    assert isinstance(cell.failure_of(search), Replaced)
+    cell.must_stand(within=0.5, stages=ENABLED)
+    assert probe.active
+
+
+@pytest.mark.nets("the stop ladder")
+def test_a_node_that_dies_ends_a_search_and_the_others_stop(story):
+    cell = story.simulated("xy").enabled()
+    cell["y"].move_velocity(50.0)
+    search = cell["x"].probe_move(200.0)
+    cell.until(lambda: cell.where("x") > 10.0)
+    cell.device("x").dials.dead = True
+    cell.must_stand("y", within=1.0, stages=ENABLED)
+    assert isinstance(cell.failure_of(search), NodeError)
+
+
+def test_a_fault_after_the_edge_is_told(story):
+    cell = story.simulated().enabled()
+    mark(cell, 20.0, 90.0)
+    search = cell.x.probe_move(100.0)
+    cell.until(lambda: bool(search.captures))
+    cell.drive().fault(0x4310)
+    assert isinstance(cell.failure_of(search), DriveError)
+    assert search.position == pytest.approx(20.0)
+
+
+def test_a_search_begins_at_standstill_and_within_the_limits(story):
+    cell = story.simulated(axis="position_limits = [-50.0, 50.0]")
+    assert isinstance(cell.failure_of(cell.x.probe_move(10.0)), StateError)  # without power
+    cell.turning(30.0)
+    assert isinstance(cell.failure_of(cell.x.probe_move(10.0)), StateError)
+    with pytest.raises(LimitError):
+        cell.x.probe_move(60.0)
+    with pytest.raises(ArgumentError):
+        cell.x.probe_move(10.0, edge="both")
+    assert function(cell) == DISARMED
 
 
 # -- what is asked ---------------------------------------------------------------------------------------------------

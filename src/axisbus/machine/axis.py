@@ -17,7 +17,7 @@ from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
 from axisbus.machine.request import Request, shown
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import Couple
+from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
@@ -617,6 +617,46 @@ class Axis:
             lambda: self._submit(f"probe_abort(input {command.number})", abort),
         )
         self._commanding.give(handle, self.name, command)
+        return handle
+
+    def probe_move(
+        self,
+        toward: float,
+        *,
+        input: int = 1,  # noqa: A002  # the standard's word
+        edge: str = "rising",
+        source: str = "input",
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        timeout: float | None = None,
+    ) -> ProbeHandle:
+        """Move to ``toward`` at most, and halt where a touch probe sees its next ``edge`` ("rising" or "falling").
+
+        It begins at standstill: the input is armed, then the axis goes. The handle is done at rest, and its ``position`` is that
+        of the edge; the axis stands beyond it, by its way until the edge was seen and by its braking. Where it arrives without
+        an edge, the handle ends with a CommandError. A halt, or another motion, ends it as it ends a move; ``cancel()`` halts.
+        Values are as of ``move_absolute`` and ``probe``; it does not block.
+
+        Raises:
+            LimitError, ArgumentError: as ``move_absolute`` and ``probe``.
+            StateError: the EDS lacks an object for it.
+        """
+        name = f"probe_move({shown(toward)} {self.unit}, input {shown(input)})"
+        target = self.absolute_increments(name, toward)
+        request = self._request(name)
+        profile = request.profile(velocity, acceleration, deceleration, timeout)
+        probe = probe_command(request, self._parameters, input, edge, source, None, continuous=False)
+        if len(probe.edges) != 1:
+            raise ArgumentError(
+                f"{request.text}: it goes until one edge", remedy='give edge="rising" or "falling"'
+            )
+        handle = ProbeHandle(f"{self.name}.{name}", self._session.waiter, self._parameters.units, self.halt)
+        alone = (self.name,)
+        self._session.add_group(alone, alone)
+        self._commanding.give(
+            handle, alone, ProbeMove(self.name, c.Move(c.Reference.ABSOLUTE, target, profile), probe)
+        )
         return handle
 
     def probe_abort(self, input: int = 1) -> Handle:  # noqa: A002  # the standard's word

@@ -93,6 +93,28 @@ class Couple:
         return (self.slave,)
 
 
+@dataclass(frozen=True, slots=True)
+class ProbeMove:
+    """``axis`` makes ``move`` (an absolute one) until ``probe`` (of one edge) has seen an edge, and is halted then."""
+
+    axis: str
+    move: c.Move
+    probe: c.Probe
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axis that it concerns."""
+        return (self.axis,)
+
+
 GroupCommand = (
-    ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride | Couple | FollowPoints | AddPoints
+    ForEach
+    | MoveLinear
+    | MovePath
+    | GroupContinue
+    | GroupSetOverride
+    | Couple
+    | FollowPoints
+    | AddPoints
+    | ProbeMove
 )

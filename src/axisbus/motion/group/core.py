@@ -24,6 +24,7 @@ from axisbus.motion.group.commands import (
     GroupSetOverride,
     MoveLinear,
     MovePath,
+    ProbeMove,
 )
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
@@ -32,6 +33,7 @@ from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.points.commands import AddPoints, FollowPoints
 from axisbus.motion.points.stream import Stream
+from axisbus.motion.probing.search import Search
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
 
@@ -46,7 +48,7 @@ class GroupCore:
         """``axes`` by name; ``period`` of the scan in seconds."""
         self.axes = axes
         self._period = period
-        self._under_way: list[Undertaking] = []
+        self._under_way: list[Undertaking | Search] = []
         self._line: Line | Stream | None = None  # the last one, also when it was left
         self._factor = 1.0
         self._queue = Queue()
@@ -96,7 +98,7 @@ class GroupCore:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
-    def _go_on_after(self, ended: Undertaking) -> None:
+    def _go_on_after(self, ended: Undertaking | Search) -> None:
         """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
@@ -187,6 +189,11 @@ class GroupCore:
         follows = {command.slave: joint.follow}
         self._undertake(undertaking, lambda: self._lead(follows, begin_coupled, undertaking))
 
+    def _search(self, command: ProbeMove, ticket: Ticket) -> None:
+        search = Search(ticket, self.axes[command.axis], command)
+        search.begin()
+        self._under_way.append(search)
+
     def _undertake(self, undertaking: Undertaking, begin: Callable[[], None]) -> None:
         """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""
         self._under_way.append(undertaking)
@@ -221,4 +228,5 @@ _ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     Couple: GroupCore._couple,
     FollowPoints: GroupCore._follow_points,
     AddPoints: GroupCore._add_points,
+    ProbeMove: GroupCore._search,
 }

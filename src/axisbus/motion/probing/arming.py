@@ -16,6 +16,7 @@ There is one transfer at a time: ``_ASKED`` says what each step asks for, ``_TAK
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import Enum, auto
 
@@ -82,6 +83,8 @@ class Arming:
         """``number``: of the input, 1 or 2; ``asked`` None: it is only to be switched off."""
         self.armed = False
         self.captures: list[Capture] = []  # of this cycle
+        self.looked = -math.inf  # when the last look at 60B9h began that showed no new edge
+        self._asked_at = -math.inf
         self._number, self._asked = number, asked
         self._parameters = parameters
         self._function = function
@@ -137,6 +140,7 @@ class Arming:
     def _ask(self, image: Image, order: Order) -> None:
         index = self._latches[self._reading[0]].wanted if self._step is Step.READ else _ASKED[self._step]
         writes = index == _FUNCTION and self._step is not Step.LOOK
+        self._asked_at = image.now
         self._exchange.ask(index, self._word if writes else None, image, order)
 
     def _word(self) -> int:
@@ -182,7 +186,9 @@ class Arming:
                 "it is armed no more, and nobody here has switched it off", f"60B9h is {value:04X}h"
             )
         self._due = image.now if self._reading else image.now + POLL
-        if self._reading:
+        if not self._reading:
+            self.looked = self._asked_at
+        else:
             self._step = Step.READ
             self._latches[self._reading[0]].begin()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from axisbus.errors import AxisbusError, Interrupted, NodeError, Replaced, StateError, Stopped
@@ -69,6 +70,11 @@ class Probes:
             request.arming.switch_off(order)
         ticket.begin()
         request.enders.append(ticket)
+
+    def looked_at(self, number: int) -> float:
+        """Return when the last look at an armed input began that showed no new edge (s); infinite without a request."""
+        request = self.requests.get(number)
+        return math.inf if request is None else request.arming.looked
 
     def step(self, image: Image, order: Order) -> None:
         """Do one cycle's work for each request."""
