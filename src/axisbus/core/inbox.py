@@ -172,4 +172,6 @@ def _is_jog(command: object) -> bool:
 def _concerned(target: Target, command: c.Command | GroupCommand) -> tuple[str, ...]:
     if isinstance(command, GroupCommand):
         return command.axes
+    if isinstance(command, c.SetOverride):
+        return ()  # a stop leaves it as it is
     return (target,) if isinstance(target, str) else target

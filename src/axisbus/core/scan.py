@@ -35,11 +35,11 @@ from axisbus.core.inherited import inherited
 from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.tuning import COLLECTOR
 from axisbus.errors import AxisbusError, in_a_line
-from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.commands import Command, PolicyStop, Shutdown
-from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.group.commands import CellSetOverride, GroupCommand
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.stop.halting import Halting
@@ -90,6 +90,7 @@ class Scan:
         self._members = {name: list(axes) for name, axes in (groups or {}).items()}
         self._on_lost_node, self._on_fault = on_lost_node, dict(on_fault or {})
         self._policy = self._make_policy()
+        self._override = 1.0  # of the cell
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
@@ -339,6 +340,7 @@ class Scan:
         while self._joining:
             name, port, core = self._joining.popleft()
             self.axes = {**self.axes, name: core}
+            core.set_override(cell=self._override)
             self._work.append((name, port, core))
             mates = {group: axes for group, axes in self._members.items() if name in axes}
             with self._lock:
@@ -375,7 +377,9 @@ class Scan:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
         try:
-            if waiting.for_group:
+            if isinstance(command, CellSetOverride):
+                self._set_override(command.factor, ticket)
+            elif waiting.for_group:
                 self.groups[waiting.target].accept(command, ticket)  # type: ignore[arg-type]
             else:
                 accept(self.axes[waiting.target], command, ticket)  # type: ignore[arg-type,index]
@@ -384,6 +388,21 @@ class Scan:
             for name in self.axes.keys() & waiting.axes:
                 self.axes[name].break_off(failure)
             ticket.finish(Status.ERROR, failure)
+
+    def _set_override(self, factor: float, ticket: Ticket) -> None:
+        """Multiply the velocities of all axes; where one of them cannot take it, none does."""
+        try:
+            for core in self.axes.values():
+                require_override(core, factor, ticket)
+        except AxisbusError as error:
+            ticket.finish(Status.ERROR, error)
+        else:
+            self._override = factor
+            for core in self.axes.values():
+                core.set_override(cell=factor)
+            ticket.finish(Status.DONE)
+        if self.waiter is not None:
+            self.waiter.notify()
 
     def _apply_policy(self) -> None:
         while self._trips:

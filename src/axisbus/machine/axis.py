@@ -14,12 +14,13 @@ from axisbus.machine.cam import Cam
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
-from axisbus.machine.request import Request, shown
+from axisbus.machine.request import Request, override_of, shown
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.points.joining import Allowed, allowed_of
 from axisbus.motion.snapshot import Snapshot
@@ -216,6 +217,17 @@ class Axis:
     def limits(self) -> Limits:
         """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
         return self._parameters.limits
+
+    @property
+    def override(self) -> float:
+        """The factor of ``set_override``, whichever program has set it; 1 before that. That of the cell multiplies it."""
+        return self.snapshot.override
+
+    @property
+    def total_override(self) -> float:
+        """By what the velocities of its commands are multiplied: its own override times that of the cell, at most 1.5."""
+        snapshot = self.snapshot
+        return min(snapshot.override * snapshot.cell_override, FASTER)
 
     @property
     def temperature(self) -> float:
@@ -576,6 +588,23 @@ class Axis:
     def gear_out(self) -> Handle:
         """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
         return self._submit("gear_out()", c.GearOut())
+
+    def set_override(self, factor: float) -> Handle:
+        """Let the axis go at ``factor`` times the velocity of its commands: 0 (it holds) to 1.5 (MC_SetOverride). Does not block.
+
+        At any time, also in motion, and for what follows, until it is set again; ``cell.set_override`` multiplies it, and so does
+        that of a group. At 0 the axis comes to rest, its handle stays busy, and it goes on by itself when the factor rises. A line,
+        path or stream of a group goes as slowly as its slowest axis. It lifts no limit: 1.5 times a velocity is at most
+        ``max_velocity``; a trajectory of your own is only made faster where it tells in advance that it stays within the limits.
+        It scales no ramp, torque, halt, stop or homing; an axis that another one leads follows that.
+
+        The handle ends with a StateError where nothing says with which acceleration the axis may change its speed.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = override_of(f"{self.name}.set_override", factor)
+        return self._submit(f"set_override({found:g})", c.SetOverride(found))
 
     # -- how a command is made ----------------------------------------------------------------------------------------
 

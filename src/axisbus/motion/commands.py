@@ -136,6 +136,13 @@ class GearOut:
 
 
 @dataclass(frozen=True, slots=True)
+class SetOverride:
+    """MC_SetOverride: what the axis is led at, or its drive plans, goes at ``factor`` times its velocity, 0 (it holds) to 1.5."""
+
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -176,6 +183,7 @@ Command = (
     | FollowTrajectory
     | Buffered
     | GearOut
+    | SetOverride
     | Shutdown
     | PolicyStop
     | HandOver

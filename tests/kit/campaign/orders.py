@@ -14,7 +14,8 @@ from kit.cell import Cell
 from kit.plants import Ramp
 
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
-QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
+OVERRIDES = {"override", "axis_override", "cell_override"}
+QUIET = STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position"}  # nothing moves by these
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -88,9 +89,15 @@ ORDERS: Mapping[str, Order] = {
     "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
+    "axis_override": Order(lambda cell, name, value: cell[name].set_override(_override(value))),
     "follow": Order(_trapezoid, 200.0, relative=True),
     "follow_on": Order(lambda cell, name, _: cell[name].follow(Ramp(demand_of(cell, name)))),
 }
+
+
+def _override(value: float) -> float:
+    """Each fourth holds; the others are from 0.1 to 1.5."""
+    return 0.0 if value < -0.5 else 0.1 + 1.4 * abs(value)
 
 
 def _line(cell: Cell, value: float) -> tuple[float, ...]:
@@ -141,6 +148,7 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     ),
     "stream": _stream,
     "override": lambda cell, value: _group(cell).set_override(1.0 + 0.5 * value),
+    "cell_override": lambda cell, value: cell.machine.set_override(_override(value)),
     "resume": lambda cell, _: _group(cell).resume(),
     "move_direct": lambda cell, value: _group(cell).move_direct(_line(cell, value), velocity=100.0),
 }

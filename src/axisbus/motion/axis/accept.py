@@ -8,7 +8,7 @@ from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
+from axisbus.errors import AxisbusError, DriveFault, LimitError, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_cyclic, accept_motion
 from axisbus.motion.axis.core import AxisCore
@@ -18,6 +18,7 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.power import Coast, Reset
 from axisbus.motion.moves.takeover import Takeover
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
@@ -227,6 +228,29 @@ def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket, rung
         core.finish(ticket)
 
 
+def _set_override(core: AxisCore, command: c.SetOverride, ticket: Ticket, __: Gate) -> None:
+    require_override(core, command.factor, ticket)
+    core.set_override(own=command.factor)
+    core.finish(ticket)
+
+
+def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
+    """Raise where ``factor`` is no override, or nothing says with which acceleration the axis is to change its speed.
+
+    Raises:
+        LimitError: it is not from 0 to 1.5.
+        StateError: no acceleration is known.
+    """
+    if not 0.0 <= factor <= FASTER:
+        raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
+    name = core.parameters.name
+    if factor != 1.0 and not core.parameters.path_deceleration:
+        raise StateError(
+            f"{ticket.name}: nothing says with which acceleration {name} is to change its speed",
+            remedy=f"set acceleration in [axes.{name}.defaults] of cell.toml",
+        )
+
+
 def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -> None:
     """Let a motion wait behind what is under way; with nothing under way it begins."""
     accept_motion.require_motion(core, ticket)
@@ -256,6 +280,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
     c.GearOut: accept_motion.uncouple,
+    c.SetOverride: _set_override,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,
