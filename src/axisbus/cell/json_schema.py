@@ -30,6 +30,7 @@ def schema_of_cells() -> Json:
         "nodes": _many("nodes", _NODE_ID, _node()),
         "axes": _many("axes", _NAME, _axis()),
         "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP)),
+        "io": _many("io", _NAME, _table(schema.IO, words.IO)),
     }
     return {
         "$schema": _DRAFT,

@@ -21,6 +21,7 @@ from axisbus.cell.model import (
     DefaultsConfig,
     GroupConfig,
     HomingConfig,
+    IoConfig,
     NodeConfig,
     ObjectSetting,
     PdoConfig,
@@ -45,6 +46,7 @@ __all__ = [
     "DefaultsConfig",
     "GroupConfig",
     "HomingConfig",
+    "IoConfig",
     "NodeConfig",
     "ObjectSetting",
     "PdoConfig",
@@ -138,6 +140,7 @@ class _Reading(Tables):
             {axis.name: axis for axis in self._axes(self._table(("axes",), top.get("axes", {})))},
             {group.name: group for group in self._groups(self._table(("groups",), top.get("groups", {})))},
             self._document.text,
+            {each.name: each for each in self._io(self._table(("io",), top.get("io", {})))},
         )
 
     # -- the tables --------------------------------------------------------------------------------------------------
@@ -227,7 +230,7 @@ class _Reading(Tables):
         return tuple(found)
 
     def _axes(self, table: Fields) -> list[AxisConfig]:
-        if not table:
+        if not table and "io" not in self._document.data:
             self._warning(("axes",), "the cell has no axis", remedy="add [axes.x] with node, unit and scale")
         return [self._axis(name, raw) for name, raw in table.items() if self._named(("axes", name), name)]
 
@@ -276,6 +279,13 @@ class _Reading(Tables):
                 f"add acceleration = ... to [{name_of(path)}.defaults], or deceleration = ... to [{name_of(path)}.stop]",
             )
         return axis
+
+    def _io(self, table: Fields) -> list[IoConfig]:
+        named = [(name, raw) for name, raw in table.items() if self._named(("io", name), name)]
+        return [
+            IoConfig(name, **self._fields(("io", name), self._table(("io", name), raw), schema.IO))
+            for name, raw in named
+        ]
 
     def _groups(self, table: Fields) -> list[GroupConfig]:
         axes = self._document.data.get("axes")
