@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
 from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
-from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo, Policy, make_plan, spare_cob_ids
+from axisbus.bus.pdo.plan import Change, Plan, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
 from axisbus.cell.io.points import points_of
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
@@ -77,7 +77,11 @@ def used_by_axes(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, dev
         (planned.receive, planned.target.number)
         for axis in cell.axes_of(node.node_id)
         for planned in make_plan(
-            node.node_id, device, axis_objects(dictionary, device, axis.drive_axis), policy=policy, axis=axis.drive_axis
+            node.node_id,
+            device,
+            axis_objects(dictionary, device, axis.drive_axis),
+            policy=policy,
+            axis=axis.drive_axis,
         ).active
     }
 

@@ -52,7 +52,11 @@ def make_io_plan(
     for receive, pdo in _of(device, used):
         ids.choose(pdo, receive)  # an axis has it
     sides = [
-        Side(receive, {name_of((entry.index, entry.subindex)): entry for entry in entries}, replace(policy, slow=1))
+        Side(
+            receive,
+            {name_of((entry.index, entry.subindex)): entry for entry in entries},
+            replace(policy, slow=1),
+        )
         for receive, entries in ((True, objects.outputs), (False, objects.inputs))
     ]
     plans = [_planned(side, device, ids, used) for side in sides]
@@ -66,9 +70,7 @@ def make_io_plan(
     return Plan(node_id, 0, (*plans[0], *plans[1]), sources[1], sources[0], impossible=impossible)
 
 
-def configure_io(
-    sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()
-) -> Plan:
+def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> Plan:
     """Plan them and bring the node there, which should be pre-operational, as ``configure`` does; blocks for some dozen transfers.
 
     Raises:
@@ -106,4 +108,3 @@ def _planned(side: Side, device: DevicePdos, ids: CobIds, used: Used) -> list[Pl
 def _moves(pdo: Pdo) -> bool:
     """Whether it holds what belongs to an axis: it is not ours to send."""
     return any(first_axis(mapped.index) in _MOTION for mapped in pdo.mapping)
-

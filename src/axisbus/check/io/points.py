@@ -1,4 +1,4 @@
-"""Whether the named inputs and outputs can be what their tables say: object, bit, safe state, PDO, and what the module does alone."""
+"""Whether named inputs and outputs can be what their tables say: object, bit, safe state, PDO, and what the module does alone."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def alone(case: Case) -> Found:
 
 def _not_alone(case: Case, node: NodeConfig, point: Point) -> str:
     if case.cell.bus.heartbeat is None:
-        return 'without heartbeat in [bus] no module notices that its master is gone'
+        return "without heartbeat in [bus] no module notices that its master is gone"
     row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
     if row is None:
         return f"for {point.object_text} there is no object that says what becomes of it in an error"
@@ -178,7 +178,9 @@ def _safe(case: Case, config: IoConfig, entry: MapEntry) -> Found:
     try:
         io_points.safe_of(config, io_points.unsafe_point(config, entry))
     except ArgumentError as error:
-        yield case.error(config.at.of("safe"), f"[io.{config.name}]: safe: {error.message}", error.observed, error.remedy)
+        yield case.error(
+            config.at.of("safe"), f"[io.{config.name}]: safe: {error.message}", error.observed, error.remedy
+        )
 
 
 def _ours(case: Case, config: IoConfig, entry: MapEntry) -> Found:
@@ -196,7 +198,7 @@ def _ours(case: Case, config: IoConfig, entry: MapEntry) -> Found:
             config.at.of("object"),
             f"[io.{config.name}]: {_name(entry)} is no output",
             why,
-            "of a drive that is 60FEh:01, of a module 6200h, 6300h, 6320h, 6410h to 6412h, or an object of the maker's (2000h to 5FFFh)",
+            "of a drive that is 60FEh:01, of a module 6200h, 6300h, 6320h or 6410h to 6412h; or an object of the maker's",
         )
 
 
