@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from axisbus.machine.cam import Cam
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
+    from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
@@ -35,10 +36,12 @@ _HOME = {
     "Scara": "axisbus.motion.group.kinematics",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
+    "Io": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
+    "Signal": "axisbus.machine.io",
     "Spline": "axisbus.motion.spline",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
@@ -55,11 +58,13 @@ __all__ = [
     "Delta",
     "Group",
     "Handle",
+    "Io",
     "Machine",
     "Plant",
     "Recorder",
     "Sampled",
     "Scara",
+    "Signal",
     "Spline",
     "Trajectory",
     "Trapezoid",

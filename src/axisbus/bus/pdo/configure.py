@@ -75,7 +75,7 @@ def negotiate(
     on_plan: Callable[[Plan], None] | None = None,
     also: Collection[tuple[bool, int]] = (),
 ) -> Plan:
-    """Bring the device to the plan that is ``made`` of its PDOs and a policy, which allows less after each refusal; as ``configure``."""
+    """Bring the device to the plan that is ``made`` of its PDOs and a policy; it allows less after each refusal."""
     learnt: list[str] = []
     for _ in range(_ATTEMPTS):
         device = read_pdos(sdo, also)

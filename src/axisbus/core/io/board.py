@@ -69,9 +69,9 @@ class Board:
         return self._leaving and all(node.rests for _, node in self._nodes)
 
     @property
-    def unsafe(self) -> list[Point]:
-        """The outputs that were set and are not known to have been sent their safe value."""
-        return [point for _, node in self._nodes for point in node.unsafe]
+    def ours(self) -> list[Point]:
+        """The outputs that were set."""
+        return [point for _, node in self._nodes for point in node.ours]
 
     def abandon(self, error: AxisbusError) -> None:
         """End every command: no cycle will come."""

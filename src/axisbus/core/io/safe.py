@@ -38,7 +38,11 @@ def _address(point: Point) -> Address:
 
 def _of_object(objects: Objects, address: Address, points: list[Point]) -> list[Unsafe]:
     try:
-        objects.write_unchecked(*address, _with(points, _read(objects, address)))
+        before = _read(objects, address)
+        wanted = _with(points, before)
+        if before == wanted:
+            return []
+        objects.write_unchecked(*address, wanted)
         after = _read(objects, address)
     except AxisbusError as error:
         return [_unsafe(point, in_a_line(error)) for point in points]

@@ -26,9 +26,12 @@ def add_io(board: Board, cell: CellConfig, link: CellLink, node_id: int, eds: Ed
 
 
 def make_sure(board: Board, link: CellLink) -> list[Unsafe]:
-    """Lead what the scan could not to its safe state, and return what is not confirmed; blocks for a few transfers."""
-    unsafe = board.unsafe
-    return link.make_safe(unsafe) if unsafe else []
+    """See that every output that was set is in its safe state, or lead it there; return what is not confirmed. Blocks.
+
+    That the scan has sent it says little: a node may be gone for a moment before that is known of it.
+    """
+    ours = board.ours
+    return link.make_safe(ours) if ours else []
 
 
 def not_safe(unsafe: Unsafe) -> NodeError:

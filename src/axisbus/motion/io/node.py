@@ -75,10 +75,9 @@ class NodeIo:
             self._put(self.points[name], self.points[name].safe)
 
     @property
-    def unsafe(self) -> list[Point]:
-        """The outputs that were set and are not known to have been sent their safe value."""
-        points = [self.points[name] for name in sorted(self._set)]
-        return [point for point in points if self._unsure or self._of(point) != point.safe]
+    def ours(self) -> list[Point]:
+        """The outputs that were set."""
+        return [self.points[name] for name in sorted(self._set)]
 
     @property
     def rests(self) -> bool:
@@ -137,10 +136,6 @@ class NodeIo:
 
     def _of(self, point: Point) -> int:
         return point.of(self._words[self._outputs[point.address]])
-
-    @property
-    def _unsure(self) -> bool:
-        return self._known is not Known.YES or self._new or self._leaves
 
     def _output(self, point: Point, now: float) -> Reading:
         """Of one that was never set, what it had at boot is known as long as its node was there ever since."""
