@@ -1,4 +1,4 @@
-"""Inputs and outputs of an I/O module: an axis waits for a part, and a lamp is on while it moves; on the way out all becomes safe."""
+"""Inputs and outputs of an I/O module: an axis waits for a part, a lamp is on while it moves; on the way out all becomes safe."""
 
 from pathlib import Path
 

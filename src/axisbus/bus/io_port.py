@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import freshness
 from axisbus.bus.pdo.plan import Plan, PlannedPdo
 from axisbus.bus.pdo.prime import prime_outputs
+from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo import Frame, RpdoImage
 from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
 from axisbus.cia301.drops import Fault
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia301.pdo import PdoCodec
+from axisbus.cia401.objects import ERROR_OBJECTS
 from axisbus.cia401.point import Address
-from axisbus.cia401.port import IoInputs, Known
+from axisbus.cia401.port import MAY_HEAR, IoInputs, Known
 from axisbus.cia402.port import Sample
 from axisbus.errors import SdoAbort
 
@@ -75,6 +78,7 @@ class CanIoPort:
         self.node, self.plan = node, plan
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.found: tuple[int, ...] = ()
+        self.alone: tuple[int, ...] = ()
         received = [pdo for pdo in plan.active if not pdo.receive]
         places = {address: place for place, address in enumerate(self.inputs)}
         self.max_age = tuple(_age(address, received, scan_period) for address in self.inputs)
@@ -90,12 +94,12 @@ class CanIoPort:
         self._now = -math.inf
         self._bootups, self._offs = node.nmt.bootups, node.channel.offs
         self._returning = self._doubtful = False
-        self._was_known = False
+        self._was_known = self._may_hear = False
         for slot in self._slots:
             node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
 
     def prime(self) -> None:
-        """Read by SDO what its RPDOs would otherwise overwrite, and inputs whose TPDO may come late; blocks.
+        """Read by SDO what its RPDOs would otherwise overwrite, and inputs whose TPDO comes only when they change; blocks.
 
         Raises:
             BootError: an RPDO holds an object that cannot be read.
@@ -103,13 +107,11 @@ class CanIoPort:
         """
         prime_outputs(self.node.sdo, self.plan, self._images, {})
         self.found = tuple(self._image_value(address) for address in self.outputs)
+        self.alone = tuple(map(self._word_alone, self.outputs, self.found))
         for place, address in enumerate(self.inputs):
-            try:
-                value = self.node.sdo.read(*address)
-            except SdoAbort:
-                continue
-            if isinstance(value, int):
-                self._samples[place] = Sample(int(value), time.monotonic())
+            if self.max_age[place] == math.inf:  # of any other, the first is on its way
+                with suppress(SdoAbort):
+                    self._samples[place] = Sample(int(self.node.sdo.read(*address)), time.monotonic())
 
     def read(self, now: float) -> IoInputs:
         """Return the newest values; does not block."""
@@ -118,7 +120,7 @@ class CanIoPort:
         if known is Known.YES and not self._was_known:
             for pace in self._paces:
                 pace.forget()  # what was sent before, it has not taken
-        self._was_known = known is Known.YES
+        self._was_known, self._may_hear = known is Known.YES, known in MAY_HEAR
         if known is not Known.RESTARTED:
             for slot in self._slots:
                 slot.read_into(self._samples)
@@ -126,7 +128,7 @@ class CanIoPort:
 
     def write(self, words: tuple[int | None, ...]) -> None:
         """Take a value for each output; an RPDO goes out once something in it was set. Does not block."""
-        if not self._was_known:
+        if not self._may_hear:
             self._frames = []
             return
         given = {address: word for address, word in zip(self.outputs, words, strict=True) if word is not None}
@@ -184,6 +186,13 @@ class CanIoPort:
         if now > nmt.deadline:
             return Known.SILENT
         return Known.YES if nmt.state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL
+
+    def _word_alone(self, address: Address, found: int) -> int:
+        row = ERROR_OBJECTS.get(address[0])
+        if row is None:
+            return found
+        mode, value = (read_number(self.node.sdo, index, address[1]) for index in (row.mode, row.value))
+        return found if mode is None or value is None else row.word(mode, value, found)
 
     def _image_value(self, address: Address) -> int:
         found = (image.value(*address) for image in self._images)

@@ -20,6 +20,10 @@ class ErrorObjects(NamedTuple):
     value: int
     by_bit: bool
 
+    def word(self, mode: int, value: int, present: int) -> int:
+        """Return what an output of ``present`` value becomes, by what both objects hold."""
+        return present & ~mode | value & mode if self.by_bit else value if mode == 1 else present
+
 
 # CiA 401-1, error mode and error value of each kind of output.
 ERROR_OBJECTS = {

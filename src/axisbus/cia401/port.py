@@ -25,6 +25,10 @@ class Known(Enum):
     NOT_BOOTED = "its node has not come up, or was found with an enabled drive and is left as it is"
 
 
+# A node that may still hear us, and whose PDOs are mapped as we know it.
+MAY_HEAR = frozenset({Known.YES, Known.SILENT, Known.NOT_OPERATIONAL})
+
+
 class IoInputs(NamedTuple):
     """What is known of a node at the beginning of a cycle: the newest of each input, in the order of ``IoPort.inputs``."""
 
@@ -50,6 +54,10 @@ class IoPort(Protocol):
     @property
     def found(self) -> tuple[int, ...]:
         """What each output had at boot."""
+
+    @property
+    def alone(self) -> tuple[int, ...]:
+        """What each output becomes by the module itself when it is left alone, as its objects said at boot; else as ``found``."""
 
     def read(self, now: float) -> IoInputs:
         """Return the newest values; does not block."""

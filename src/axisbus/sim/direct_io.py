@@ -29,7 +29,7 @@ class DirectIoPort:
         """``sync``: values travel with SYNC, else when they change; ``heartbeat`` is the period of the node's, in seconds."""
         self.device = device
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self.found = tuple(device.dictionary.get_int(*address) for address in self.outputs)
+        self.found = self.alone = tuple(device.dictionary.get_int(*address) for address in self.outputs)
         self.max_age = (_SYNC_AGE if sync else math.inf,) * len(self.inputs)
         self._sync = sync
         self._heartbeat = heartbeat
@@ -44,6 +44,7 @@ class DirectIoPort:
         """The node's NMT state is known at once, as after a boot-up that was watched."""
         self._boot_ups = self.device.boot_ups
         self.found = tuple(self.device.dictionary.get_int(*address) for address in self.outputs)
+        self.alone = tuple(map(self.device.io.alone, self.outputs, self.found))
         self._hear(now)
 
     def read(self, now: float) -> IoInputs:

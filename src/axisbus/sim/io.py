@@ -38,15 +38,16 @@ class IoModule:
         """An error, or NMT *stop*: every output whose error mode says so takes its error value."""
         for key in list(self._dictionary.entries):
             index, sub = key >> 8, key & 0xFF
-            if sub and index in _BITS:
-                self._fail_bits(index, sub)
-            elif sub and index in _CHANNELS and self._dictionary.get_int(_MODE, sub) == 1:
-                self._dictionary.set(key, self._dictionary.get_int(_VALUE, sub))
+            if sub and (index in _BITS or index in _CHANNELS):
+                self._dictionary.set(key, self.alone((index, sub), self._dictionary.get_int(index, sub)))
 
-    def _fail_bits(self, index: int, sub: int) -> None:
-        get = self._dictionary.get_int
-        mode, value = (get(of, sub) for of in _BITS[index])
-        self._dictionary.set(index << 8 | sub, get(index, sub) & ~mode | value & mode)
+    def alone(self, address: tuple[int, int], word: int) -> int:
+        """Return what an output of this value becomes in an error."""
+        (index, sub), get = address, self._dictionary.get_int
+        if index in _BITS:
+            mode, value = (get(of, sub) for of in _BITS[index])
+            return word & ~mode | value & mode
+        return get(_VALUE, sub) if index in _CHANNELS and get(_MODE, sub) == 1 else word
 
 
 def is_module(eds: Eds) -> bool:

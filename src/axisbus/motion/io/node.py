@@ -7,7 +7,7 @@ From then on it is ours, until it has been led to its safe state.
 
 - **Lost is lost.** Once its node is not operational, or not heard, what was set is no longer what the output has: the module has
   done what its error objects say. So its value becomes the safe one, which is what it gets when the node is back. Nothing comes on
-  again by itself; it has to be set again.
+  again by itself; it has to be set again. The safe value is sent meanwhile, too: a node that is not heard may hear us.
 - **Done is sent.** A command ends when the frame with it, and the SYNC at which it takes effect, have left: in the cycle after the
   one that sent it. Whether an output follows is known only by an input.
 - **Fresh or unknown.** A sample that came before the node was lost says nothing about now; one beyond its age neither.
@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from axisbus.cia401.point import Point
-from axisbus.cia401.port import IoInputs, IoPort, Known
+from axisbus.cia401.port import MAY_HEAR, IoInputs, IoPort, Known
 from axisbus.cia402.port import Sample
 from axisbus.errors import AxisbusError, NodeError
 from axisbus.motion.io.reading import Reading
@@ -37,6 +37,7 @@ class NodeIo:
         self._inputs = {address: place for place, address in enumerate(port.inputs)}
         self._max_age = port.max_age
         self._words = list(port.found)
+        self._alone = self._with_safe(list(port.alone))
         self._set: set[str] = set()
         self._used: set[int] = set()  # outputs, by place, of which something was set
         self._known = Known.NOT_YET
@@ -99,12 +100,12 @@ class NodeIo:
         self._begun = min(self._begun, now)
         if inputs.known is not Known.YES:
             self._lose(now)
-            return (None,) * len(self._words)
+            return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
         self._end_sent()
         self._under_way, self._given = self._given, []
         self._leaves, self._new = self._new, False
         self._sent = now
-        return tuple(word if place in self._used else None for place, word in enumerate(self._words))
+        return self._to_send()
 
     def readings(self, now: float, inputs: IoInputs) -> dict[str, Reading]:
         """Return what is known of every point, after ``step``."""
@@ -112,6 +113,9 @@ class NodeIo:
             name: self._output(point, now) if point.output else self._input(point, now, inputs)
             for name, point in self.points.items()
         }
+
+    def _to_send(self) -> tuple[int | None, ...]:
+        return tuple(word if place in self._used else None for place, word in enumerate(self._words))
 
     def _end_sent(self) -> None:
         """What was sent in the cycle before has left, and SYNC after it; the node was there meanwhile."""
@@ -122,11 +126,18 @@ class NodeIo:
     def _lose(self, now: float) -> None:
         self._unknown_until = now
         self._leaves = False
-        self.make_safe()
+        self._words = list(self._alone)  # what was never set, too, must not come back by a frame of ours
+        self._new = bool(self._used)
         for ticket in (*self._under_way, *self._given):
             ticket.finish(Status.ERROR, self.refusal("its node", ticket.name))
             self.changed = True
         self._under_way, self._given = [], []
+
+    def _with_safe(self, words: list[int]) -> list[int]:
+        for point in (point for point in self.points.values() if point.output):
+            place = self._outputs[point.address]
+            words[place] = point.into(words[place], point.safe)
+        return words
 
     def _put(self, point: Point, raw: int) -> None:
         place = self._outputs[point.address]
@@ -138,11 +149,10 @@ class NodeIo:
         return point.of(self._words[self._outputs[point.address]])
 
     def _output(self, point: Point, now: float) -> Reading:
-        """Of one that was never set, what it had at boot is known as long as its node was there ever since."""
-        is_set = point.name in self._set
-        stamp = self._sent if is_set else self._begun
-        known = self._known
-        if known is Known.YES and not is_set and self._unknown_until > -math.inf:
+        """Of one that was never sent, what it had at boot is known as long as its node was there ever since."""
+        is_set, sent, known = point.name in self._set, self._outputs[point.address] in self._used, self._known
+        stamp = self._sent if sent else self._begun
+        if known is Known.YES and not sent and self._unknown_until > -math.inf:
             known = Known.UNSET
         return Reading(now, known, self._of(point) if known is Known.YES else None, stamp, is_set)
 
