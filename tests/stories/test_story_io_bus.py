@@ -151,3 +151,17 @@ def test_a_killed_program_leaves_safe_outputs(tmp_path):
 def told_by(path: Path) -> str:
     """What the core's journal says."""
     return path_of(str(path)).read_text()
+
+
+def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path):
+    """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
+    cell = opened(tmp_path, node='on_lost = "tell"')
+    cell.io.set({"lamp": True, "valve": 5}).wait(2)
+    cell.stand_in(5).device.dials.dead = True
+    drive = cell.stand_in(1).device
+    began = time.monotonic()
+    with pytest.raises(ExceptionGroup) as told:
+        cell.close()
+    assert time.monotonic() - began < 4.0
+    assert sorted(error.message.split()[0] for error in told.value.exceptions) == ["lamp", "valve"]
+    assert list(drive.errors.entries) == []

@@ -66,7 +66,7 @@ class Point:
         """Return the value of its object with its raw value in it; the other bits stay."""
         if self.bit is None:
             return raw
-        made = word & ~(1 << self.bit) | raw << self.bit
+        made = word & ((1 << self.width) - 1) & ~(1 << self.bit) | raw << self.bit
         return made - (1 << self.width) if self.signed and made >> self.width - 1 == 1 else made
 
     def shown(self, raw: int) -> Value:

@@ -23,7 +23,7 @@ from axisbus.core.tuning import IN_A_THREAD
 from axisbus.core.virtual.axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
-from axisbus.link import Stopped
+from axisbus.link import Stopped, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
 from axisbus.session import Session
@@ -206,16 +206,22 @@ class Core:
         Blocks until all stand, at most the times of the stop ladders.
         """
         rescued: list[Stopped] = []
+        unsafe: list[Unsafe] | None = None
         try:
             self._stop_axes(reason)
         finally:
             self._pickup.stop()
+            if (
+                self.scan.failure is None
+            ):  # while our heartbeat goes on: a module that is gone must fault nobody else
+                unsafe = make_sure(self.scan.io, self.runtime.link)
             self._end_scan()
             if self.scan.failure is not None:
                 rescued = self.runtime.link.rescue(
                     [core.parameters.name for core in self.scan.axes.values() if _needs_rescue(core)]
                 )
-            unsafe = make_sure(self.scan.io, self.runtime.link)
+            if unsafe is None:
+                unsafe = make_sure(self.scan.io, self.runtime.link)
             self.runtime.leave(self.scan.axes, rescued, unsafe)
         if self.scan.failure is not None:
             return [scan_failure(self.scan.failure, rescued), *map(not_safe, unsafe)]

@@ -11,7 +11,7 @@ from itertools import groupby
 from axisbus.boot.objects import Objects
 from axisbus.bus.parallel import in_parallel
 from axisbus.cia401.point import Address, Point
-from axisbus.errors import AxisbusError, in_a_line
+from axisbus.errors import AxisbusError, SdoTimeout, in_a_line
 from axisbus.link import Unsafe
 
 
@@ -24,12 +24,15 @@ def make_safe(objects: Mapping[int, Objects], points: Collection[Point]) -> list
 
 
 def _of_node(objects: Objects, points: list[Point]) -> list[Unsafe]:
-    ordered = sorted(points, key=_address)
-    return [
-        unsafe
-        for address, mine in groupby(ordered, _address)
-        for unsafe in _of_object(objects, address, list(mine))
-    ]
+    """One object after the other; once the node does not answer, no more is asked of it."""
+    ordered, found = sorted(points, key=_address), list[Unsafe]()
+    for address, mine in groupby(ordered, _address):
+        try:
+            found += _of_object(objects, address, list(mine))
+        except SdoTimeout as error:
+            rest = ordered[next(at for at, point in enumerate(ordered) if point.address == address) :]
+            return [*found, *(_unsafe(point, in_a_line(error)) for point in rest)]
+    return found
 
 
 def _address(point: Point) -> Address:
@@ -44,6 +47,8 @@ def _of_object(objects: Objects, address: Address, points: list[Point]) -> list[
             return []
         objects.write_unchecked(*address, wanted)
         after = _read(objects, address)
+    except SdoTimeout:
+        raise
     except AxisbusError as error:
         return [_unsafe(point, in_a_line(error)) for point in points]
     return [
