@@ -6,7 +6,7 @@ READY  := $(VENV)/.ready
 # Some systems ask Python to keep nothing compiled: then each of the many processes that tests start would compile all of it again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign flaky explore mutants pictures format clean
+.PHONY: demo quick test test-socketcan check bench stories bench-cycle bench-core bench-guests campaign bounds flaky explore mutants pictures format clean
 
 demo: $(READY)            ## the main job on the simulated cell; writes demo-output/
 	$(BIN)/axisbus demo
@@ -15,9 +15,9 @@ quick: $(READY)           ## the quick tests, in two processes: after each edit
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile
 
 # A test in real time fails where a busy computer keeps it waiting: at most five such are given once more, with nothing beside them.
-test: $(READY)            ## all tests, in six processes (many wait for drives in real time); in a new tree compiled once, for all of them
+test: $(READY)            ## all tests, in seven processes (many wait for drives in real time); in a new tree compiled once, for all of them
 	test -d tests/__pycache__ || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -n 6 --dist loadfile --no-loadscope-reorder || \
+	$(BIN)/python -m pytest -n 7 --dist loadfile --no-loadscope-reorder || \
 	{ test $$? = 1 && $(BIN)/python -m pytest --alone --last-failed --last-failed-no-failures none; }
 
 stories: $(READY)         ## the stories in both modes: the core in a thread of its program, and in a process of its own
@@ -47,6 +47,9 @@ bench-guests: $(READY)    ## what recordings, monitors and attacks beside a core
 
 campaign: $(READY)        ## 10,000 fresh scenarios of random commands and mishaps, with a table
 	$(BIN)/python tests/campaign.py
+
+bounds: $(READY)          ## 10,000 random commands of axes that the master leads, with the highest share of each limit
+	$(BIN)/python tests/bounds.py
 
 flaky: $(READY)           ## the tests 20 times under CPU load, with counts
 	$(BIN)/python tests/flaky.py

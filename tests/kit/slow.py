@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
@@ -99,6 +100,7 @@ SLOW = {
         "motion/test_motion_no_jolt.py",
         "motion/test_motion_properties.py",
         "motion/test_motion_streaming.py",
+        "stories/test_story_bounds.py",
         "stories/test_story_groups.py",
         "stories/test_story_handshake.py::test_a_replacement_at_any_moment_of_the_handshake_ends_at_the_last_target",
         "stories/test_story_limits.py",
@@ -144,31 +146,71 @@ SLOW = {
         "sim/test_sim_corpus.py",
     ),
 }
-# Begun first: a long file that one process begins last is waited for by all the others.
-LONG = (
-    "test_pages.py",
+# Begun first: a long file that one process begins last is waited for by all the others. Those that wait for drives and clocks are
+# mixed with those that compute, so that neither is ever left alone.
+WAITING = (
     "test_story_processes.py",
     "test_story_set_point_edge.py",
-    "test_story_random.py",
-    "test_examples.py",
-    "test_story_plants.py",
     "test_story_boot_up.py",
     "test_story_second_master.py",
     "test_story_suspended.py",
-    "test_story_signals.py",
-    "test_story_dead_bus.py",
-    "test_story_ways_out.py",
+    "test_cli_record.py",
+    "test_core_joined.py",
     "test_story_node_program.py",
+    "test_pages.py",
+    "test_story_dead_bus.py",
+    "test_story_signals.py",
+    "test_story_ways_out.py",
     "test_story_bus_off.py",
-    "test_story_on_change.py",
     "test_cli_od.py",
-    "test_core_process.py",
+    "test_cli_commands.py",
     "test_fuzz_mad_node.py",
+    "test_core_process.py",
+    "test_story_beside.py",
+    "test_cli_factory.py",
+    "test_bus_lss.py",
+    "test_cli_joined.py",
+    "test_cli_turning.py",
+    "test_core_faults.py",
+    "test_cli_sim.py",
+    "test_cli_lss.py",
+    "test_machine_services.py",
+    "test_story_rpdo_on_arrival.py",
+    "test_story_starved.py",
+    "test_cli_config.py",
+    "test_story_virtual.py",
+    "test_story_event_timer.py",
+    "test_story_opening.py",
+    "test_story_standing.py",
+    "test_bus_lss_stand_in.py",
+)
+COMPUTING = (
+    "test_story_random.py",
+    "test_examples.py",
+    "test_story_plants.py",
+    "test_notebooks.py",
+    "test_motion_calm.py",
+    "test_story_groups.py",
     "test_eds_corpus.py",
-    "test_eds_reports_fuzz.py",
-    "test_eds_check_planted.py",
+    "test_story_on_change.py",
+    "test_cell_schema.py",
+    "test_motion_streaming.py",
     "test_sim_sdo_sweep.py",
-    "test_bus_inbox.py",
+    "test_eds_fix.py",
+    "test_eds_check_planted.py",
+    "test_story_arguments.py",
+    "test_eds_code.py",
+    "test_motion_invariants.py",
+    "test_story_killed.py",
+)
+_SHARE = 2  # of those that wait, for each that computes
+LONG = (
+    *(
+        name
+        for at, busy in enumerate(COMPUTING)
+        for name in (*WAITING[_SHARE * at : _SHARE * at + _SHARE], busy)
+    ),
+    *WAITING[_SHARE * len(COMPUTING) :],
 )
 NAMES = frozenset(name for names in SLOW.values() for name in names)
 IN_REAL_TIME = frozenset(SLOW[REAL_TIME])
@@ -186,7 +228,14 @@ def is_real_time(path: Path, test: str = "") -> bool:
 
 def _names(path: Path, test: str) -> set[str]:
     """All the names by which a test may be named here."""
+    names = _named(path)
+    return {*names, f"{names[0]}::{test}"} if names else set()
+
+
+@cache
+def _named(path: Path) -> tuple[str, ...]:
+    """A file and the folders that it lies in, from the folder of the tests; empty for one beside that."""
     if not path.is_relative_to(TESTS):
-        return set()
+        return ()
     here = path.relative_to(TESTS)
-    return {*map(str, (here, *here.parents)), f"{here}::{test}"}
+    return tuple(map(str, (here, *here.parents)))

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.errors import AxisbusError, DriveFault, Interrupted, StateError
+from axisbus.errors import AxisbusError, DriveFault, Interrupted, StateError, Stopped
 from axisbus.motion.axis.queue import MOST
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
@@ -162,6 +162,39 @@ def test_what_waits_for_a_line_that_is_broken_off_does_not_begin(story, how):
         cell.machine.stand_in(2).fault(0x2310)
     assert cell.end_of(first) is not None
     assert "has not begun" in str(cell.failure_of(waits))
+
+
+def test_a_line_does_not_wait_for_a_halt_of_its_group_to_begin_behind_another(story):
+    cell = story.simulated("xy").enabled()
+    xy = cell.machine.group("x", "y")
+    xy.move_linear([90.0, 40.0], velocity=90.0)
+    cell.run(0.5)
+    xy.halt()
+    cell.run(0.02)
+    waiting = xy.move_linear([0.0, 0.0], velocity=50.0, buffer=True)
+    cell.run(0.02)
+    error = cell.failure_of(waiting)
+    assert "being halted" in error.message
+    assert cell.end_of(xy.halt()) is None
+    here = cell.where("x")
+    cell.run(1.0)
+    assert cell.where("x") == here
+
+
+@pytest.mark.parametrize("how", ["halt", "stop", "quick_stop", "disable"])
+def test_what_waits_behind_what_moves_nothing_does_not_begin_after_a_stop(story, how):
+    cell = story.simulated("xy").enabled()
+    xy = cell.machine.group("x", "y")
+    cell.drive("y").dials.transition_delay = {2: 0.3}
+    cell.end_of(xy.disable())
+    xy.enable()
+    cell.run(0.05)
+    waiting = xy.move_linear([10.0, 10.0], velocity=50.0, buffer=True)
+    cell.run(0.02)
+    getattr(xy, how)()
+    cell.run(1.0)
+    assert isinstance(cell.failure_of(waiting), Stopped)
+    assert cell.where("x") == cell.where("y") == 0.0
 
 
 @pytest.mark.parametrize("seed", range(20))

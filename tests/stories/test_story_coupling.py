@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import random
+from itertools import pairwise
 
 import pytest
 
-from axisbus import Cam
+from axisbus import Cam, wait
 from axisbus.errors import ArgumentError, Interrupted, LimitError, StateError
 from axisbus.motion.axis.cruise import Cruise
 from axisbus.motion.coupling.coupled import Coupled
+from axisbus.motion.coupling.told import Debt
 from axisbus.motion.states import AxisState
 from kit.cell import SCALE, Cell
 from kit.probe import ENABLED
@@ -447,6 +449,66 @@ def test_what_couples_nothing_is_refused_before_anything_moves(story, ask, error
         ask(cell)
     cell.run(0.1)
     assert cell["y"].state is AxisState.STANDSTILL
+
+
+# On a busy computer.
+
+
+def targets_of(cell: Cell, name: str) -> list[float]:
+    """What the axis is led by from now on, a target per cycle, in its unit."""
+    led: list[float] = []
+    core = cell.core(name)
+    cell.each_cycle(lambda *_: led.append((core.image.led.target or 0) / SCALE))
+    return led
+
+
+def hardest_of(targets: list[float]) -> float:
+    speeds = [(b - a) / CYCLE for a, b in pairwise(targets)]
+    return max(abs(b - a) / CYCLE for a, b in pairwise(speeds))
+
+
+@pytest.mark.parametrize("lateness", ["a little", "a lot"])
+@pytest.mark.parametrize("way", ["velocity", "position"])
+def test_late_cycles_of_a_drive_that_leads_itself_do_not_shake_its_slave(story, way, lateness):
+    """The drive of a master in pv or pp goes on while the scan is late; the slave gets no target, and makes up for it later."""
+    rng = random.Random(7)
+    cell = two(story)
+    x, y = cell["x"], cell["y"]
+    wait(x.move_velocity(80.0) if way == "velocity" else y.gear_in(x, 1.5))
+    if way == "velocity":
+        wait(y.gear_in(x, 1.5, acceleration=1000.0))
+    else:
+        x.move_absolute(900.0, velocity=80.0)
+    cell.run(0.5)
+    away, targets = cell.where("y") - 1.5 * cell.where("x"), targets_of(cell, "y")
+    for _ in range(200):
+        late = rng.uniform(0.0, 0.4) if lateness == "a little" else rng.choice([0.0] * 20 + [0.7, 1.2, 4.0])
+        cell.cycle.dials.wait_late = late * CYCLE
+        cell.run(CYCLE)
+    cell.cycle.dials.wait_late = 0.0
+    assert y.state is AxisState.SYNCHRONIZED_MOTION
+    cell.run(5.0)
+    assert cell.where("y") - 1.5 * cell.where("x") == pytest.approx(away, abs=0.1)
+    assert hardest_of(targets) < 600.0
+    cell["x"].halt()
+    cell.run(2.0)
+    behind = 1.5 * 80.0 * 2 * CYCLE  # while they moved: what a drive tells is two cycles old
+    assert cell.where("y") - 1.5 * cell.where("x") == pytest.approx(away + behind, abs=0.1)
+
+
+def test_a_debt_is_taken_back_without_a_jump_of_speed_and_by_a_tenth_of_the_master_s_at_most():
+    for off, speed in ((-4.0, 100.0), (-40.0, -100.0), (0.5, 0.0), (0.5, 1e-12)):
+        debt = Debt(CYCLE)
+        debt.add(off, speed)
+        rates = [debt.rate]
+        for _ in range(40_000):
+            debt.step()
+            rates.append(debt.rate)
+        assert abs(debt.value) < 1e-3 * abs(off)
+        assert max(map(abs, rates)) <= 1.01 * max(
+            0.1 * abs(speed), 1.2 * abs(off) if speed == 0.0 else 0.2 * abs(off)
+        )
+        assert max(abs(b - a) for a, b in pairwise(rates)) <= 9.1 * abs(off) * CYCLE
 
 
 # At random.

@@ -18,6 +18,22 @@ from kit.campaign.scripts import script
 SEEDS = 300
 
 FOUND: Mapping[str, Script] = {
+    "a gear on an axis that its drive holds beside its demand, after it has crept": Script(
+        "stiff",
+        (
+            Event(0.01, "follow_on", "x", 0.38),
+            Event(0.8, "creeps", "x", 0.85),
+            Event(0.8, "coast", "x", 0.32),
+            Event(0.0, "group_stop", "", 0.73),
+            Event(0.0, "creeps_no_more", "x"),
+            Event(1.0, "release", "x"),
+            Event(0.5, "enable", "x"),
+            Event(0.5, "halt", "x"),
+            Event(0.1, "gear", "x", -0.98),
+        ),
+        "example",
+        "close",
+    ),
     "a cam that is asked for in the cycle in which a move is about to go on from another one": Script(
         "lagging-much",
         (

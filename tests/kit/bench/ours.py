@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import cycle
 from types import SimpleNamespace
 
 import can
@@ -21,6 +22,7 @@ from axisbus.core.tuning import SPIN, wake_in_time
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import Handle
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.trajectory import Trapezoid
 from kit.bus.plan import objects, rpdo, tpdo
@@ -46,6 +48,8 @@ class Cell:
         self.scan.waiter = waiter = ThreadWaiter()
         commanding = Commanding(InProcess(self.scan, waiter, SimpleNamespace(nodes={}, link=None)))
         self.axes = {name: Axis(core.parameters, commanding) for name, core in cores.items()}
+        self.commands: list[Handle] = []
+        self._turns = cycle(self.axes)
 
     @staticmethod
     def _port(node: Node, period: float) -> CanPort:
@@ -87,8 +91,14 @@ class Cell:
             handle.wait(5)
         self.handles = [axis.follow(Trapezoid(0.0, 10_000.0, speed, 400.0)) for axis in self.axes.values()]
 
+    def command(self) -> None:
+        """Give one axis after the other a command that leaves it on its way."""
+        name = next(self._turns)
+        self.commands.append(self.axes[name].enable())
+
     def must_follow(self) -> None:
-        """Raise where an axis does not follow."""
+        """Raise where an axis does not follow, or did not take a command."""
+        assert all(command.exception() is None for command in self.commands[:-1]), self.commands
         for handle, axis in zip(self.handles, self.axes.values(), strict=True):
             if not handle.active:
                 raise AssertionError(f"{handle}: {handle.error}")

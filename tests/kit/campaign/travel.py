@@ -34,7 +34,8 @@ class Travel:
             str, float
         ] = {}  # may be as fast as a drive that led itself, or swings; and when it was last too fast
         self._foreign: set[str] = set()  # on the way to where another master has sent it
-        self._pushed = dict.fromkeys(facts.names, facts.now)  # when the drive was in a torque mode last
+        # When the motor was not where the demand had it last: in a torque mode, or led away by a drive that creeps.
+        self._pushed = dict.fromkeys(facts.names, facts.now)
         self._mode: dict[str, tuple[int, float]] = {}  # what mode the drive shows, and since when
 
     def ended(self, asked: Asked) -> None:
@@ -52,7 +53,7 @@ class Travel:
 
     def look(self, name: str) -> None:
         drive = self._facts.drive[name]
-        if drive.mode_display in TORQUE_MODES or drive.mode in TORQUE_MODES:
+        if drive.axis.drift or drive.mode_display in TORQUE_MODES or drive.mode in TORQUE_MODES:
             self._pushed[name] = self._facts.now
         if self._mode.get(name, (None,))[0] != drive.mode_display:
             self._mode[name] = drive.mode_display, self._facts.now
@@ -155,7 +156,8 @@ class Travel:
     def _smooth(self, name: str, samples: list[PlantSample]) -> None:
         """The demand of an enabled drive changes its speed by no more than the hardest ramp that anybody has set.
 
-        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells.
+        In another mode the drive takes its demand over from the motor, which may have been beside it: then the motor tells. One
+        that has led its motor away by itself, and was seen to stand, takes that back as hard as it can.
         """
         drive = self._facts.cell.drive(name)
         if self._facts.now - self._pushed[name] < _SEIZED:

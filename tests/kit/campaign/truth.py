@@ -7,7 +7,7 @@ from kit.campaign.facts import Asked, Facts, Trouble
 
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
-_FARTHEST = 120.0  # s, the same where it moves: a cell of a few turns is crossed in less
+_FARTHEST = 600.0  # s, the same where it moves: a drive that leapt to an old target may be tens of thousands of degrees away
 _ARRIVES = 3.0  # s that a command may take when its axes have come to rest
 _REMEMBERED = 6.0  # s for which a trouble that is over may still be the cause of an error
 _READS = 2.0  # s in which an error may say that its code is being read: a stalled drive answers late

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.core.process.client import RemoteCore
 from axisbus.machine.machine import Machine
 
 FOLDER = Path(sys.argv[1])
@@ -57,7 +58,9 @@ def plant(machine: Machine) -> dict[str, object]:
 
 
 def watch_sends(machine: Machine) -> None:
-    """Write down every frame that a child sends."""
+    """Write down every frame that a child sends; nothing to watch where the bus is in another process."""
+    if isinstance(machine._core, RemoteCore):
+        return
     bus = machine._core.scan.cycle._channel.bus
     send = bus.send
 

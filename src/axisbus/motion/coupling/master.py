@@ -3,30 +3,33 @@
 Theory of operation
 -------------------
 What this program itself leads is known to any fraction: the path of a trajectory, the last target in csp, a virtual axis. What a
-drive tells comes in whole increments; differences of that are no velocity that a slave could follow. So it goes through a filter of
-second order (``_SHARES``): nothing is late at constant speed, and what is rounded away does not shake the slave. It was sampled at
-a SYNC before, too: as far as the velocity is known, it is carried on to where a target would be (``_LATE``).
+drive tells (``Told``) comes in whole increments, and at moments of its own; so it is filtered, and carried on to where a target
+would be.
 
-What leads the master changes from command to command, and the kinds differ by a following error or a cycle. What they differ by
-when one takes over from another is taken back little by little (``_KEPT``).
+What leads the master changes from command to command, and the kinds differ by a following error or a cycle. A drive that leads
+itself goes on through cycles that this computer was too late for, and its slave, which had no targets meanwhile, is behind. Both
+are debts, taken back little by little (``Debt``): the slave never jumps, and is in step again within a second or two.
 """
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
-from axisbus.cia402.port import Source
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.coupling.entries import By
+from axisbus.motion.coupling.told import Debt, Told
 from axisbus.motion.states import AxisState
 
-_KEPT = 0.98  # of what two kinds differ by, per cycle
-_CYCLES = 4.0  # the time constant of the filter
-_THETA = math.exp(-1.0 / _CYCLES)
-_SHARES = 1.0 - _THETA**2, (1.0 - _THETA) ** 2  # of what is off, that place and velocity are corrected by
-_LATE = 2.0  # cycles that what is told is older than what is led
 _PATH, _TARGET, _TOLD = "path", "target", "told"
+
+
+class _Led(NamedTuple):
+    """By what kind of value a master is led, where to in the last cycle, and in the one before that."""
+
+    kind: str
+    place: float
+    before: float
 
 
 class Master:
@@ -41,9 +44,9 @@ class Master:
         self._period = period
         self._origin = core.image.origin  # what is counted anew meanwhile moves no slave
         self._kind: str | None = None
-        self._off = 0.0
-        self._filtered = 0.0
-        self._stamp = -math.inf
+        self._target: float | None = None  # the last one
+        self._debt = Debt(period)
+        self._told = Told(core, by, period)
 
     @property
     def name(self) -> str:
@@ -63,7 +66,7 @@ class Master:
         if led is None:
             self._take_told()
         else:
-            self._take_led(*led)
+            self._take_led(led)
 
     def _lost(self) -> AxisbusError | None:
         core, image = self.core, self.core.image
@@ -76,53 +79,40 @@ class Master:
             return NodeError(f"nobody knows where {self.name} is", node=core.parameters.node)
         return None
 
-    def _led(self) -> tuple[str, float] | None:
-        """Return by what kind of value it is led exactly, and where to; None where its drive leads itself."""
-        path, core = self.core.leading_path, self.core
-        units, counted = core.parameters.units.position, core.image.origin - self._origin
-        if path is not None:
-            return _PATH, path.last_step.position + units.to_units(counted)
+    def _led(self) -> _Led | None:
+        """Return where it is led to exactly; None where its drive leads itself."""
+        path, core, units = self.core.leading_path, self.core, self.core.parameters.units.position
         target = core.image.position if core.parameters.virtual else core.image.led.target
-        return None if target is None else (_TARGET, units.to_units(target - self._origin))
+        before, self._target = self._target, None if target is None else units.to_units(target - self._origin)
+        if path is not None:
+            place = path.last_step.position + units.to_units(core.image.origin - self._origin)
+            return _Led(_PATH, place, place - path.last_step.velocity * self._period)
+        if self._target is None:
+            return None
+        return _Led(_TARGET, self._target, self._target if before is None else before)
 
-    def _take_led(self, kind: str, led: float) -> None:
-        path = self.core.leading_path
-        if self._kind is None:
-            self.place, self.velocity = led, 0.0 if path is None else path.last_step.velocity
-            self._kind = kind
+    def _take_led(self, led: _Led) -> None:
+        before, self._kind = self._kind, led.kind
+        if before is None:
+            self.place, self.velocity = led.place, (led.place - led.before) / self._period
             return
-        if kind != self._kind:
-            self._kind, self._off = kind, self.place - led
-        self._off *= _KEPT
-        before, self.place = self.place, led + self._off
-        self.velocity = (self.place - before) / self._period
+        if led.kind != before:
+            self._debt.add(self.place - led.before - self._debt.value, self.velocity)
+        self._go_to(led.place)
 
     def _take_told(self) -> None:
-        image, units = self.core.image, self.core.parameters.units
-        demand = image.demand if self._by is By.COMMAND else None
-        if demand is None:
-            told, stamp, source = image.position, image.position_stamp, "position"
-        else:
-            told, stamp, source = demand, image.demand_stamp, "demand"
-        assert told is not None  # else it is lost
-        seen = units.position.to_units(told - self._origin)
-        if self._kind is None:
-            self._filtered = seen
-            if image.velocity is not None and units.ratio_known:
-                self.velocity = units.velocity.to_units(image.velocity)
-        elif self._kind is not _TOLD:
-            self._filtered = self.place - self.velocity * _LATE * self._period
+        told, before = self._told, self._kind
         self._kind = _TOLD
-        # What comes with each SYNC and did not come is a frame that was lost; what comes by itself has not changed.
-        by_sync = self.core.capabilities.inputs.get(source) is Source.SYNC_PDO
-        self._filter(seen, is_new=stamp != self._stamp or not by_sync)
-        self._stamp = stamp
-        self.place = self._filtered + self.velocity * _LATE * self._period
+        if before is None:
+            told.begin(self._origin)
+            told.step(self._origin)
+            self.place, self.velocity = told.due, told.velocity
+            return
+        if before is not _TOLD:
+            told.go_on_from(self.place - self._debt.value, self.velocity - self._debt.rate)
+        self._debt.add(-told.step(self._origin), self.velocity)
+        self._go_to(told.due)
 
-    def _filter(self, seen: float, *, is_new: bool) -> None:
-        """Go on as before, and correct that by what was seen."""
-        self._filtered += self.velocity * self._period
-        if is_new:
-            off = seen - self._filtered
-            self._filtered += _SHARES[0] * off
-            self.velocity += _SHARES[1] * off / self._period
+    def _go_to(self, due: float) -> None:
+        before, self.place = self.place, due + self._debt.step()
+        self.velocity = (self.place - before) / self._period

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from axisbus.motion.group.pieces import Place
-from axisbus.motion.group.way import Way
+from axisbus.motion.group.way import Way, least
+from axisbus.motion.parameters import Limits
 
 _SLOPE = 100.0  # units of way for one of what the beginning is off
 
@@ -29,6 +31,16 @@ class Along:
         self._fade = min(rest, max(own, _SLOPE * math.hypot(*self._off)))
         self._last = math.nan
         self._place: Place = here
+
+    def eased(self, limits: Sequence[Limits], velocity: float) -> Way:
+        """Return the way, so slow (at ``velocity`` at most) that what is taken back leads no axis beyond its limits."""
+        if not self._fade or not any(self._off):
+            return self.way
+        slopes = tuple(abs(off) / self._fade for off in self._off)
+        fastest, hardest = min(velocity, max(self.way.tops)), max(self.way.ramps)
+        more_speed = fastest / least([limit.velocity for limit in limits], slopes)
+        more_ramp = hardest / least([limit.acceleration for limit in limits], slopes)
+        return self.way.slower(1.0 / (1.0 + max(more_speed, more_ramp)))
 
     def at(self, s: float) -> Place:
         """Return the place at ``s``."""

@@ -7,7 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from axisbus.errors import AxisbusError, LimitError, StateError
+from axisbus.errors import AxisbusError, LimitError, StateError, Stopped
+from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
@@ -32,6 +33,7 @@ from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
 
+_ENDS_ALL = (c.Halt, c.Stop, c.QuickStop, c.Disable)  # what waits, too
 Begin = Callable[[AxisCore, Follow, Ticket], None]
 
 
@@ -79,6 +81,8 @@ class GroupCore:
             undertaking.abandon(ended(undertaking.name))
 
     def _for_each(self, command: ForEach, ticket: Ticket) -> None:
+        if any(isinstance(each, _ENDS_ALL) for each in command.commands.values()):
+            self._queue.drop("what was before it", Stopped(f"{ticket.name} was asked for"))
         undertaking = Undertaking(ticket, self.axes, Gate() if command.together else OPEN)
         self._undertake(undertaking, lambda: self._tell_each(command, undertaking))
 
@@ -99,6 +103,7 @@ class GroupCore:
 
     def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
         if command.buffer and self._is_busy:
+            self._require_no_stop(command.axes, ticket)
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
             return
         self._require_rest(command.axes, ticket)
@@ -160,6 +165,12 @@ class GroupCore:
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command
             undertaking.break_off(broken(error, undertaking.name))
         undertaking.gather()
+
+    def _require_no_stop(self, names: Sequence[str], ticket: Ticket) -> None:
+        """Raise StateError where an axis is being stopped: nothing begins by itself after a halt."""
+        for name in names:
+            if self.axes[name].ladder is not None:
+                raise StateError(f"{ticket.name}: {name} is being halted", remedy="wait until it stands")
 
     def _require_rest(self, names: Sequence[str], ticket: Ticket) -> None:
         for name in names:

@@ -95,7 +95,9 @@ class Line:
         along = Along(self._way, begin, here)
         for number, follow in enumerate(self.follows.values()):
             follow.begin(Share(along, number, FASTER * self._velocity))
-        self.travel.begin(self._way, self._velocity, begin, self._window)
+        limits = [core.parameters.limits for core in self._axes.values()]
+        way = along.eased(limits, FASTER * self._velocity)
+        self.travel.begin(way, self._velocity, begin, self._window)
         self.planned = True
 
     def _take_way(self, name: str, period: float) -> float:

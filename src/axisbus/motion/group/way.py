@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
@@ -74,6 +74,11 @@ class Way:
             for length, top, ramp in zip(lengths, self.tops, self.ramps, strict=True)
         )
 
+    def slower(self, share: float) -> Way:
+        """Return the same way with ``share`` (above 0, at most 1) of its speeds and accelerations: it can be gone along as well."""
+        tops, ramps, leaves = ([share * one for one in each] for each in (self.tops, self.ramps, self.leaves))
+        return replace(self, tops=tuple(tops), ramps=tuple(ramps), leaves=tuple(leaves))
+
 
 NOWHERE = Way((), (), (0.0,), (), (), (), (), (), (), (), ())
 
@@ -107,8 +112,8 @@ def way_of(
     ``cycle``: where it is given, corners are no finer than what a cycle makes, and no cycle has much more than eight stretches.
     """
     shares, bends, boxes = zip(*((piece.shares, piece.bends, piece.box) for piece in pieces), strict=True)
-    hardest = [min(acceleration, _least([limit.acceleration for limit in limits], parts)) for parts in bends]
-    fastest = [_least([limit.velocity for limit in limits], parts) for parts in shares]
+    hardest = [min(acceleration, least([limit.acceleration for limit in limits], parts)) for parts in bends]
+    fastest = [least([limit.velocity for limit in limits], parts) for parts in shares]
     stretches: list[_Stretch] = []
     for number, piece in enumerate(pieces):
         if isinstance(piece, Bent):
@@ -168,7 +173,7 @@ def _scaled(rows: Sequence[Place], by: Sequence[float]) -> list[Place]:
     return [tuple(part * one if part else 0.0 for part in row) for row, one in zip(rows, by, strict=True)]
 
 
-def _least(limits: Sequence[float | None], parts: Place) -> float:
+def least(limits: Sequence[float | None], parts: Place) -> float:
     """Return what the axes' limits allow along a way of which they have these parts."""
     allowed = (limit / part for limit, part in zip(limits, parts, strict=True) if part and limit is not None)
     return min(allowed, default=math.inf)

@@ -1,0 +1,68 @@
+"""What axes that the master leads come to, as a share of what they may: ``make bounds``.
+
+``python tests/bounds.py [--commands 10000] [--first SEED] [--jobs N]``: random lines, paths, circles, trajectories, gears, replans,
+overrides, halts and resumes, in virtual time, with a table of what was asked for and the highest share of each limit. Fresh ones in
+each run unless the first seed is given. Exit code 1 where a limit did not hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import multiprocessing
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from kit.bounds.ledger import MOST
+from kit.bounds.play import ORDER, Play, played
+
+STEPS = 25  # commands of a play
+
+
+def trial(seed: int) -> Play:
+    """Play one seed in a folder of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        return played(seed, STEPS, Path(folder))
+
+
+def _quiet() -> None:
+    logging.disable(
+        logging.CRITICAL
+    )  # of handles that failed and were not asked: the ledger looks at the axes
+
+
+def table(total: Play) -> str:
+    """Return what was asked for, and what it came to."""
+    lines = [f"{'':26}{'asked for':>10}{'done':>8}{'broken off':>12}"]
+    for what in ORDER:
+        counts = total.asked[what], total.done[what], total.broken_off[what]
+        lines.append(f"{what:26}{counts[0]:>10}{counts[1]:>8}{counts[2]:>12}")
+    lines += ["", f"highest share of a limit, in {total.worst.cycles} cycles of an axis"]
+    lines += [f"{what:18}{share:>20.12f}   {where}" for what, (share, where) in total.worst.shares.items()]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Play until so many commands have been given, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--commands", type=int, default=10_000)
+    parser.add_argument("--first", type=int, default=int(time.time()))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    chosen = parser.parse_args()
+    seeds = range(chosen.first, chosen.first + -(-chosen.commands // STEPS))
+    print(f"seeds {seeds[0]} to {seeds[-1]}")
+    total = Play()
+    with multiprocessing.get_context("spawn").Pool(chosen.jobs, _quiet) as pool:
+        for number, play in enumerate(pool.imap_unordered(trial, seeds), 1):
+            total.join(play)
+            print(f"\r{number}/{len(seeds)} plays", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    print(table(total))
+    return int(any(share > MOST for share, _ in total.worst.shares.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,204 @@
+"""One random play of three axes: lines, paths, circles, trajectories, gears, replans, overrides, halts and resumes."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from axisbus.errors import AxisbusError, Interrupted
+from axisbus.machine.handle import Handle
+from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
+from kit.bounds.ledger import Ledger, Worst
+from kit.cell import Cell, Stage
+
+PERIOD = 0.01  # seconds
+HARDEST = 2000.0  # deg/s²
+AXIS = f"max_acceleration = {HARDEST}\nposition_limits = [-300.0, 300.0]"
+PAUSES = (0.0, 0.01, 0.05, 0.2, 0.5, 1.0)  # seconds between two commands
+REACH = 120.0  # degrees
+
+
+@dataclass
+class Play:
+    """What was asked for in one play, and what came of it."""
+
+    asked: Counter[str] = field(default_factory=Counter)
+    done: Counter[str] = field(default_factory=Counter)  # to their end
+    broken_off: Counter[str] = field(default_factory=Counter)  # by a halt, or another command
+    worst: Worst = field(default_factory=Worst)
+
+    def join(self, other: Play) -> None:
+        """Take what another play has seen."""
+        self.asked += other.asked
+        self.done += other.done
+        self.broken_off += other.broken_off
+        self.worst.join(other.worst)
+
+
+class Player:
+    """Asks a cell for one thing after the other."""
+
+    def __init__(self, cell: Cell, seed: int) -> None:
+        self.random = random.Random(seed)
+        self.cell, self.group = cell.enabled(), cell.machine.group("x", "y", "z")
+        self.seed = seed
+        self.play = Play()
+        self.ledger = Ledger(cell, PERIOD, self.play.worst)
+        self.handles: list[tuple[str, Handle]] = []
+
+    def step(self) -> None:
+        """Ask for something, and let time pass."""
+        self._revive()
+        what = self.random.choice(ORDERS)
+        self.play.asked[what] += 1
+        self.ledger.what = f"seed {self.seed}, {sum(self.play.asked.values())}: {what}"
+        with suppress(AxisbusError):
+            self.handles.append((what, ORDER[what](self)))
+        self.cell.run(self.random.choice(PAUSES))
+
+    def end(self) -> None:
+        """Halt all; every handle has ended by then."""
+        self.cell.end_of(self.group.set_override(1.0))
+        self.cell.end_of(self.group.halt())
+        self.cell.run(0.5)
+        for what, handle in self.handles:
+            assert not handle.busy, (self.ledger.what, handle)
+            self.play.done[what] += handle.done
+            self.play.broken_off[what] += isinstance(handle.exception(), Interrupted)
+
+    def _revive(self) -> None:
+        for axis in self.cell.machine:
+            if axis.state in (AxisState.ERRORSTOP, AxisState.DISABLED):
+                self.cell.run(0.5)
+                for call in (axis.reset, axis.enable):
+                    self.cell.end_of(call())
+
+    # -- what is asked for ------------------------------------------------------------------------------------------------
+
+    def _point(self) -> list[float]:
+        return [self.random.uniform(-REACH, REACH) for _ in self.group]
+
+    def _pace(self) -> dict[str, float]:
+        return {
+            "velocity": self.random.choice([20.0, 150.0, 900.0]),
+            "acceleration": self.random.choice([200.0, 1000.0, 9000.0]),
+        }
+
+    def _rest(self, share: float) -> None:
+        """In so many cases of one let all come to rest: a way begins there."""
+        if self.random.random() < share:
+            self.cell.end_of(self.group.halt())
+            self.cell.run(0.1)
+
+    def _smooth(self) -> Handle:
+        """A line or a circle with a limit of jerk, from rest to where it ends; it may be overridden and halted.
+
+        On a circle the jerk is that of the speed along it, and what turns comes on top: only lines are watched for it.
+        """
+        jerk, pace = self.random.choice([2000.0, 20000.0, 300000.0]), self._pace()
+        self._rest(1.0)
+        is_line = self.random.random() < 0.7
+        if is_line:
+            handle = self.group.move_linear(self._point(), **pace, jerk=jerk)
+        else:
+            handle = self.group.move_circular(self._point(), via=self._point(), **pace, jerk=jerk)
+        self.cell.run(2 * PERIOD)
+        self.ledger.jerk = jerk if is_line else None
+        try:
+            self._disturb(handle)
+        finally:
+            self.ledger.jerk = None
+        return handle
+
+    def _disturb(self, handle: Handle) -> None:
+        """Override it, and perhaps halt it, until it has ended."""
+        halted = self.random.random() < 0.5
+        for _ in range(30):
+            self.cell.run(self.random.choice(PAUSES))
+            if not handle.busy:
+                return
+            if halted and self.random.random() < 0.3:
+                self.cell.end_of(self.group.halt())
+                return
+            self.group.set_override(self.random.choice([0.1, 0.5, 1.0, 1.5]))
+
+    def _line(self) -> Handle:
+        self._rest(0.6)
+        return self.group.move_linear(self._point(), **self._pace(), buffer=self.random.random() < 0.3)
+
+    def _path(self) -> Handle:
+        self._rest(0.6)
+        points = [self._point() for _ in range(self.random.randint(2, 8))]
+        blend = self.random.choice([0.0, 0.5, 5.0, 40.0])
+        return self.group.move_path(points, **self._pace(), blend=blend, buffer=self.random.random() < 0.2)
+
+    def _circle(self) -> Handle:
+        self._rest(0.6)
+        return self.group.move_circular(self._point(), via=self._point(), **self._pace())
+
+    def _trajectory(self) -> Handle:
+        self._rest(0.5)
+        axis = self.cell[self.random.choice("xyz")]
+        return axis.follow(Trapezoid(axis.position, self.random.uniform(-REACH, REACH), 300.0, 1500.0))
+
+    def _replan(self) -> Handle:
+        """A move out of whatever leads the axis; one that stands is not moved by its drive."""
+        axis = self.cell[self.random.choice("xyz")]
+        if self.cell.core(axis.name).leading_path is None:
+            return self._trajectory()
+        return axis.move_absolute(self.random.uniform(-REACH, REACH))
+
+    def _gear(self) -> Handle:
+        slave, master = self.random.sample("xyz", 2)
+        return self.cell[slave].gear_in(self.cell[master], self.random.choice([-0.7, 0.5, 1.0]))
+
+    def _override(self) -> Handle:
+        return self.group.set_override(self.random.choice([0.0, 0.3, 1.0, 1.0, 1.5]))
+
+    def _resume(self) -> Handle:
+        self._rest(0.8)
+        return self.group.resume()
+
+    def _halt(self) -> Handle:
+        return self.group.halt()
+
+
+ORDER: dict[str, Callable[[Player], Handle]] = {
+    "line": Player._line,
+    "line or circle with jerk": Player._smooth,
+    "path": Player._path,
+    "circle": Player._circle,
+    "trajectory": Player._trajectory,
+    "replan": Player._replan,
+    "gear": Player._gear,
+    "override": Player._override,
+    "resume": Player._resume,
+    "halt": Player._halt,
+}
+ORDERS = [
+    *["line"] * 4,
+    *["path"] * 4,
+    *["circle"] * 2,
+    *["trajectory"] * 2,
+    *["replan"] * 4,
+    "gear",
+    *["override"] * 4,
+    *["resume"] * 3,
+    "halt",
+    *["line or circle with jerk"] * 2,
+]
+
+
+def played(seed: int, steps: int, folder: Path) -> Play:
+    """Return what came of one play of so many commands."""
+    with Stage(folder) as stage:
+        player = Player(stage.simulated("xyz", axis=AXIS), seed)
+        for _ in range(steps):
+            player.step()
+        player.end()
+        return player.play

@@ -1,0 +1,56 @@
+"""Random motion that the master leads keeps to velocity, acceleration and jerk; ``make bounds`` tries 10,000 commands."""
+
+from __future__ import annotations
+
+import pytest
+
+from axisbus.motion.trajectory import Trapezoid
+from kit.bounds.ledger import ACCELERATION, JERK, MOST, VELOCITY, Ledger
+from kit.bounds.play import HARDEST, ORDER, PERIOD, Play, played
+
+COMMANDS = 40
+
+
+@pytest.fixture(scope="module")
+def total(tmp_path_factory) -> Play:
+    total = Play()
+    for seed in range(5):
+        total.join(played(seed, COMMANDS, tmp_path_factory.mktemp("play")))
+    return total
+
+
+def test_no_axis_is_faster_harder_or_more_sudden_than_it_may_be(total):
+    worst = total.worst
+    assert worst.cycles > 10_000
+    for share, where in worst.shares.values():
+        assert 0.7 < share <= MOST, where  # and the limits were come to
+
+
+def test_every_kind_of_command_was_given_and_most_have_led_something(total):
+    assert set(total.asked) == set(ORDER)
+    assert all(total.done[what] + total.broken_off[what] for what in ORDER)
+
+
+def test_what_is_more_than_is_allowed_would_be_seen(story):
+    """The ledger compares with what it is told: half of that acceleration is allowed, and none of that jerk."""
+    cell = story.simulated("x", axis=f"max_acceleration = {HARDEST}").enabled()
+    ledger = Ledger(cell, PERIOD)
+    ledger.jerk = 1000.0
+    cell.end_of(cell.x.follow(Trapezoid(0.0, 90.0, 200.0, 0.5 * HARDEST)))
+    assert ledger.worst.shares[ACCELERATION][0] == pytest.approx(0.5, abs=1e-6)
+    assert ledger.worst.shares[VELOCITY][0] == pytest.approx(0.5, abs=1e-6)
+    assert ledger.worst.shares[JERK][0] > 10.0
+
+
+@pytest.mark.parametrize("moment", [0.2, 0.33, 0.41])
+@pytest.mark.parametrize("acceleration", [1000.0, 1500.0])
+def test_what_a_resumed_line_takes_back_makes_no_axis_too_fast(story, moment, acceleration):
+    """It begins where its axes were rounded to, and is as fast as the faster of them may be."""
+    cell = story.simulated("xy", axis=f"max_acceleration = {HARDEST}").enabled()
+    ledger, group = Ledger(cell, PERIOD), cell.machine.group("x", "y")
+    group.move_linear([1500.0, 333.3], velocity=2000.0, acceleration=acceleration)
+    cell.run(moment)
+    cell.end_of(group.halt())
+    assert cell.end_of(group.resume(), 20.0) is None
+    assert cell.where("x") == pytest.approx(1500.0, abs=0.01)
+    assert 0.999 < ledger.worst.shares[VELOCITY][0] <= MOST
