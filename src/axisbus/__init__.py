@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from axisbus.machine.handle import Handle, wait
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.machine.streaming.controller import Controller, Measured
     from axisbus.machine.streaming.points import PointStream
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
@@ -38,6 +39,8 @@ _HOME = {
     "Handle": "axisbus.machine.handle",
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
+    "Controller": "axisbus.machine.streaming.controller",
+    "Measured": "axisbus.machine.streaming.controller",
     "PointStream": "axisbus.machine.streaming.points",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
@@ -53,11 +56,13 @@ __all__ = [
     "AxisState",
     "AxisbusError",
     "Cam",
+    "Controller",
     "CoreXY",
     "Delta",
     "Group",
     "Handle",
     "Machine",
+    "Measured",
     "Plant",
     "PointStream",
     "Recorder",

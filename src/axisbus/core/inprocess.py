@@ -14,7 +14,7 @@ from axisbus.cia402.port import Waiter
 from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
-from axisbus.motion.commands import Command
+from axisbus.motion.commands import Answer, Command
 from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.points.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
@@ -29,6 +29,8 @@ from axisbus.session import (
     Program,
     Target,
 )
+
+_PARTS = (AddPoints, Answer)  # of commands that are under way: no commands of their own, and too many to keep
 
 
 class InProcess:
@@ -132,7 +134,7 @@ class InProcess:
 
     def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
         """As ``Session.submit``."""
-        if not isinstance(command, AddPoints):  # which are no commands of their own, and too many to keep
+        if not isinstance(command, _PARTS):
             self._ledger.give(number, name)  # before it may end
         kept = self._scan.submit(target, command, Ticket(name, self._tell, number)).number
         if kept != number:
