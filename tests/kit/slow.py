@@ -15,7 +15,7 @@ SLOW = {
         "stories/test_story_beside.py",
         "stories/test_story_boot_up.py",
         "stories/test_story_bus_off.py",
-        "stories/test_story_controller.py::test_in_real_time_an_answer_that_comes_too_late_stops_the_axis_and_the_next_loop_is_in_time",
+        "stories/test_story_controller_bus.py",
         "stories/test_story_cyclic_bus.py",
         "stories/test_story_dead_bus.py",
         "stories/test_story_event_timer.py",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from itertools import pairwise
 
 import pytest
@@ -184,31 +183,6 @@ def test_what_a_controller_cannot_be_is_said(story, options, words):
         cell.x.controller(to(1.0), **options)
     with pytest.raises(ArgumentError, match="is no function"):
         cell.x.controller(3.0)
-
-
-def test_in_real_time_an_answer_that_comes_too_late_stops_the_axis_and_the_next_loop_is_in_time(story):
-    cell = story.real("x", axis=RATED).enabled()
-    late = []
-
-    def loop(seen: Measured) -> float:
-        if late and late.pop():
-            time.sleep(0.5)
-        return 60.0
-
-    controller = cell.x.controller(loop, late=20)
-    cell.run(0.8)
-    assert controller.handle.busy
-    cell.must_move()
-    late.append(True)
-    with pytest.raises(CommandError, match="answered too late"):
-        controller.handle.wait(2)
-    cell.must_stand(within=1.0, stages=ENABLED)
-    assert cell.x.state is AxisState.ERRORSTOP
-    assert controller.lateness.worst > 0.4
-    cell.x.reset().wait(2)
-    with cell.x.controller(loop, late=20) as controller:
-        cell.run(0.5)
-    assert controller.lateness.cycles > 20
 
 
 # -- how late an answer may be -------------------------------------------------------------------------------------------
