@@ -9,12 +9,14 @@ from typing import NamedTuple
 from axisbus.machine.axis import Axis
 from axisbus.machine.cam import Cam
 from axisbus.machine.handle import Handle
+from axisbus.machine.streaming.controller import Measured
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import Cell
 from kit.plants import Ramp
 
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
 QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
+_LOOP = 5.0  # seconds of a controller
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -28,6 +30,28 @@ class Order(NamedTuple):
     give: Callable[[Cell, str, float], Handle]
     goal: float | None = None
     relative: bool = False
+
+
+def _controller(cell: Cell, name: str, value: float) -> Handle:
+    """A loop that follows a place; it fails where it gets lost, and after some seconds."""
+
+    def loop(seen: Measured) -> float:
+        if seen.position is None or (value < -0.7 and seen.position > 20.0) or cell.now > end:
+            raise ValueError("lost sight of it")
+        return 3.0 * (60.0 * value * math.sin(2.0 * seen.time) - seen.position)
+
+    end = cell.now + _LOOP
+    return cell[name].controller(loop).handle
+
+
+def _torque_controller(cell: Cell, name: str, value: float) -> Handle:
+    def loop(seen: Measured) -> float:
+        if cell.now > end:
+            raise ValueError("seen enough")
+        return 0.3 * value - 0.002 * (seen.velocity or 0.0)
+
+    end = cell.now + _LOOP
+    return cell[name].controller(loop, by="torque", slope=5.0).handle
 
 
 def demand_of(cell: Cell, name: str) -> float:
@@ -80,6 +104,8 @@ ORDERS: Mapping[str, Order] = {
     "torque": Order(lambda cell, name, value: cell[name].torque_control(0.3 * value)),
     "cyclic_velocity": Order(lambda cell, name, value: cell[name].cyclic_velocity(150.0 * value)),
     "cyclic_torque": Order(lambda cell, name, value: cell[name].cyclic_torque(0.3 * value, slope=5.0)),
+    "controller": Order(_controller),
+    "torque controller": Order(_torque_controller),
     "home": Order(lambda cell, name, _: cell[name].home()),
     "set_position": Order(lambda cell, name, value: cell[name].set_position(100.0 * value)),
     "move_waiting": Order(
@@ -163,6 +189,8 @@ MOTIONS = (
     "cyclic_velocity",
     "cyclic_velocity",
     "cyclic_torque",
+    "controller",
+    "torque controller",
     "home",
 )
 AXIS_STOPS = ("halt", "halt", "stop", "stop", "quick_stop", "disable", "coast")
