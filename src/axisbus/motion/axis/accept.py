@@ -251,6 +251,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,
+    c.Control: accept_cyclic.control,
+    c.Answer: accept_cyclic.answer,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,

@@ -66,6 +66,11 @@ class Joint:
         except AxisbusError as error:
             self.failure = self.failure or self._lost(error)
 
+    @property
+    def gives_up(self) -> AxisbusError | None:
+        """Nothing: its slave breaks off by itself."""
+        return None
+
     def leads(self) -> bool:
         """Whether the slave was led since this was asked last."""
         return self.follow.take_stepped()
