@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
-from axisbus.errors import AxisbusError, StateError
+from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.node import NodeIo
 from axisbus.motion.io.reading import Reading
@@ -31,6 +31,9 @@ class Board:
 
     def accept(self, command: SetOutputs, ticket: Ticket) -> None:
         """Set outputs, all or none; the ticket ends when all have been sent, or at once where one cannot be."""
+        if self._leaving:  # it has waited behind others while the axes were stopped
+            ticket.finish(Status.ERROR, _too_late(ticket.name))
+            return
         values = dict(command.values)
         by_node: dict[NodeIo, dict[str, int]] = {}
         for name, raw in values.items():
@@ -103,4 +106,10 @@ def _not_there(name: str, what: str) -> AxisbusError:
         f"{what} was not sent: {name} is not there",
         observed="its node has not come up, or was found with an enabled drive and is left as it is",
         remedy="look at the report of its node; switch the drive off and open the machine again",
+    )
+
+
+def _too_late(what: str) -> AxisbusError:
+    return Stopped(
+        f"{what} was not sent", observed="every output is being led to its safe state: the machine is left"
     )
