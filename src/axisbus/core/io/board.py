@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
+from axisbus.cia402.port import Source
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.node import NodeIo
@@ -28,6 +29,17 @@ class Board:
         """Take in a node; may be called from any thread."""
         self._of = {**self._of, **dict.fromkeys(node.points, node)}
         self._nodes = (*self._nodes, (port, node))
+
+    def width_of(self, name: str) -> int:
+        """Return the bits of a point that is there."""
+        return self._of[name].points[name].width
+
+    def source_of(self, name: str) -> Source:
+        """Return how an input travels; of one that is not there, as what comes when it changes."""
+        for port, node in self._nodes:
+            if name in node.points:
+                return port.sources[port.inputs.index(node.points[name].address)]
+        return Source.EVENT_PDO
 
     def accept(self, command: SetOutputs, ticket: Ticket) -> None:
         """Set outputs, all or none; the ticket ends when all have been sent, or at once where one cannot be."""
