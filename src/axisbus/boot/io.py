@@ -59,10 +59,16 @@ def _prepare(objects: Objects, point: Point) -> str:
 
 
 def _open_mask(objects: Objects, point: Point) -> None:
-    """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh)."""
-    mask = read_int(objects, point.index, MASK)
-    if mask is not None and mask & point.mask != point.mask:
-        _write(objects, (point.index, MASK), mask | point.mask)
+    """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh).
+
+    A bit that did not act may hold anything: it is made safe first, so that opening a machine switches nothing on.
+    """
+    mask, word = read_int(objects, point.index, MASK), read_int(objects, *point.address)
+    if mask is None or mask & point.mask == point.mask:
+        return
+    if word is not None:
+        _write(objects, point.address, point.into(word, point.safe))
+    _write(objects, (point.index, MASK), mask | point.mask)
 
 
 def _write(objects: Objects, address: Address, value: int) -> None:
