@@ -106,6 +106,19 @@ def test_what_nobody_makes_safe_when_we_are_gone_is_warned_of(tmp_path):
     assert any("without heartbeat" in each.observed for each in check(path))
 
 
+VALVE = '[io.valve]\nnode = 5\nobject = "6411h:01"\nscale = 1000\nsafe = {}\n'
+
+
+def test_a_safe_number_that_makers_differ_about_is_warned_of(tmp_path):
+    """6444h has 32 bits for an output of 16; 0 is the same in both halves, and what the cell file writes itself is its own."""
+    (problem,) = found(tmp_path, VALVE.format(0.5))
+    assert problem.severity.value == "warning"
+    assert "makers differ in what a module without us makes of 6444h:01" in problem.message
+    assert found(tmp_path, VALVE.format(0)) == []
+    own = '[nodes.5.objects]\n"6444:01" = 0x1F40000\n'
+    assert found(tmp_path, VALVE.format(0.5), node=own) == []
+
+
 def test_their_frames_are_in_the_load_and_in_the_timetable(tmp_path):
     path = tmp_path / "cell.toml"
     io = f'[io.lamp]\n{LAMP}[io.part]\nnode = 5\nobject = "6000h:01"\nbit = 0\n'

@@ -56,17 +56,40 @@ def test_the_frame_of_an_output_keeps_its_other_bits():
     assert one.step(0.02, there()) == (0x1D, -3)
 
 
-def test_a_command_is_done_in_the_cycle_after_the_one_that_sent_it():
-    one, ticket = node(), Ticket("lamp")
+@pytest.mark.parametrize(
+    ("heard", "done_at"),
+    [
+        (
+            (math.inf, math.inf, math.inf),
+            0.02,
+        ),  # of a node of which no sign of life is expected: once it has left
+        ((0.01, 0.02, 0.03), 0.02),
+        ((0.01, 0.015, 0.019), None),  # all of this was on its way before the output could act
+        ((0.01, 0.01, 0.025), 0.03),
+    ],
+)
+def test_a_command_is_done_once_the_node_was_heard_after_it_has_left(heard, done_at):
+    one, ticket, done = node(), Ticket("lamp"), []
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)
     assert not one.rests
-    one.step(0.01, there())
-    assert ticket.status is Status.BUSY
-    assert not one.rests
-    one.step(0.02, there())
-    assert ticket.status is Status.DONE
+    for now, sign in zip((0.01, 0.02, 0.03), heard, strict=True):
+        one.step(now, there()._replace(heard=sign))
+        done += [now] if ticket.status is Status.DONE else []
+    assert done[:1] == ([] if done_at is None else [done_at])
     assert one.rests
+
+
+def test_a_command_that_was_sent_fails_as_soon_as_the_loss_is_known():
+    one, ticket = node(), Ticket("lamp")
+    one.step(0.0, there())
+    one.set({"lamp": 1}, ticket)
+    for now in (0.01, 0.02, 0.03, 0.04):
+        one.step(now, there()._replace(heard=0.01))
+    assert ticket.busy
+    one.step(0.05, IoInputs(Known.SILENT, (None,)))
+    assert ticket.status is Status.ERROR
+    assert "not confirmed" in ticket.error.message
 
 
 @pytest.mark.parametrize(

@@ -178,6 +178,37 @@ def test_an_unknown_name_is_told(story):
         with_io(story).machine.io["lmap"]
 
 
+def test_what_is_set_is_noted_before_it_is_sent(story):
+    """Whoever finds the core dead between both makes it safe."""
+    cell, noted = with_io(story), []
+    cell.machine._core.scan.io.note = lambda readings: noted.append((readings["lamp"].set, word(cell)))
+    cell.machine.io["lamp"].set(True).wait(1)
+    assert (True, 0) in noted
+    assert (False, 8) not in noted
+
+
+def test_opening_the_mask_of_a_drive_switches_nothing_on(story):
+    """A bit that did not act may have been left on by anybody."""
+    at_boot = '[nodes.1.objects]\n"60FE:01" = 0x50000\n'
+    cell = story.simulated(text=cell_text("x", more=IO.format(node="") + at_boot))
+    assert cell.device().io.get(0x60FE, 2) == 1 << 16
+    assert word_of_drive(cell) == 0x40000  # the other bit is not named, and not opened
+    assert cell.machine.io["relay"].value is False
+
+
+def test_what_the_cell_file_gives_a_whole_output_without_us_stays(story):
+    own = '[nodes.5.objects]\n"6444:01" = 0x1F40000\n"6207:01" = 0x7F\n"1029:01" = 2\n'
+    cell = story.simulated(text=cell_text("x", more=IO.format(node="") + own))
+    device = cell.machine.stand_in(5).device
+    assert device.read(0x6444, 1) == 0x1F40000
+    assert device.read(0x1029, 1) == 2
+    assert (
+        device.read(0x6207, 1) == 0xF7
+    )  # by bits: lamp and clamp are the cell's, the others as they were given
+    (report,) = [each for each in cell.machine.reports if each.node_id == 5]
+    assert any("what the cell file writes into 6444h:01" in line for line in report.io)
+
+
 # -- lost --------------------------------------------------------------------------------------------------------------
 
 
@@ -193,6 +224,18 @@ def test_a_lost_module_is_unknown_and_stops_the_cell(story):
             _ = cell.machine.io[name].value
         assert "heartbeat or guarding answer stays away" in caught.value.observed
     assert isinstance(cell.failure_of(cell.machine.io["lamp"].set(True)), NodeError)
+
+
+def test_what_is_set_as_a_module_dies_is_no_success(story):
+    """Its death is known three heartbeats later; until then nobody can say that the output is on."""
+    cell = with_io(story)
+    cell.machine.stand_in(5).device.dials.dead = True
+    handle = cell.machine.io["lamp"].set(True)
+    cell.run(0.2)
+    assert handle.busy
+    error = cell.failure_of(handle)
+    assert isinstance(error, NodeError)
+    assert error.message == "lamp = True is not confirmed: its node was lost before it was heard again"
 
 
 def test_on_lost_may_only_tell(story):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import signal
 import subprocess
@@ -15,6 +16,7 @@ from axisbus.core.process.kept.journal import path_of
 from axisbus.errors import AxisbusError, BootError, NodeError, StaleError
 from axisbus.machine.machine import Machine
 from kit.cell import cell_text
+from kit.probe import OFF
 
 IO = """
 [nodes.5]
@@ -126,19 +128,23 @@ def test_a_killed_core_leaves_safe_outputs(tmp_path):
 
 
 PROGRAM = """
-import os, signal, sys
+import os, signal, sys, time
 from axisbus import Machine
 cell = Machine.open(sys.argv[1])
+cell["x"].enable().wait(5)
+cell["x"].move_velocity(90.0).wait(5)
 cell.io.set({"lamp": True, "clamp": False}).wait(2)
+time.sleep(0.2)
 print("set", flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_a_killed_program_leaves_safe_outputs(tmp_path):
+def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
+    """The plant is read from what the simulated devices write by themselves; their own watch over us is too slow to help."""
     path = tmp_path / "cell.toml"
-    text = cell_text("x", bus='process = "own"', more=IO.format(node=""))
-    path.write_text(text)
+    bus = 'process = "own"\noptions = { history = "plant.csv" }'
+    path.write_text(cell_text("x", heartbeat="1s", bus=bus, more=IO.format(node="")))
     ran = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(path)], capture_output=True, text=True, timeout=30, check=False
     )
@@ -146,6 +152,22 @@ def test_a_killed_program_leaves_safe_outputs(tmp_path):
     until(lambda: "the core ended" in told_by(path), limit=10.0)
     assert "leaving: the program is gone" in told_by(path)
     assert "went wrong" not in told_by(path)  # each output was read back
+    outputs, stages = plant(tmp_path / "plant.csv")
+    lamp_on = [at for at, word in outputs if word == 8]
+    driven = [at for at, stage in stages if stage not in OFF]
+    assert lamp_on
+    assert driven
+    assert outputs[-1][1] == 0x80
+    assert max(lamp_on) > max(driven) - 0.005  # to within a line of the file
+
+
+def plant(path: Path) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+    """The first digital outputs, and the power stage of the axis, each with its times."""
+    with path.open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["outputs"] is not None]
+    modules = [(float(row["time"]), row["outputs"].split()[0]) for row in rows if row["outputs"]]
+    outputs = [(at, int(text.removeprefix("6200h:01="))) for at, text in modules]
+    return outputs, [(float(row["time"]), int(row["stage"])) for row in rows if row["stage"]]
 
 
 def told_by(path: Path) -> str:

@@ -5,7 +5,7 @@ Each object is read, changed only in the bits of the cell's own outputs, written
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from axisbus.boot.objects import Objects, read_int
 from axisbus.cia301 import objects as o301
@@ -24,21 +24,25 @@ from axisbus.errors import BootError, SdoAbort
 _STEP = "inputs and outputs"
 
 
-def prepare(objects: Objects, points: Sequence[Point], *, alone: bool) -> list[str]:
+def prepare(
+    objects: Objects, points: Sequence[Point], *, alone: bool, given: Collection[Address] = ()
+) -> list[str]:
     """Set error modes, error values and masks of the outputs; return lines that say what a module does without us.
 
-    ``alone``: no axis is on the node, so that its error behaviour is ours to set. Blocks.
+    ``alone``: no axis is on the node, so that its error behaviour is ours to set. ``given``: objects that the cell file writes
+    itself; a number that it gives a whole output, or a node, is left as it is. Blocks.
 
     Raises:
         BootError: an object is refused, or reads back something else.
     """
     outputs = [point for point in points if point.output]
-    if alone and outputs and read_int(objects, o301.ERROR_BEHAVIOR, 1) == NO_CHANGE:
-        _write(objects, (o301.ERROR_BEHAVIOR, 1), PRE_OPERATIONAL)
-    return [_prepare(objects, point) for point in outputs]
+    behaviour = (o301.ERROR_BEHAVIOR, 1)
+    if alone and outputs and behaviour not in given and read_int(objects, *behaviour) == NO_CHANGE:
+        _write(objects, behaviour, PRE_OPERATIONAL)
+    return [_prepare(objects, point, given) for point in outputs]
 
 
-def _prepare(objects: Objects, point: Point) -> str:
+def _prepare(objects: Objects, point: Point, given: Collection[Address]) -> str:
     if (first_axis(point.index), point.subindex) == (DRIVE_OUTPUTS, OUTPUTS):
         _open_mask(objects, point)
         return f"{point.name}: {point.object_text}; what the drive does with it without us is in its manual"
@@ -52,17 +56,28 @@ def _prepare(objects: Objects, point: Point) -> str:
         return (
             f"{point.name}: {point.object_text}; the module has no {lacks} that say what it does without us"
         )
-    safe = point.into(values, point.safe) if row.by_bit else point.safe
-    _write(objects, value, safe)  # first: what is switched on then is right already
+    own = not row.by_bit and value in given
+    if not own:
+        _write(
+            objects, value, point.into(values, point.safe)
+        )  # first: what is switched on then is right already
     _write(objects, mode, modes | point.mask if row.by_bit else 1)
+    if own:
+        return f"{point.name}: {point.object_text}; without us the module does what the cell file writes into {_both(value)}"
     return f"{point.name}: {point.object_text}; without us the module makes it {point.shown(point.safe):g} ({_both(mode, value)})"
 
 
 def _open_mask(objects: Objects, point: Point) -> None:
-    """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh)."""
-    mask = read_int(objects, point.index, MASK)
-    if mask is not None and mask & point.mask != point.mask:
-        _write(objects, (point.index, MASK), mask | point.mask)
+    """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh).
+
+    A bit that did not act may hold anything: it is made safe first, so that opening a machine switches nothing on.
+    """
+    mask, word = read_int(objects, point.index, MASK), read_int(objects, *point.address)
+    if mask is None or mask & point.mask == point.mask:
+        return
+    if word is not None:
+        _write(objects, point.address, point.into(word, point.safe))
+    _write(objects, (point.index, MASK), mask | point.mask)
 
 
 def _write(objects: Objects, address: Address, value: int) -> None:

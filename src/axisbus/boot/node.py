@@ -36,6 +36,7 @@ from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.ramps import braking_of
+from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia302.bootup import boot_up
@@ -249,14 +250,16 @@ class NodeBoot:
 
     def _io(self) -> None:
         """After the axes: their PDOs come first. A node that was found enabled keeps its inputs and outputs to itself."""
-        points = points_of(self._cell, self._objects.node_id, Dictionary(self._eds, self._objects.node_id))
+        dictionary = Dictionary(self._eds, self._objects.node_id)
+        points = points_of(self._cell, self._objects.node_id, dictionary)
         if not points:
             return
         if self.found_enabled:
             names = ", ".join(point.name for point in points)
             self._report.warnings.append(f"found enabled: {names} cannot be read or set")
             return
-        told = io.prepare(self._objects, points, alone=not self._axes)
+        given = [write.address for write in node_writes(self._node, dictionary)]
+        told = io.prepare(self._objects, points, alone=not self._axes, given=given)
         self._report.io = (f"travels by {self._comms.connect_io(points)}", *told)
 
     def _look_at_window(self) -> None:

@@ -40,6 +40,11 @@ class _Slot:
             if (mapped.index, mapped.subindex) in places
         ]
 
+    @property
+    def stamp(self) -> float:
+        """When the newest frame came."""
+        return self._latest[1]
+
     def on_frame(self, data: bytes, stamp: float) -> None:
         """Store a frame; one that is too short is dropped, and its values grow old."""
         if len(data) < self._size:
@@ -126,7 +131,7 @@ class CanIoPort:
         if known is not Known.RESTARTED:
             for slot in self._slots:
                 slot.read_into(self._samples)
-        return IoInputs(known, tuple(self._samples))
+        return IoInputs(known, tuple(self._samples), self._heard())
 
     def write(self, words: tuple[int | None, ...]) -> None:
         """Take a value for each output; an RPDO goes out once something in it was set. Does not block."""
@@ -188,6 +193,13 @@ class CanIoPort:
         if now > nmt.deadline:
             return Known.SILENT
         return Known.YES if nmt.state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL
+
+    def _heard(self) -> float:
+        """When it last gave a sign of life; infinite where nothing makes it give one."""
+        nmt = self.node.nmt
+        if nmt.watched is None and not any(map(math.isfinite, self.max_age)):
+            return math.inf
+        return max([nmt.stamp or -math.inf, *(slot.stamp for slot in self._slots)])
 
     def _word_alone(self, address: Address, found: int) -> int:
         row = ERROR_OBJECTS.get(address[0])

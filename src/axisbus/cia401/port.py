@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -30,10 +31,14 @@ MAY_HEAR = frozenset({Known.YES, Known.SILENT, Known.NOT_OPERATIONAL})
 
 
 class IoInputs(NamedTuple):
-    """What is known of a node at the beginning of a cycle: the newest of each input, in the order of ``IoPort.inputs``."""
+    """What is known of a node at the beginning of a cycle: the newest of each input, in the order of ``IoPort.inputs``.
+
+    ``heard`` is when it last gave a sign of life, a TPDO or its error control; infinite where none of it is expected.
+    """
 
     known: Known
     samples: tuple[Sample | None, ...]
+    heard: float = math.inf
 
 
 class IoPort(Protocol):

@@ -13,7 +13,7 @@ from axisbus.cia401.port import Known
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
 from axisbus.core.io.board import Board
-from axisbus.core.io.wiring import add_io, make_sure, not_safe
+from axisbus.core.io.wiring import add_io, make_sure, not_safe, unconfirmed
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.parting import lost_without_axes, scan_failure
 from axisbus.core.pickup import Pickup
@@ -208,24 +208,16 @@ class Core:
 
         Blocks until all stand, at most the times of the stop ladders.
         """
-        rescued: list[Stopped] = []
-        unsafe: list[Unsafe] | None = None
+        rescued, unsafe = list[Stopped](), list[Unsafe]()
         try:
             self._stop_axes(reason)
         finally:
             self._pickup.stop()
-            if (
-                self.scan.failure is None
-            ):  # while our heartbeat goes on: a module that is gone must fault nobody else
-                unsafe = make_sure(self.scan.io, self.runtime.link)
-            self._end_scan()
-            if self.scan.failure is not None:
-                rescued = self.runtime.link.rescue(
-                    [core.parameters.name for core in self.scan.axes.values() if _needs_rescue(core)]
-                )
-            if unsafe is None:
-                unsafe = make_sure(self.scan.io, self.runtime.link)
-            self.runtime.leave(self.scan.axes, rescued, unsafe)
+            unsafe = unconfirmed(self.scan.io)
+            try:
+                rescued, unsafe = self._make_sure()
+            finally:
+                self.runtime.leave(self.scan.axes, rescued, unsafe)
         if self.scan.failure is not None:
             return [scan_failure(self.scan.failure, rescued), *map(not_safe, unsafe)]
         return [*self.scan.stop_failures(), *map(not_safe, unsafe)]
@@ -255,6 +247,23 @@ class Core:
                 interruption = error
         if interruption is not None:
             raise interruption
+
+    def _make_sure(self) -> tuple[list[Stopped], list[Unsafe]]:
+        """End the scan, and see outputs safe, after the axes; where the scan has failed, these are stopped without it first.
+
+        Where it lives, outputs are looked at while our heartbeat goes on: a module that does not answer must fault nobody else.
+        """
+        alive, unsafe = self.scan.failure is None, list[Unsafe]()
+        try:
+            if alive:
+                unsafe = make_sure(self.scan.io, self.runtime.link)
+        finally:
+            self._end_scan()
+        if self.scan.failure is None:
+            return [], unsafe
+        cores = self.scan.axes.values()
+        rescued = self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+        return rescued, unsafe if alive else make_sure(self.scan.io, self.runtime.link)
 
     def _end_scan(self) -> None:
         self.scan.quit()

@@ -58,7 +58,7 @@ class Signal:
         Raises:
             StaleError: it is unknown, with the reason: its node is lost, it is too old, the scan has ended.
         """
-        return self._point.shown(self._known().value or 0)
+        return self._shown(self._known())
 
     @property
     def age(self) -> float:
@@ -87,14 +87,13 @@ class Signal:
             StaleError: it is unknown, or becomes so.
         """
         done: Callable[[Value], bool] = value if callable(value) else (lambda found: found == value)
-        left = math.inf if timeout is None else timeout
-        found = self.value
-        while not done(found):
-            if left <= 0.0:
+        reading = self._known()
+        until = math.inf if timeout is None else reading.now + timeout
+        while not done(found := self._shown(reading)):
+            if reading.now >= until:
                 raise self._not_in_time(value, found, timeout)
-            self._session.waiter.wait(lambda: False, min(left, _SLICE))
-            left -= _SLICE
-            found = self.value
+            self._session.waiter.wait(lambda: False, _SLICE)
+            reading = self._known()
         return found
 
     @property
@@ -105,6 +104,9 @@ class Signal:
     @property
     def _in_unit(self) -> str:
         return f" {self.unit}" if self.unit else ""
+
+    def _shown(self, reading: Reading) -> Value:
+        return self._point.shown(reading.value or 0)
 
     def _known(self) -> Reading:
         silent = self._session.silent

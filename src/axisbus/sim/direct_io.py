@@ -56,7 +56,8 @@ class DirectIoPort:
             known = Known.SILENT
         else:
             known = Known.YES if self._state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL
-        return IoInputs(known, tuple(self._samples))
+        stamps = [sample.stamp for sample in self._samples if sample is not None]
+        return IoInputs(known, tuple(self._samples), max([self._last_beat, *stamps]))
 
     def write(self, words: tuple[int | None, ...]) -> None:
         """Take the values for this cycle; nothing happens before the commit."""

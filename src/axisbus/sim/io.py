@@ -34,12 +34,17 @@ class IoModule:
         """Return what an object of outputs has, 0 where there is none."""
         return self._dictionary.get_int(index, subindex)
 
+    @property
+    def outputs(self) -> dict[tuple[int, int], int]:
+        """What every object of a module's outputs has, by index and sub-index."""
+        keys = [(key >> 8, key & 0xFF) for key in list(self._dictionary.entries)]
+        found = [(index, sub) for index, sub in keys if sub and (index in _BITS or index in _CHANNELS)]
+        return {address: self._dictionary.get_int(*address) for address in found}
+
     def fail(self) -> None:
         """An error, or NMT *stop*: every output whose error mode says so takes its error value."""
-        for key in list(self._dictionary.entries):
-            index, sub = key >> 8, key & 0xFF
-            if sub and (index in _BITS or index in _CHANNELS):
-                self._dictionary.set(key, self.alone((index, sub), self._dictionary.get_int(index, sub)))
+        for address, word in self.outputs.items():
+            self._dictionary.set(address[0] << 8 | address[1], self.alone(address, word))
 
     def alone(self, address: tuple[int, int], word: int) -> int:
         """Return what an output of this value becomes in an error."""

@@ -10,6 +10,7 @@ from axisbus.cell import pdo_tables
 from axisbus.cell.io import points as io_points
 from axisbus.cell.model import IoConfig, NodeConfig
 from axisbus.cell.pdo_plan import io_plan, used_by_axes
+from axisbus.cell.writes import known_writes
 from axisbus.check.case import Case, Check, Found
 from axisbus.cia401.objects import DRIVE_OUTPUTS, ERROR_OBJECTS, OUTPUTS
 from axisbus.cia401.point import Point
@@ -128,6 +129,26 @@ def alone(case: Case) -> Found:
             )
 
 
+def numbers_alone(case: Case) -> Found:
+    """Warn of a safe number that modules of different makers understand differently (6444h has 32 bits for outputs of 16)."""
+    for config, node, point in _points(case):
+        row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
+        if not point.output or point.safe == 0 or row is None or row.by_bit:
+            continue
+        value = eds.get(row.value, point.subindex)
+        given = {write.address for write in known_writes(node.objects, Dictionary(eds, node.node_id))}
+        if value is None or value.data_type.bits == point.width or (row.value, point.subindex) in given:
+            continue
+        name = f"{row.value:04X}h:{point.subindex:02X}"
+        yield case.warning(
+            config.at.of("safe"),
+            f"[io.{config.name}]: makers differ in what a module without us makes of {name}",
+            f"boot writes {point.safe}; it is wider than the output ({point.object_text}), and some take its upper half",
+            f"write what its manual says as '{row.value:04X}:{point.subindex:02X}' in [nodes.{node.node_id}.objects],"
+            " which boot then leaves as it is; or choose a safe state of 0 digits",
+        )
+
+
 def _not_alone(case: Case, node: NodeConfig, point: Point) -> str:
     if case.cell.bus.heartbeat is None:
         return "without heartbeat in [bus] no module notices that its master is gone"
@@ -242,4 +263,4 @@ def _is_of(config: IoConfig, text: str, dictionary: Dictionary) -> bool:
     return entry is not None and text.startswith(_name(entry))
 
 
-CHECKS: tuple[Check, ...] = (have_nodes, objects, encoders, apart, travel, alone)
+CHECKS: tuple[Check, ...] = (have_nodes, objects, encoders, apart, travel, alone, numbers_alone)

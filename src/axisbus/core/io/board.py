@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Source
@@ -21,6 +23,7 @@ class Board:
         self._of: dict[str, NodeIo] = {}
         self._leaving = False
         self.changed = False  # whether a command has ended in this cycle
+        self.note: Callable[[Mapping[str, Reading]], None] = lambda _: None  # before anything is sent
 
     def __bool__(self) -> bool:
         return bool(self._nodes)
@@ -42,7 +45,7 @@ class Board:
         return Source.EVENT_PDO
 
     def accept(self, command: SetOutputs, ticket: Ticket) -> None:
-        """Set outputs, all or none; the ticket ends when all have been sent, or at once where one cannot be."""
+        """Set outputs, all or none; the ticket ends when all act (``NodeIo``), or at once where one cannot be set."""
         if self._leaving:  # it has waited behind others while the axes were stopped
             ticket.finish(Status.ERROR, _too_late(ticket.name))
             return
@@ -61,7 +64,10 @@ class Board:
             node.set(own, shared.part())
 
     def step(self, now: float) -> None:
-        """Once per cycle, after the axes, whose frames go out first."""
+        """Once per cycle, after the axes, whose frames go out first; sends nothing itself.
+
+        What is set is noted before it is sent: who finds this core dead makes safe what had been noted.
+        """
         self.changed = False
         readings: dict[str, Reading] = {}
         for port, node in self._nodes:
@@ -70,6 +76,7 @@ class Board:
             readings.update(node.readings(now, inputs))
             self.changed = self.changed or node.changed
         self.readings = readings
+        self.note(readings)
 
     def leave(self) -> None:
         """Lead all that was set to its safe state, once: the axes stand, or nobody can make them."""

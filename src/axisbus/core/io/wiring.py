@@ -34,6 +34,12 @@ def make_sure(board: Board, link: CellLink) -> list[Unsafe]:
     return link.make_safe(ours) if ours else []
 
 
+def unconfirmed(board: Board) -> list[Unsafe]:
+    """Return the outputs that were set, as long as nobody has looked at them."""
+    text = "leaving was broken off before it was looked at"
+    return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in board.ours]
+
+
 def not_safe(unsafe: Unsafe) -> NodeError:
     """Return what closing tells of an output that is not confirmed to be safe."""
     return NodeError(

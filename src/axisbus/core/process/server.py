@@ -166,9 +166,8 @@ class Server:
         self._degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
         reader = ImageReader(self._memory, names, lambda _: None)
         self._faults = Faults(cell, core.session, core.nodes, outlet, reader, self._degree)
-        if cell.io:  # first: before who waits is told of the cycle
-            io = IoImage(self._memory, self._axes, tuple(cell.io))
-            core.session.observe(lambda *_: io.write(core.session.readings))
+        if cell.io:
+            core.scan.io.note = IoImage(self._memory, self._axes, tuple(cell.io)).write
         core.session.observe(outlet.after_cycle)
         core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)

@@ -8,8 +8,9 @@ From then on it is ours, until it has been led to its safe state.
 - **Lost is lost.** Once its node is not operational, or not heard, what was set is no longer what the output has: the module has
   done what its error objects say. So its value becomes the safe one, which is what it gets when the node is back. Nothing comes on
   again by itself; it has to be set again. The safe value is sent meanwhile, too: a node that is not heard may hear us.
-- **Done is sent.** A command ends when the frame with it, and the SYNC at which it takes effect, have left: in the cycle after the
-  one that sent it. Whether an output follows is known only by an input.
+- **Done is sent, to a node that lives.** A command ends well once the frame with it, and the SYNC at which it takes effect, have
+  left, and the node was heard after that. One whose node is lost instead fails when that is known, however long it was sent before.
+  Whether an output follows is known only by an input.
 - **Fresh or unknown.** A sample that came before the node was lost says nothing about now; one beyond its age neither.
 """
 
@@ -24,6 +25,8 @@ from axisbus.cia402.port import Sample
 from axisbus.errors import AxisbusError, NodeError
 from axisbus.motion.io.reading import Reading
 from axisbus.motion.ticket import Status, Ticket
+
+_REMEDY = "look at its supply and cable; when it is back its outputs get their safe values, until they are set again"
 
 
 class NodeIo:
@@ -44,6 +47,7 @@ class NodeIo:
         self._unknown_until = -math.inf  # when it was last not operational
         self._given: list[Ticket] = []
         self._under_way: list[Ticket] = []
+        self._acting: list[tuple[float, Ticket]] = []  # in effect since when at the latest
         self._new = False  # whether what the outputs are to be now has not been sent yet
         self._leaves = False  # whether it was sent in the cycle before, and waits for SYNC
         self._begun = math.inf  # when the first cycle was
@@ -60,11 +64,11 @@ class NodeIo:
             f"{what} was not sent: {name} is out of reach",
             node=self._node_id,
             observed=self._known.value,
-            remedy="look at its supply and cable; outputs of a node that was lost are safe until they are set again",
+            remedy=_REMEDY,
         )
 
     def set(self, values: Mapping[str, int], ticket: Ticket) -> None:
-        """Take raw values for outputs of this node; ``ticket`` ends when they have been sent."""
+        """Take raw values for outputs of this node; ``ticket`` ends once they act, and the node has been heard since."""
         for name, raw in values.items():
             self._put(self.points[name], raw)
             self._set.add(name)
@@ -87,9 +91,17 @@ class NodeIo:
 
     def abandon(self, error: AxisbusError) -> None:
         """End every command: no cycle will come."""
-        for ticket in (*self._given, *self._under_way):
+        for ticket in (*self._given, *self._take_sent()):
             ticket.finish(Status.ERROR, error)
-        self._given, self._under_way = [], []
+        self._given = []
+
+    def _lost(self, what: str) -> AxisbusError:
+        return NodeError(
+            f"{what} is not confirmed: its node was lost before it was heard again",
+            node=self._node_id,
+            observed=self._known.value,
+            remedy=_REMEDY,
+        )
 
     # -- the cycle -----------------------------------------------------------------------------------------------------
 
@@ -101,7 +113,8 @@ class NodeIo:
         if inputs.known is not Known.YES:
             self._lose(now)
             return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
-        self._end_sent()
+        self._acting += [(now, ticket) for ticket in self._under_way]  # it has left, and SYNC after it
+        self._end_confirmed(inputs.heard)
         self._under_way, self._given = self._given, []
         self._leaves, self._new = self._new, False
         self._sent = now
@@ -117,21 +130,28 @@ class NodeIo:
     def _to_send(self) -> tuple[int | None, ...]:
         return tuple(word if place in self._used else None for place, word in enumerate(self._words))
 
-    def _end_sent(self) -> None:
-        """What was sent in the cycle before has left, and SYNC after it; the node was there meanwhile."""
-        for ticket in self._under_way:
-            ticket.finish(Status.DONE)
+    def _end_confirmed(self, heard: float) -> None:
+        while self._acting and self._acting[0][0] <= heard:
+            self._acting.pop(0)[1].finish(Status.DONE)
             self.changed = True
+
+    def _take_sent(self) -> list[Ticket]:
+        """Return the commands that were sent and have not ended, which are nobody's any more."""
+        sent = [*(ticket for _, ticket in self._acting), *self._under_way]
+        self._acting, self._under_way = [], []
+        return sent
 
     def _lose(self, now: float) -> None:
         self._unknown_until = now
         self._leaves = False
         self._words = list(self._alone)  # what was never set, too, must not come back by a frame of ours
         self._new = bool(self._used)
-        for ticket in (*self._under_way, *self._given):
+        self.changed = bool(self._given or self._under_way or self._acting)
+        for ticket in self._given:
             ticket.finish(Status.ERROR, self.refusal("its node", ticket.name))
-            self.changed = True
-        self._under_way, self._given = [], []
+        for ticket in self._take_sent():
+            ticket.finish(Status.ERROR, self._lost(ticket.name))
+        self._given = []
 
     def _with_safe(self, words: list[int]) -> list[int]:
         for point in (point for point in self.points.values() if point.output):
