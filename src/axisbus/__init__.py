@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from axisbus.machine.cam import Cam
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
+    from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
     from axisbus.machine.streaming.controller import Controller, Measured
@@ -37,6 +38,7 @@ _HOME = {
     "Scara": "axisbus.motion.group.kinematics",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
+    "Io": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
     "Controller": "axisbus.machine.streaming.controller",
@@ -44,6 +46,7 @@ _HOME = {
     "PointStream": "axisbus.machine.streaming.points",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
+    "Signal": "axisbus.machine.io",
     "Spline": "axisbus.motion.spline",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
@@ -61,6 +64,7 @@ __all__ = [
     "Delta",
     "Group",
     "Handle",
+    "Io",
     "Machine",
     "Measured",
     "Plant",
@@ -68,6 +72,7 @@ __all__ = [
     "Recorder",
     "Sampled",
     "Scara",
+    "Signal",
     "Spline",
     "Trajectory",
     "Trapezoid",

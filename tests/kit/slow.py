@@ -22,6 +22,7 @@ SLOW = {
         "stories/test_story_exit.py",
         "stories/test_story_first_fault.py",
         "stories/test_story_flood.py",
+        "stories/test_story_io_bus.py",
         "stories/test_story_killed.py",
         "stories/test_story_monitor_listen.py",
         "stories/test_story_node_program.py",

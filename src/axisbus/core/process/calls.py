@@ -160,10 +160,14 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
             remedy="make sure that every axis stands, then open the machine again",
         )
     texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
+    outputs = [f"{each.output} NOT CONFIRMED as safe: {each.text}" for each in rescued.unsafe]
     return ScanError(
         f"{what}, and the core of this machine is gone: {rescued.why}",
         observed="\n            ".join(
-            ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
+            [
+                *(["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]),
+                *outputs,
+            ]
         ),
         remedy=join_remedies(alarm(rescued.stopped), "then open the machine again"),
     )

@@ -112,6 +112,8 @@ def _watch(core: int, rescuer: Rescuer, cell: str) -> None:
             log.error("the core was gone: %s; so its drives were stopped", why)
             for each in stopped:
                 log.error("%s: %s", each.axis, each.text)
+            for output in rescuer.unsafe:
+                log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
 
 
 def _end_of(core: int, rescuer: Rescuer) -> str:

@@ -80,8 +80,10 @@ class Master:
         return None
 
     def _led(self) -> _Led | None:
-        """Return where it is led to exactly; None where its drive leads itself."""
+        """Return where it is led to exactly; None where its drive leads itself, or nothing does."""
         path, core, units = self.core.leading_path, self.core, self.core.parameters.units.position
+        if core.parameters.encoder:
+            return None
         target = core.image.position if core.parameters.virtual else core.image.led.target
         before, self._target = self._target, None if target is None else units.to_units(target - self._origin)
         if path is not None:
