@@ -47,6 +47,7 @@ class Joint:
         self.follow = Coupled(self, slave.parameters, before)
         self._slave = slave.parameters
         self._command = command
+        self._law = command.law
         self._period = period
         self._speed = 0.0  # of the slave, in its unit per s
         self._base = 0.0  # where the slave is when its law says 0
@@ -153,7 +154,7 @@ class Joint:
         self._lead, self.in_step, self._since = self._in_step, True, 0.0
 
     def _in_step(self) -> float:
-        due = self._command.law.at(self.master.place).place + self._base
+        due = self._law.place(self.master.place) + self._base
         if self._fade is None:
             return due
         self._since += self._period

@@ -50,6 +50,8 @@ class Debt:
 
     def step(self) -> float:
         """Return what is left a cycle later."""
+        if self.value == 0.0 == self.rate:
+            return 0.0
         pull = self._pull
         self.rate -= (2.0 * pull * self.rate + pull * pull * self.value) * self._period
         self.value += self.rate * self._period
