@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Cam, Machine, Recorder, Scara, wait
+from axisbus import Cam, Machine, Measured, Recorder, Scara, wait
 from axisbus.machine.groups import Group
 
 ROOT = Path(__file__).parents[1]
@@ -149,6 +149,37 @@ def coupled(what: Callable[[Machine], None]) -> tuple[Trace, tuple[float, ...], 
     return trace, tuple(trace.times), *both
 
 
+def controller() -> None:
+    """A loop that follows a place which jumps, and one that fails on its way."""
+
+    def measured(fails: float) -> Any:
+        begin: list[float] = []
+
+        def loop(seen: Measured) -> float:
+            begin.append(seen.time)
+            t = seen.time - begin[0]
+            if t > fails:
+                raise ValueError("lost sight of it")
+            return 6.0 * ((40.0 if t % 2.0 < 1.0 else 10.0) - seen.position)
+
+        def follow(cell: Machine, _: Group) -> None:
+            cell["x"].controller(loop)
+            cell.sleep(3.0)
+
+        trace = traced(follow)
+        return trace.times, trace.x, trace.speeds
+
+    figure, (place, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    for fails, name, colour in ((9.0, "answers", COLOURS[0]), (1.3, "raises at 1.3 s", COLOURS[1])):
+        times, places, speeds = measured(fails)
+        place.plot(times, places, color=colour, linewidth=1.3, label=name)
+        speed.plot(times, speeds, color=colour, linewidth=1.3, label=name)
+    place.set(xlabel="s", ylabel="deg", title="x is to be at 40 deg and at 10 deg in turn")
+    speed.set(xlabel="s", ylabel="deg/s", title="its speed, on the ramps of the axis")
+    place.legend(fontsize=8)
+    save(figure, "controller.png")
+
+
 def gear() -> None:
     """A gear that takes up its speed, and one that meets its master at a place."""
 
@@ -209,6 +240,30 @@ def cam() -> None:
     save(figure, "cam.png")
 
 
+def stream() -> None:
+    """Points that a program gives at its own pace, of which some come too late."""
+
+    def run(cell: Machine, xy: Group) -> None:
+        def give(last: int) -> None:
+            while points.count < last:
+                t = 0.02 * points.count
+                grown = 20.0 * min(t, 1.0) ** 2 * (3.0 - 2.0 * min(t, 1.0))
+                points.push((grown * math.sin(3.0 * t) + 20.0, grown * math.sin(6.0 * t)))
+
+        xy.move_linear((20.0, 0.0), velocity=60.0).wait()
+        with xy.stream(period="20ms") as points:
+            give(110)
+            cell.sleep(1.2)
+            give(190)
+
+    trace = traced(run)
+    first = next(n for n, x in enumerate(trace.x) if x > 19.99)
+    trace = Trace(*(row[first:] for row in trace))
+    figure, speed = two_views({"a stream": trace})
+    speed.set(title="speed along the path: points run out, and come again")
+    save(figure, "stream.png")
+
+
 def workspace() -> None:
     """A straight line of an arm's tool, beside what the joints make where each goes straight."""
     machine = Scara(200.0, 150.0)
@@ -256,6 +311,6 @@ def workspace() -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, jerk, gear, cam, workspace):
+    for draw in (corners, override, jerk, gear, cam, controller, stream, workspace):
         draw()
         print(draw.__name__, flush=True)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.machine.streaming.controller import Controller, Measured
+    from axisbus.machine.streaming.points import PointStream
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
     from axisbus.motion.states import AxisState
@@ -39,6 +41,9 @@ _HOME = {
     "Io": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
+    "Controller": "axisbus.machine.streaming.controller",
+    "Measured": "axisbus.machine.streaming.controller",
+    "PointStream": "axisbus.machine.streaming.points",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Signal": "axisbus.machine.io",
@@ -54,13 +59,16 @@ __all__ = [
     "AxisState",
     "AxisbusError",
     "Cam",
+    "Controller",
     "CoreXY",
     "Delta",
     "Group",
     "Handle",
     "Io",
     "Machine",
+    "Measured",
     "Plant",
+    "PointStream",
     "Recorder",
     "Sampled",
     "Scara",

@@ -15,6 +15,7 @@ SLOW = {
         "stories/test_story_beside.py",
         "stories/test_story_boot_up.py",
         "stories/test_story_bus_off.py",
+        "stories/test_story_controller_bus.py",
         "stories/test_story_cyclic_bus.py",
         "stories/test_story_dead_bus.py",
         "stories/test_story_event_timer.py",

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.errors import ArgumentError, MotionTimeout, NodeError, StaleError, StateError
+from axisbus.errors import ArgumentError, MotionTimeout, NodeError, StaleError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.cell import Cell, cell_text
@@ -339,6 +339,17 @@ def test_on_the_way_out_outputs_become_safe_once_the_axes_stand(story):
     assert (False, 0) not in states  # on until the axis was off
     assert (True, 1) in states
     assert isinstance(cell.failure_of(cell.machine.io["lamp"].set(True)), Exception)
+
+
+def test_what_has_waited_behind_other_commands_is_not_set_once_outputs_are_safe(story):
+    cell = with_io(story)
+    cell.machine.io["lamp"].set(True).wait(1)
+    scan = cell.machine._core.scan
+    scan.io.leave()
+    error = cell.failure_of(cell.machine.io["lamp"].set(True))
+    assert isinstance(error, Stopped)
+    settle(cell)
+    assert word(cell) == 0
 
 
 def test_outputs_become_safe_though_an_axis_cannot_be_stopped(story):

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import pytest
 
 from kit.cell import SCALE, cell_text
-from kit.probe import OFF, QUICK_STOP
+from kit.probe import ENABLED, OFF, QUICK_STOP
 from kit.stories.program import TESTS
 
 pytestmark = [
@@ -90,6 +90,11 @@ class Doomed:
         """Whether the motors turned just before a time, as they were told to."""
         before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
         return bool(before) and all(abs(row.velocity - SPEED) < 1.0 for row in before)
+
+    def moves(self, at: float) -> bool:
+        """Whether the motors moved just before a time, at whatever speed."""
+        before = [row for row in self.plant() if at - 0.1 <= row.time <= at]
+        return bool(before) and all(row.velocity > 0.3 * SPEED for row in before)
 
     def stands_after(self, at: float, stages: tuple[int, ...], within: float = STOPS_WITHIN) -> float | None:
         """Return how many seconds after a time all motors stood for good in these stages; None if they do not in time."""
@@ -215,6 +220,31 @@ def test_a_program_that_is_stopped_ends_nothing_and_its_motor_goes_on(tmp_path):
         assert one.process.poll() is None
         at = one.strike("program", signal.SIGINT)
         assert one.stands_after(at, REST) is not None
+
+
+def test_a_program_that_is_stopped_lets_its_stream_of_points_run_out_and_goes_on_with_it(tmp_path):
+    with doomed(tmp_path, "streaming", axes="xy") as one:
+        at = one.strike("program", signal.SIGSTOP)
+        took = one.stands_after(at, (ENABLED,))
+        assert one.moves(at)
+        assert took is not None
+        assert took > 0.2  # there were points ahead
+        at = one.strike("program", signal.SIGCONT)
+        time.sleep(1.5)
+        assert one.moves(at + 1.0)
+        at = one.strike("program", signal.SIGINT)
+        assert one.stands_after(at, REST) is not None
+
+
+@pytest.mark.parametrize("whole", [True, False], ids=["whole", "with the net cut"])
+def test_the_motors_of_a_stream_stop_and_are_off_when_its_program_is_killed(tmp_path, whole):
+    with doomed(tmp_path, "streaming", "" if whole else NO_PROGRAM, axes="xy") as one:
+        at = one.strike("program", signal.SIGKILL)
+        took = one.stands_after(at, REST, STOPS_WITHIN if whole else 1.5)
+        assert one.moves(at)
+        assert (took is not None) is whole, took
+        if not whole:  # its points have run out all the same, and they are held there
+            assert one.stands_after(at, (ENABLED,)) is not None
 
 
 def test_a_program_is_told_how_its_core_died_and_how_its_drives_were_left(tmp_path):

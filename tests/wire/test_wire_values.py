@@ -17,6 +17,8 @@ from hypothesis import strategies as st
 
 from axisbus import errors
 from axisbus.motion.commands import (
+    Answer,
+    Control,
     CyclicTorque,
     CyclicVelocity,
     Enable,
@@ -30,6 +32,7 @@ from axisbus.motion.group.path import arc_through, polyline
 from axisbus.motion.group.way import way_of
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.parameters import AxisParameters, Limits, Units, no_explanation
+from axisbus.motion.points.commands import AddPoints, FollowPoints, OnUnderrun, Span
 from axisbus.motion.ticket import Status
 from axisbus.motion.trajectory import Trapezoid
 from axisbus.session import CommandEvent
@@ -39,6 +42,7 @@ from axisbus.wire.errors import Elsewhere
 from axisbus.wire.values import Codec, NotForCrossing
 
 PIECES, STOPS = polyline([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 0.0)], 1.0)
+SPANS = (Span(0.01, 50.0, ((0.0, 1.0, 0.5, 0.0, 0.0, 0.0), (1.0, -1.0, 0.0, 0.0, 2.0, 0.0))),)
 WAY = way_of(
     [*PIECES, arc_through((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))], [Limits(velocity=9.0), Limits()], 50.0, STOPS
 )
@@ -84,9 +88,13 @@ def test_plain_values_arrive_as_they_were(value):
             "xy",
         ),
         m.Submit(9, "xy", MovePath(("x", "y"), WAY, 50.0), "xy.move_path"),
+        m.Submit(10, "xy", FollowPoints(("x", "y"), 2**47, OnUnderrun.ERROR), "xy.stream"),
+        m.Submit(11, ("x", "y"), AddPoints(("x", "y"), 2**47, 3, SPANS, ends=True), "xy.stream, points"),
         m.Submit(8, "x", MoveVelocity(PROFILE, life=0.2), "x.jog"),
         m.Submit(8, "x", CyclicVelocity(-9000, 50000.5, 50000.0), "x.cyclic_velocity"),
         m.Submit(8, "x", CyclicTorque(-30, 500, None), "x.cyclic_torque"),
+        m.Submit(8, "x", Control(3, CyclicTorque(0, 500), 2), "x.controller"),
+        m.Submit(8, "x", Answer(3, 10.004, -30), "x.controller, an answer"),
         m.Told((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
     ],
 )

@@ -16,7 +16,7 @@ from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.eventtimer import EventTimer
-from axisbus.bus.pdo.io_plan import configure_io
+from axisbus.bus.pdo.io_configure import configure_io
 from axisbus.bus.pdo.plan import Wanted
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo_pace import REPEAT

@@ -9,6 +9,7 @@ from contextlib import suppress
 
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo import freshness
+from axisbus.bus.pdo.io_plan import name_of
 from axisbus.bus.pdo.plan import Plan, PlannedPdo
 from axisbus.bus.pdo.prime import prime_outputs
 from axisbus.bus.pdo.read import read_number
@@ -87,6 +88,7 @@ class CanIoPort:
         received = [pdo for pdo in plan.active if not pdo.receive]
         places = {address: place for place, address in enumerate(self.inputs)}
         self.max_age = tuple(_age(address, received, scan_period) for address in self.inputs)
+        self.sources = tuple(plan.inputs[name_of(address)] for address in self.inputs)
         self._slots = [_Slot(pdo, node, places) for pdo in received]
         sent = [pdo for pdo in plan.active if pdo.receive]
         self._images = [RpdoImage(pdo) for pdo in sent]

@@ -66,10 +66,17 @@ def _axis() -> Json:
         stop=_table(schema.STOP, words.STOP, "axes.stop"),
         objects=_objects("axes.objects"),
     )
-    scaled = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
+    scaled: list[Json] = [{"properties": {"unit": {"const": INCREMENTS}}}, {"required": ["scale"]}]
     axis["required"].remove("node")
-    axis["if"] = {"properties": {form.VIRTUAL: {"const": True}}, "required": [form.VIRTUAL]}
-    return {**axis, "then": _virtual(), "else": {"required": ["node"], "anyOf": scaled}}
+    alone: Json = {"properties": {form.VIRTUAL: {"const": True}}, "required": [form.VIRTUAL]}
+    led = {"if": alone, "then": _virtual(), "else": {"required": ["node"], "anyOf": scaled}}
+    return {**axis, "if": {"required": [form.ENCODER]}, "then": _encoder(scaled), "else": led}
+
+
+def _encoder(scaled: list[Json]) -> Json:
+    """What an axis cannot have that an input tells the place of."""
+    own: Json = dict.fromkeys(form.KEYS_OF_ENCODER, True)
+    return {"properties": own, "additionalProperties": False, "anyOf": scaled}
 
 
 def _virtual() -> Json:

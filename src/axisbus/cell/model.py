@@ -230,13 +230,14 @@ class AxisConfig:
     """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
 
     ``limits_in_drive``: they are written into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves nothing
-    on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: the core leads it alone; then its node
-    is 0, which no device has.
+    on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: it has no drive, and the core leads it
+    alone; then its node is 0, which no device has. ``encoder``: the input of ``[io]`` that tells where it is.
     """
 
     name: str
     node: int = 0
     virtual: bool = False
+    encoder: str | None = None
     drive_axis: int = 1
     unit: str = INCREMENTS
     scale: Fraction | None = None
@@ -268,6 +269,12 @@ class AxisConfig:
 
     def no_drive(self, what: str) -> StateError:
         """Return that the axis is virtual, and has not ``what`` was asked for."""
+        if self.encoder is not None:
+            return StateError(
+                f"axis {self.name} is an encoder: it has {what}",
+                observed=f"it is where [io.{self.encoder}] says, and has no drive",
+                remedy="ask an axis that has a drive, or read its position",
+            )
         return StateError(
             f"axis {self.name} is virtual: it has {what}",
             observed="the core leads it alone: there is no node and no drive",

@@ -190,7 +190,7 @@ class _Reading(Tables):
         """Whether there is an axis that needs no node."""
         axes = self._document.data.get("axes")
         tables = axes.values() if isinstance(axes, dict) else ()
-        return any(isinstance(table, dict) and table.get(form.VIRTUAL) is True for table in tables)
+        return any(isinstance(table, dict) and form.is_virtual(table) for table in tables)
 
     def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
         if "program" not in table:
@@ -237,7 +237,7 @@ class _Reading(Tables):
     def _axis(self, name: str, raw: Any) -> AxisConfig:
         path: KeyPath = ("axes", name)
         table = self._table(path, raw)
-        if table.get(form.VIRTUAL) is True:
+        if form.is_virtual(table):
             return self._virtual_axis(name, path, table)
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
@@ -258,9 +258,13 @@ class _Reading(Tables):
         found = list(form.foreign(table))
         for below, remedy in found:
             what, of = name_of(below), name_of(path)
-            self._error((*path, *below), f"{what} cannot stand in [{of}], a virtual axis", _ALONE, remedy)
+            kind = "an encoder" if form.ENCODER in table else "a virtual axis"
+            self._error((*path, *below), f"{what} cannot stand in [{of}], {kind}", _ALONE, remedy)
         table = form.without(table, found)
-        keys = {key: each for key, each in schema.AXIS.items() if key in form.KEYS}
+        own, _ = form.keys_of(table)
+        keys = {key: each for key, each in schema.AXIS.items() if key in own}
+        if form.ENCODER in table:
+            return self._encoder(name, path, table, keys)
         fields = {
             "scale": form.resolution(table.get("unit")),
             **self._fields(path, table, keys, schema.AXIS_TABLES),
@@ -279,6 +283,14 @@ class _Reading(Tables):
                 f"add acceleration = ... to [{name_of(path)}.defaults], or deceleration = ... to [{name_of(path)}.stop]",
             )
         return axis
+
+    def _encoder(self, name: str, path: KeyPath, table: Fields, keys: schema.Keys) -> AxisConfig:
+        """Read an axis that is where an input says: how many counts make a unit is never guessed."""
+        if table.get("unit") != INCREMENTS:
+            remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
+            keys = {**keys, "scale": schema.Key(entries.scale, remedy)}
+        fields = self._fields(path, table, keys, schema.AXIS_TABLES)
+        return AxisConfig(name, **{**fields, form.VIRTUAL: True})
 
     def _io(self, table: Fields) -> list[IoConfig]:
         named = [(name, raw) for name, raw in table.items() if self._named(("io", name), name)]

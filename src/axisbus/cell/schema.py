@@ -84,6 +84,7 @@ AXIS: Keys = {
     "node": Key(v.integer(1, 127), "node = 1, the number of its [nodes.N]"),
     "drive_axis": Key(v.integer(1, 8)),
     "virtual": _flag,
+    "encoder": Key(v.text),
     "unit": Key(v.unit, 'unit = "deg", "mm" or the like; unit = "increments" to do without'),
     "scale": _scale,
     "velocity_scale": _scale,

@@ -74,6 +74,7 @@ AXIS: Mapping[str, str] = {
     "node": "The number of its [nodes.N].",
     "drive_axis": "Which axis of a device with several (default 1).",
     "virtual": "An axis without node and drive, which the core leads alone.",
+    "encoder": "The [io.NAME] that tells where an axis without a drive is: an encoder, which others follow.",
     "unit": 'Unit of positions: "deg", "mm" ...; "increments" does without a scale.',
     "scale": 'Position increments per unit: 1000, or a ratio such as "131072/360".',
     "velocity_scale": "Velocity increments per unit/s, where they are not the position's per second.",

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import NamedTuple, Protocol
 
 from axisbus.cia401.point import Address
-from axisbus.cia402.port import Sample
+from axisbus.cia402.port import Sample, Source
 
 
 class Known(Enum):
@@ -55,6 +55,10 @@ class IoPort(Protocol):
     @property
     def max_age(self) -> tuple[float, ...]:
         """How old each input may be, in seconds; infinite where its silence says nothing."""
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """How each input travels: whether one that has not come was lost on its way, or has not changed."""
 
     @property
     def found(self) -> tuple[int, ...]:

@@ -14,7 +14,9 @@ from axisbus.cia402.port import Waiter
 from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
+from axisbus.motion.commands import Answer
 from axisbus.motion.io.reading import Reading
+from axisbus.motion.points.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Ticket
 from axisbus.session import (
@@ -28,6 +30,8 @@ from axisbus.session import (
     Program,
     Target,
 )
+
+_PARTS = (AddPoints, Answer)  # of commands that are under way: no commands of their own, and too many to keep
 
 
 class InProcess:
@@ -136,7 +140,8 @@ class InProcess:
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """As ``Session.submit``."""
-        self._ledger.give(number, name)  # before it may end
+        if not isinstance(command, _PARTS):
+            self._ledger.give(number, name)  # before it may end
         kept = self._scan.submit(target, command, Ticket(name, self._tell, number)).number
         if kept != number:
             self._ledger.retract(number)

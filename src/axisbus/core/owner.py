@@ -12,6 +12,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia401.port import Known
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
+from axisbus.core.io.board import Board
 from axisbus.core.io.wiring import add_io, make_sure, not_safe, unconfirmed
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.parting import lost_without_axes, scan_failure
@@ -124,7 +125,10 @@ class Core:
         self.runtime = runtime
         self._joined: Joined = lambda _: None
         self._after_cycle: Callable[[], None] = _nothing
-        virtual = virtual_axes(cell)
+        board = Board()
+        for node_id in runtime.nodes:
+            self._take_io(board, node_id)
+        virtual = virtual_axes(cell, board)
         cores = {
             name: AxisCore(parameters, runtime.ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
@@ -138,9 +142,8 @@ class Core:
             members(cell, cores),
             LostNode(cell.bus.on_lost_node),
             {name: GroupFault(group.on_fault) for name, group in cell.groups.items()},
+            board,
         )
-        for node_id in runtime.nodes:
-            self._take_io(node_id)
         self._pickup = Pickup(runtime.late, self._join)
         self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)
         self._threads = ThreadWaiter()
@@ -280,7 +283,7 @@ class Core:
         self._watch_node(node_id)
         if not booted.report.ok:
             return
-        self._take_io(node_id)
+        self._take_io(self.scan.io, node_id)
         scan, names = self.scan, list(self.scan.axes)
         for name, parameters in booted.parameters.items():
             names.append(name)
@@ -289,8 +292,8 @@ class Core:
         self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in names), _JOIN_TIME)
         self._joined(booted)
 
-    def _take_io(self, node_id: int) -> None:
-        add_io(self.scan.io, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
+    def _take_io(self, board: Board, node_id: int) -> None:
+        add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
 
     def _watch_node(self, node_id: int) -> None:
         """A node without axes has nobody else who acts when it is lost, unless its table lets it be told only."""

@@ -69,8 +69,9 @@ class Scan:
         groups: Mapping[str, Sequence[str]] | None = None,
         on_lost_node: LostNode = LostNode.GROUP,
         on_fault: Mapping[str, GroupFault] | None = None,
+        io: Board | None = None,
     ) -> None:
-        """``ports`` and ``axes`` have the same names; ``period`` in seconds.
+        """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``io``: the inputs and outputs beside them.
 
         ``groups``: the axes of each group by its name; ``on_fault``: how it is stopped by a failure, where not on its path.
         """
@@ -80,7 +81,7 @@ class Scan:
         self.groups: dict[Target, GroupCore] = {
             name: self._group_core(members) for name, members in (groups or {}).items()
         }
-        self.io = Board()
+        self.io = Board() if io is None else io
         self.lateness = Lateness()
         self.starvation = Starvation()
         self.snapshots: dict[str, Snapshot] = {}

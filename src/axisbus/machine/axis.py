@@ -15,12 +15,15 @@ from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.request import Request, shown
+from axisbus.machine.streaming.answering import Ramps, answering_of
+from axisbus.machine.streaming.controller import Controller, Function
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
 from axisbus.motion.parameters import AxisParameters, Limits
+from axisbus.motion.points.joining import Allowed, allowed_of
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
@@ -457,6 +460,35 @@ class Axis:
         raw, rise = request.torque(torque), request.cyclic_slope(slope)
         return self._submit(name, c.CyclicTorque(raw, rise, request.timeout(timeout)))
 
+    def controller(
+        self,
+        function: Function,
+        *,
+        by: str = "velocity",
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        slope: float | None = None,
+        late: int = 0,
+    ) -> Controller:
+        """Let ``function`` lead the axis: it is given what was ``Measured`` in each cycle, and returns what is led to in the next.
+
+        ``by="velocity"``: it returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst); it is held to
+        ``max_velocity`` or ``max_torque``, and the ramps are those of ``cyclic_velocity`` and ``cyclic_torque``. It runs in a
+        thread of this program, and is called once the drive is in that mode. An exception, or no answer in time for the next
+        cycle, stops the axis (ErrorStop); ``late``: for how many cycles more the last answer holds. Does not block.
+
+        Raises:
+            ArgumentError, LimitError: as ``cyclic_velocity`` or ``cyclic_torque``.
+        """
+        if not callable(function):
+            raise ArgumentError(
+                f"{self.name}.controller: {told(function)} is no function",
+                remedy="give one that takes what was measured, and returns a velocity or a torque",
+            )
+        answering = answering_of(self._parameters, by, Ramps(acceleration, deceleration, slope), late)
+        units, period = self._parameters.units, self.scan_period
+        return Controller(self.name, units, period, self._commanding, function, answering, self.halt)
+
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of ``[axes.NAME.homing]``; ``timeout`` in seconds.
 
@@ -643,6 +675,26 @@ class Axis:
         target = self.absolute_increments(name, position)
         endless = self._parameters.units.modulo is not None
         return self._parameters.units.position.to_units(target) if endless else position
+
+    def require_stream(self, text: str) -> None:
+        """Raise ArgumentError where nothing says how it is braked, or how fast it may be; for streams."""
+        self._request(text).streamed()
+
+    def allowed(self) -> Allowed:
+        """Return what it may do on a stream of points that begins where it is led to; for streams."""
+        return allowed_of(self._parameters, self.led_to)
+
+    def require_near(self, text: str, position: float) -> None:
+        """Raise StateError where ``position`` is not where it is led to; for streams."""
+        units = self._parameters.units.position
+        off, allowed = abs(position - self.led_to), abs(units.to_units(self._parameters.place_window))
+        if off > allowed:
+            raise StateError(
+                f"{text}: {self.name} does not stand where the stream begins",
+                observed=f"{self.name} is at {self.led_to:.6g} {units.unit}, the point at {position:.6g}; allowed are "
+                f"{allowed:.3g} between them",
+                remedy="begin the stream with where the axes stand, or go to its first point before",
+            )
 
     def require_homed(self, name: str) -> None:
         """Raise ArgumentError where it is not homed and must be; for couplings."""

@@ -10,6 +10,8 @@ from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, one_each
 from axisbus.machine.request import shown
+from axisbus.machine.streaming.options import options_of
+from axisbus.machine.streaming.points import PointStream
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import (
     ForEach,
@@ -224,6 +226,34 @@ class Group:
         StateError: nothing goes on with what was moved meanwhile, or has left its way by a stop of the drive's own.
         """
         return self._submit("resume()", GroupContinue(tuple(self._axes)))
+
+    def stream(
+        self,
+        *,
+        period: float | str | None = None,
+        on_underrun: str = "hold",
+        buffer: float | str = "250ms",
+    ) -> PointStream:
+        """Follow points that this program gives at its own pace, in cyclic synchronous position mode, on a smooth curve.
+
+        ``with xy.stream(period="10ms") as points: points.push((x, y))``: one point every ``period`` (seconds, or a time with its
+        unit); without it each point begins with its time. The first point is where the axes stand. They begin when as
+        much as ``buffer`` (the same) and what braking takes is ahead; then ``push`` blocks. Where no point comes in time, they
+        brake along those that there are, together: with ``on_underrun="hold"`` they go on when there are more, with ``"error"``
+        the stream ends.
+
+        Raises:
+            ArgumentError: a value is none that a stream can have, an axis is endless, or nothing says how it is braked.
+            StaleError: where an axis stands is not known.
+        """
+        text = f"{self.name}.stream"
+        if self._kinematics is not None:
+            raise ArgumentError(
+                f"{text}: a stream has points of the axes, not of a workspace",
+                remedy="take the group without its kinematics, and turn each place into positions of the axes",
+            )
+        options = options_of(self._axes, text, period, on_underrun, buffer)
+        return PointStream(self._axes, self._commanding, self._key, text, options, self.halt)
 
     def move_direct(self, positions: Sequence[float], *, velocity: float | None = None) -> Handle:
         """Move each axis to its position by its own profile (profile position mode); all start in the same cycle.

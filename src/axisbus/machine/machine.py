@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from axisbus.bus.link.inherited import disown_in_children
 from axisbus.cell.model import SIMULATED, CellConfig
@@ -35,6 +35,8 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.io import Io
     from axisbus.machine.node_access import NodeAccess
+    from axisbus.machine.streaming.options import StreamWords
+    from axisbus.machine.streaming.points import PointStream
     from axisbus.record.capture import Capture
     from axisbus.record.condition import Condition
     from axisbus.record.last import LastMinute
@@ -213,6 +215,13 @@ class Machine:
         ]
         by_name = {point.name: point for point in found}
         return {name: by_name[name] for name in self.cell.io if name in by_name}
+
+    def stream(self, *names: str, **options: Unpack[StreamWords]) -> PointStream:
+        """Let a group, or the axes named, follow points that this program gives at its own pace: ``group(*names).stream(...)``.
+
+        ``options`` and what is raised are those of ``Group.stream``; those of ``group`` are raised as well.
+        """
+        return self.group(*names).stream(**options)
 
     def node(self, node_id: int) -> NodeAccess:
         """Return direct access to a node; raises StateError where the cell has no such node."""

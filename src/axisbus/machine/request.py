@@ -12,6 +12,7 @@ from axisbus.motion.moves.profile import Profile
 from axisbus.motion.numbers import number, told
 from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.points.joining import STILL
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
@@ -307,6 +308,17 @@ class Request:
         elif limits.position is not None and self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked ahead of position_limits"
             raise self.missing("acceleration", what, "defaults", in_call=False)
+
+    def streamed(self) -> None:
+        """Check that an axis can be braked along a stream of points, and that a jump of one could be told.
+
+        Raises:
+            ArgumentError: nobody says how hard, or how fast it may be.
+        """
+        if self._parameters.path_deceleration is None:
+            what = "the acceleration with which it is braked where no point comes in time"
+            raise self.missing("acceleration", what, "defaults", in_call=False)
+        self._check_pace(STILL)
 
     def led(self) -> None:
         """Check that an axis which another one leads can be braked by itself.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from axisbus.cia301.nmt import NmtState
 from axisbus.cia401.point import Address
 from axisbus.cia401.port import IoInputs, Known
-from axisbus.cia402.port import Sample
+from axisbus.cia402.port import Sample, Source
 from axisbus.sim.device import Device
 
 _SYNC_AGE = 0.1  # seconds
@@ -31,6 +31,7 @@ class DirectIoPort:
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.found = self.alone = tuple(device.dictionary.get_int(*address) for address in self.outputs)
         self.max_age = (_SYNC_AGE if sync else math.inf,) * len(self.inputs)
+        self.sources = (Source.SYNC_PDO if sync else Source.EVENT_PDO,) * len(self.inputs)
         self._sync = sync
         self._heartbeat = heartbeat
         self._samples: list[Sample | None] = [None] * len(self.inputs)

@@ -1,4 +1,4 @@
-"""One random play of three axes: lines, paths, circles, trajectories, gears, replans, overrides, halts and resumes."""
+"""One random play of three axes: lines, paths, circles, streams, trajectories, gears, replans, overrides, halts and resumes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from axisbus.errors import AxisbusError, Interrupted
+from axisbus.errors import AxisbusError, Interrupted, LimitError
 from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import Trapezoid
@@ -141,6 +141,30 @@ class Player:
         self._rest(0.6)
         return self.group.move_circular(self._point(), via=self._point(), **self._pace())
 
+    def _stream(self) -> Handle:
+        """Points of a random walk that keeps some of its speed, given in time, late, or not at all any more."""
+        self._rest(1.0)
+        random = self.random
+        step, late = random.choice([0.003, 0.01, 0.04, 0.2]), random.choice([0.0, 0.02, 0.3])
+        points = self.group.stream(
+            period=step, buffer=random.choice([0.01, 0.25, 1.0]), on_underrun=random.choice(["hold", "error"])
+        )
+        place, speed = [axis.led_to for axis in self.group], [0.0, 0.0, 0.0]
+        for _ in range(random.randint(0, 120)):
+            with suppress(LimitError):  # a point may be refused, and the next one is given
+                if not points.try_push(place):
+                    self.cell.run(random.choice([step, 10 * step]))
+                    continue
+            speed = [v + random.uniform(-1.0, 1.0) * min(1400.0 * step, 60.0) for v in speed]
+            place = [p + v * step for p, v in zip(place, speed, strict=True)]
+            if random.random() < late:
+                self.cell.run(random.choice(PAUSES))
+            if random.random() < 0.05:
+                self.group.set_override(random.choice([0.2, 0.7, 1.0, 1.5]))
+        if random.random() < 0.8:
+            points.end()
+        return points.handle
+
     def _trajectory(self) -> Handle:
         self._rest(0.5)
         axis = self.cell[self.random.choice("xyz")]
@@ -173,6 +197,7 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "line or circle with jerk": Player._smooth,
     "path": Player._path,
     "circle": Player._circle,
+    "stream": Player._stream,
     "trajectory": Player._trajectory,
     "replan": Player._replan,
     "gear": Player._gear,
@@ -184,6 +209,7 @@ ORDERS = [
     *["line"] * 4,
     *["path"] * 4,
     *["circle"] * 2,
+    *["stream"] * 2,
     *["trajectory"] * 2,
     *["replan"] * 4,
     "gear",

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from axisbus.machine.axis import Axis
 from axisbus.machine.cam import Cam
 from axisbus.machine.handle import Handle
+from axisbus.machine.streaming.controller import Measured
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import Cell
 from kit.plants import Ramp
 
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
 QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
+_LOOP = 5.0  # seconds of a controller
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -27,6 +30,28 @@ class Order(NamedTuple):
     give: Callable[[Cell, str, float], Handle]
     goal: float | None = None
     relative: bool = False
+
+
+def _controller(cell: Cell, name: str, value: float) -> Handle:
+    """A loop that follows a place; it fails where it gets lost, and after some seconds."""
+
+    def loop(seen: Measured) -> float:
+        if seen.position is None or (value < -0.7 and seen.position > 20.0) or cell.now > end:
+            raise ValueError("lost sight of it")
+        return 3.0 * (60.0 * value * math.sin(2.0 * seen.time) - seen.position)
+
+    end = cell.now + _LOOP
+    return cell[name].controller(loop).handle
+
+
+def _torque_controller(cell: Cell, name: str, value: float) -> Handle:
+    def loop(seen: Measured) -> float:
+        if cell.now > end:
+            raise ValueError("seen enough")
+        return 0.3 * value - 0.002 * (seen.velocity or 0.0)
+
+    end = cell.now + _LOOP
+    return cell[name].controller(loop, by="torque", slope=5.0).handle
 
 
 def demand_of(cell: Cell, name: str) -> float:
@@ -79,6 +104,8 @@ ORDERS: Mapping[str, Order] = {
     "torque": Order(lambda cell, name, value: cell[name].torque_control(0.3 * value)),
     "cyclic_velocity": Order(lambda cell, name, value: cell[name].cyclic_velocity(150.0 * value)),
     "cyclic_torque": Order(lambda cell, name, value: cell[name].cyclic_torque(0.3 * value, slope=5.0)),
+    "controller": Order(_controller),
+    "torque controller": Order(_torque_controller),
     "home": Order(lambda cell, name, _: cell[name].home()),
     "set_position": Order(lambda cell, name, value: cell[name].set_position(100.0 * value)),
     "move_waiting": Order(
@@ -102,6 +129,21 @@ def _path(cell: Cell, value: float) -> list[tuple[float, ...]]:
     return [tuple(0.5 * place + 20.0 for place in end), tuple(20.0 - place for place in end[::-1]), end]
 
 
+def _stream(cell: Cell, value: float) -> Handle:
+    """As many points as find room, at up to 130 deg/s and 430 deg/s²: ended, or left to run out."""
+    starts = [demand_of(cell, axis.name) for axis in cell.machine]
+    points = _group(cell).stream(
+        period=0.01, buffer=0.5 + abs(value), on_underrun="error" if value < 0.0 else "hold"
+    )
+    for number in range(400):
+        way = 40.0 * value * (1.0 - math.cos(3.3 * 0.01 * number))
+        if not points.try_push([start + way / (1 + axis) for axis, start in enumerate(starts)]):
+            break
+    if value >= 0.0:
+        points.end()
+    return points.handle
+
+
 def _group(cell: Cell):
     return cell.machine.group(*(axis.name for axis in cell.machine))
 
@@ -123,6 +165,7 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     "move_circular": lambda cell, value: _group(cell).move_circular(
         _line(cell, value), via=_path(cell, value)[1], velocity=150.0
     ),
+    "stream": _stream,
     "override": lambda cell, value: _group(cell).set_override(1.0 + 0.5 * value),
     "resume": lambda cell, _: _group(cell).resume(),
     "move_direct": lambda cell, value: _group(cell).move_direct(_line(cell, value), velocity=100.0),
@@ -146,8 +189,19 @@ MOTIONS = (
     "cyclic_velocity",
     "cyclic_velocity",
     "cyclic_torque",
+    "controller",
+    "torque controller",
     "home",
 )
 AXIS_STOPS = ("halt", "halt", "stop", "stop", "quick_stop", "disable", "coast")
-GROUP_MOTIONS = ("move_linear", "move_path", "move_path", "move_circular", "move_direct", "resume")
+GROUP_MOTIONS = (
+    "move_linear",
+    "stream",
+    "stream",
+    "move_path",
+    "move_path",
+    "move_circular",
+    "move_direct",
+    "resume",
+)
 GROUP_STOPS = ("group_halt", "group_stop", "group_quick_stop", "group_disable")

@@ -56,6 +56,21 @@ def waiting(folder: Path) -> None:
     time.sleep(1.0)
 
 
+def streaming(folder: Path) -> None:
+    """It gives points to all axes, at 90 deg/s, as they find room."""
+    machine = Machine.open(folder / "cell.toml")
+    for enabled in [axis.enable() for axis in machine]:
+        enabled.wait(20)
+    group = machine.group(*(axis.name for axis in machine))
+    points, began = group.stream(period="10ms"), time.monotonic()
+    told = False
+    while time.monotonic() < began + LONG:
+        points.push([0.9 * points.count] * len(machine))
+        if not told and time.monotonic() > began + 1.5:
+            ready(machine)
+            told = True
+
+
 def computing(folder: Path) -> None:
     """It is in a long call, in which no other thread of its own runs."""
     machine, _ = turning(folder)
@@ -99,7 +114,8 @@ def hoarding(folder: Path) -> None:
 
 
 SCENES: dict[str, Callable[[Path], None]] = {
-    scene.__name__: scene for scene in (sleeping, waiting, computing, returning, raising, forking, hoarding)
+    scene.__name__: scene
+    for scene in (sleeping, waiting, streaming, computing, returning, raising, forking, hoarding)
 }
 
 if __name__ == "__main__":

@@ -10,16 +10,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from axisbus.bus.pdo.cobids import CobIds
-from axisbus.bus.pdo.configure import negotiate
 from axisbus.bus.pdo.mapping import DevicePdos, MapEntry, map_entry_of
 from axisbus.bus.pdo.plan import Plan, PlannedPdo, Policy, Side
-from axisbus.bus.sdo.client import SdoClient
 from axisbus.cia301.pdo import Pdo
 from axisbus.cia401.point import Address
 from axisbus.cia402.axes import first_axis
 from axisbus.cia402.port import OUTPUT_OBJECTS, Source
 from axisbus.eds.dictionary import Dictionary
-from axisbus.errors import BootError
 
 _MOTION = frozenset(OUTPUT_OBJECTS.values())
 Used = Collection[tuple[bool, int]]  # PDOs of axes: whether the node receives it, its number
@@ -68,27 +65,6 @@ def make_io_plan(
         if source not in (Source.SYNC_PDO, Source.EVENT_PDO)
     )
     return Plan(node_id, 0, (*plans[0], *plans[1]), sources[1], sources[0], impossible=impossible)
-
-
-def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> Plan:
-    """Plan them and bring the node there, which should be pre-operational, as ``configure`` does; blocks for some dozen transfers.
-
-    Raises:
-        BootError: an object is in no PDO, or as ``configure``.
-        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
-    """
-    plan = negotiate(
-        sdo, lambda device, less: make_io_plan(sdo.node_id, device, objects, less, used), policy, also=also
-    )
-    if plan.impossible:
-        raise BootError(
-            f"node {sdo.node_id}: {'; '.join(plan.impossible)}",
-            node=sdo.node_id,
-            step="PDO configuration",
-            observed="; ".join(plan.notes) or "it has no more PDOs that could carry it",
-            remedy="map it in [nodes.N.pdo], or let boot change the mapping; inputs and outputs never travel by SDO",
-        )
-    return plan
 
 
 def _of(device: DevicePdos, used: Used) -> list[tuple[bool, Pdo]]:

@@ -54,6 +54,37 @@ def objects(case: Case) -> Found:
             yield from _ours(case, config, entry)
 
 
+def encoders(case: Case) -> Found:
+    """Check that the input of each encoder is one that counts."""
+    for axis in case.cell.axes.values():
+        if axis.encoder is None:
+            continue
+        config = case.cell.io.get(axis.encoder)
+        what, remedy = _no_count(case, config)
+        if what:
+            observed = f"inputs and outputs of the cell: {', '.join(case.cell.io) or 'none'}"
+            yield case.error(
+                axis.at.of("encoder"),
+                f"axis {axis.name}: encoder = {axis.encoder!r} {what}",
+                observed,
+                remedy,
+            )
+
+
+def _no_count(case: Case, config: IoConfig | None) -> tuple[str, str]:
+    """Return why an input does not count, and what to do; empty texts where it does."""
+    if config is None:
+        return (
+            "names no [io] of the cell",
+            "add it: [io.NAME] with node and object, the position value of the encoder",
+        )
+    if config.bit is not None:
+        return "is one bit", "name an input that is a number: the position value of the encoder"
+    if any(point.name == config.name and point.output for _, _, point in _points(case)):
+        return "is an output", "name an input: the position value of the encoder"
+    return "", ""
+
+
 def apart(case: Case) -> Found:
     """Check that no two outputs are the same bits."""
     points = [point for _, _, point in _points(case) if point.output]
@@ -232,4 +263,4 @@ def _is_of(config: IoConfig, text: str, dictionary: Dictionary) -> bool:
     return entry is not None and text.startswith(_name(entry))
 
 
-CHECKS: tuple[Check, ...] = (have_nodes, objects, apart, travel, alone, numbers_alone)
+CHECKS: tuple[Check, ...] = (have_nodes, objects, encoders, apart, travel, alone, numbers_alone)

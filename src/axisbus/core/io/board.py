@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 
 from axisbus.cia401.point import Point
 from axisbus.cia401.port import IoPort
-from axisbus.errors import AxisbusError, StateError
+from axisbus.cia402.port import Source
+from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.node import NodeIo
 from axisbus.motion.io.reading import Reading
@@ -32,8 +33,22 @@ class Board:
         self._of = {**self._of, **dict.fromkeys(node.points, node)}
         self._nodes = (*self._nodes, (port, node))
 
+    def width_of(self, name: str) -> int:
+        """Return the bits of a point that is there."""
+        return self._of[name].points[name].width
+
+    def source_of(self, name: str) -> Source:
+        """Return how an input travels; of one that is not there, as what comes when it changes."""
+        for port, node in self._nodes:
+            if name in node.points:
+                return port.sources[port.inputs.index(node.points[name].address)]
+        return Source.EVENT_PDO
+
     def accept(self, command: SetOutputs, ticket: Ticket) -> None:
         """Set outputs, all or none; the ticket ends when all act (``NodeIo``), or at once where one cannot be set."""
+        if self._leaving:  # it has waited behind others while the axes were stopped
+            ticket.finish(Status.ERROR, _too_late(ticket.name))
+            return
         values = dict(command.values)
         by_node: dict[NodeIo, dict[str, int]] = {}
         for name, raw in values.items():
@@ -110,4 +125,10 @@ def _not_there(name: str, what: str) -> AxisbusError:
         f"{what} was not sent: {name} is not there",
         observed="its node has not come up, or was found with an enabled drive and is left as it is",
         remedy="look at the report of its node; switch the drive off and open the machine again",
+    )
+
+
+def _too_late(what: str) -> AxisbusError:
+    return Stopped(
+        f"{what} was not sent", observed="every output is being led to its safe state: the machine is left"
     )

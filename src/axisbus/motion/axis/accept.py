@@ -43,6 +43,12 @@ def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN
 
 
 def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
+    if core.parameters.encoder:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} is an encoder, and has no drive",
+            observed=f"it is where [io.{core.parameters.encoder}] says",
+            remedy="let another axis follow it: gear_in or cam_in",
+        )
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
         raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
     accept_motion.require_no_stop(core, ticket)
@@ -251,6 +257,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,
+    c.Control: accept_cyclic.control,
+    c.Answer: accept_cyclic.answer,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,

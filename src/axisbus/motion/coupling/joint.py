@@ -47,6 +47,7 @@ class Joint:
         self.follow = Coupled(self, slave.parameters, before)
         self._slave = slave.parameters
         self._command = command
+        self._law = command.law
         self._period = period
         self._speed = 0.0  # of the slave, in its unit per s
         self._base = 0.0  # where the slave is when its law says 0
@@ -65,6 +66,11 @@ class Joint:
                 self._go_on()
         except AxisbusError as error:
             self.failure = self.failure or self._lost(error)
+
+    @property
+    def gives_up(self) -> AxisbusError | None:
+        """Nothing: its slave breaks off by itself."""
+        return None
 
     def leads(self) -> bool:
         """Whether the slave was led since this was asked last."""
@@ -148,7 +154,7 @@ class Joint:
         self._lead, self.in_step, self._since = self._in_step, True, 0.0
 
     def _in_step(self) -> float:
-        due = self._command.law.at(self.master.place).place + self._base
+        due = self._law.place(self.master.place) + self._base
         if self._fade is None:
             return due
         self._since += self._period

@@ -9,6 +9,7 @@ from axisbus.motion import commands as c
 from axisbus.motion.coupling.entries import By, Entry
 from axisbus.motion.coupling.laws import Law
 from axisbus.motion.group.way import Way
+from axisbus.motion.points.commands import AddPoints, FollowPoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,4 +93,6 @@ class Couple:
         return (self.slave,)
 
 
-GroupCommand = ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride | Couple
+GroupCommand = (
+    ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride | Couple | FollowPoints | AddPoints
+)

@@ -30,6 +30,8 @@ from axisbus.motion.group.line import Line
 from axisbus.motion.group.travel import FASTER
 from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.moves.follow import Follow
+from axisbus.motion.points.commands import AddPoints, FollowPoints
+from axisbus.motion.points.stream import Stream
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
 
@@ -45,7 +47,7 @@ class GroupCore:
         self.axes = axes
         self._period = period
         self._under_way: list[Undertaking] = []
-        self._line: Line | None = None  # the last one, also when it was left
+        self._line: Line | Stream | None = None  # the last one, also when it was left
         self._factor = 1.0
         self._queue = Queue()
         self._ended = False
@@ -63,6 +65,8 @@ class GroupCore:
         for undertaking in list(self._under_way):  # what waits may begin meanwhile
             was_busy = undertaking.busy
             undertaking.step(self._period)
+            if isinstance(undertaking.line, Stream):
+                self._look_at_stream(undertaking.line, undertaking.busy)
             if undertaking.busy is not was_busy:
                 self._ended = True
                 self._go_on_after(undertaking)
@@ -78,6 +82,8 @@ class GroupCore:
         """End what is under way, with the error that ``ended`` makes for its name: the scan has ended."""
         self._queue.drop("what was before it", None)
         for undertaking in self._under_way:
+            if isinstance(undertaking.line, Stream):
+                undertaking.line.close()
             undertaking.abandon(ended(undertaking.name))
 
     def _for_each(self, command: ForEach, ticket: Ticket) -> None:
@@ -117,6 +123,11 @@ class GroupCore:
                 f"{ticket.name}: there is no line to go on with",
                 remedy="begin one: group.move_linear(positions, velocity=...)",
             )
+        if isinstance(left, Stream):
+            raise StateError(
+                f"{ticket.name}: a stream that was broken off is not gone on with",
+                remedy="begin a new one from where the axes stand",
+            )
         if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):
             raise StateError(f"{ticket.name}: the line is under way, so there is nothing to go on with")
         if left.is_at_its_end:
@@ -127,6 +138,25 @@ class GroupCore:
         gate = Gate()
         self._go_along(left.again(gate, self.axes, ticket.name), gate, ticket)
 
+    def _follow_points(self, command: FollowPoints, ticket: Ticket) -> None:
+        self._require_rest(command.axes, ticket)
+        stream = Stream(command, self.axes, ticket.name)
+        self._go_along(stream, stream.gate, ticket)
+
+    def _add_points(self, command: AddPoints, ticket: Ticket) -> None:
+        """Let a stream go on; what comes for one that is over is let go of, as its own ticket has told why."""
+        for undertaking in self._under_way:
+            stream = undertaking.line
+            if undertaking.busy and isinstance(stream, Stream) and stream.number == command.stream:
+                stream.add(command, ticket)
+                return
+        ticket.finish(Status.ABORTED)
+
+    def _look_at_stream(self, stream: Stream, busy: bool) -> None:
+        if not busy:
+            stream.close()
+        self._ended = stream.take_news() or self._ended
+
     def _set_override(self, command: GroupSetOverride, ticket: Ticket) -> None:
         if not 0.0 <= command.factor <= FASTER:
             raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
@@ -135,7 +165,7 @@ class GroupCore:
             self._line.travel.factor = command.factor
         ticket.finish(Status.DONE)
 
-    def _go_along(self, line: Line, gate: Gate, ticket: Ticket) -> None:
+    def _go_along(self, line: Line | Stream, gate: Gate, ticket: Ticket) -> None:
         line.travel.factor = self._factor
         undertaking = Undertaking(ticket, self.axes, gate, line)
         self._line = line
@@ -189,4 +219,6 @@ _ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     GroupContinue: GroupCore._continue,
     GroupSetOverride: GroupCore._set_override,
     Couple: GroupCore._couple,
+    FollowPoints: GroupCore._follow_points,
+    AddPoints: GroupCore._add_points,
 }

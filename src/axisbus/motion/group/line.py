@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from axisbus.errors import StateError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.commands import MoveLinear, MovePath
@@ -37,6 +37,11 @@ class Line:
         self.follows = {
             name: Follow(None, core.parameters, gate, self.travel) for name, core in self._axes.items()
         }
+
+    @property
+    def gives_up(self) -> AxisbusError | None:
+        """Nothing that it would find itself."""
+        return None
 
     @property
     def names(self) -> tuple[str, ...]:

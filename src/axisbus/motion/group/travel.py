@@ -16,12 +16,45 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
-from axisbus.motion.group.way import NOWHERE, Way
+from axisbus.motion.group.way import NOWHERE
 
 FASTER = 1.5  # the highest override
 _NEXT = 1e-12  # of the length: as near as numbers come
 _LEAST = 1e-9  # of the change within a cycle: what is slower stands
+_Row = Sequence[float] | Mapping[int, float]
+
+
+class Goes(Protocol):
+    """What is gone along: a ``Way``, or what grows meanwhile; its stretches by their numbers."""
+
+    @property
+    def marks(self) -> _Row:
+        """Where each begins; that of the next is its end."""
+
+    @property
+    def tops(self) -> _Row:
+        """Its highest speed."""
+
+    @property
+    def ramps(self) -> _Row:
+        """Its acceleration."""
+
+    @property
+    def leaves(self) -> _Row:
+        """The speed at its end."""
+
+    @property
+    def length(self) -> float:
+        """Of all."""
+
+    def number(self, s: float) -> int:
+        """Return which one ``s`` lies on."""
+
+    def is_last(self, number: int) -> bool:
+        """Whether nothing follows it."""
 
 
 class Travel:
@@ -41,7 +74,7 @@ class Travel:
     )
 
     def __init__(self) -> None:
-        self._way = NOWHERE
+        self._way: Goes = NOWHERE
         self.velocity = 0.0
         self.factor = 1.0  # the override
         self.t = self._ahead = 0.0  # where it is, and where it would be without a limit of jerk
@@ -51,7 +84,7 @@ class Travel:
         self._number = 0
         self._near = 0.0
 
-    def begin(self, way: Way, velocity: float, at: float = 0.0, window: int = 1) -> None:
+    def begin(self, way: Goes, velocity: float, at: float = 0.0, window: int = 1) -> None:
         """Take the way, with the ``velocity`` that is asked for (above 0), and the place to begin at, at rest.
 
         ``window``: of how many cycles the mean is taken; more than one only where the way is one stretch.
@@ -92,7 +125,7 @@ class Travel:
         if self._ahead + covered < mark - self._near:
             self._ahead, self.speed = self._ahead + covered, w
             return 0.0
-        is_last, leave = number + 1 == len(way.tops), way.leaves[number]
+        is_last, leave = way.is_last(number), way.leaves[number]
         distance, self._ahead = max(mark - self._ahead, 0.0), mark
         self._number = number if is_last else number + 1
         if is_last or leave == 0.0:  # the end, or a stop on the way

@@ -35,6 +35,10 @@ class Leads(Protocol):
     def planned(self) -> bool:
         """Whether it leads them."""
 
+    @property
+    def gives_up(self) -> AxisbusError | None:
+        """Why it leads them no farther, where it found that itself; all are then braked along their way."""
+
     def step(self, period: float, begins: bool, name: str) -> None:
         """Once per cycle of ``period`` seconds, before the axes; ``begins``: all may begin. ``name`` says what was asked for."""
 
@@ -129,14 +133,17 @@ class Undertaking:
 
     def _call_off(self) -> None:
         """Nobody starts alone, and nobody goes on along a line that another has left."""
-        if self._called_off or (self.gate.is_open and self._line is None):
+        if self._called_off or not self._ticket.busy or (self.gate.is_open and self._line is None):
             return
-        cause = self._dropped_out()
+        failure = None if self._line is None else self._line.gives_up
+        cause = failure or self._dropped_out()
         if cause is None:
             return
         what = "stopped on its line" if self.gate.is_open else "not started"
         reason = f"{self._ticket.name}: {what}, because {cause.message}"
-        if isinstance(cause, Interrupted):
+        if failure is not None:
+            self._reason = failure
+        elif isinstance(cause, Interrupted):
             self._reason = type(cause)(reason, remedy=_TOGETHER)
         self._called_off = True
         self.gate.shut()

@@ -56,6 +56,10 @@ class Way:
         """Return which stretch ``s`` lies on; where two join, the second."""
         return min(max(bisect_right(self.marks, s) - 1, 0), len(self.tops) - 1)
 
+    def is_last(self, number: int) -> bool:
+        """Whether a stretch is the last one."""
+        return number + 1 == len(self.tops)
+
     def piece(self, s: float) -> tuple[Piece | Bent, float]:
         """Return the piece on which ``s`` lies, and how far along it."""
         number = max(bisect_right(self.starts, s) - 1, 0)

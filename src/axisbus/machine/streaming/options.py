@@ -1,0 +1,92 @@
+"""What a stream is asked for, checked: its axes, times, and what an underrun does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, TypedDict
+
+from axisbus.cell.entries import Unfit, duration
+from axisbus.errors import ArgumentError
+from axisbus.machine.axis import Axis
+from axisbus.motion.numbers import number, told
+from axisbus.motion.points.commands import OnUnderrun
+
+_LEAST, _MOST = 0.0001, 60.0  # seconds
+_IN_A_CYCLE = 8  # points that a cycle goes by at most: each takes some of its time
+_READ = duration("100us", "60s")
+
+
+class StreamWords(TypedDict, total=False):
+    """What ``Group.stream`` may be given."""
+
+    period: float | str | None
+    on_underrun: str
+    buffer: float | str
+
+
+class StreamOptions(NamedTuple):
+    """Seconds between two points (None: each comes with its time), what an underrun does, seconds that are buffered."""
+
+    period: float | None
+    on_underrun: OnUnderrun
+    buffer: float
+
+
+def options_of(
+    axes: Mapping[str, Axis], text: str, period: object, on_underrun: object, buffer: object
+) -> StreamOptions:
+    """Return the options of a stream; ``text`` names the call in messages.
+
+    Raises:
+        ArgumentError: a value is none that a stream can have, or an axis cannot be in one.
+    """
+    for name, axis in axes.items():
+        _require_able(name, axis, text)
+    scan = next(iter(axes.values())).scan_period
+    step = None if period is None else _seconds(text, "period", period)
+    if step is not None:
+        require_apart(step, scan, text, "period")
+    try:
+        way = OnUnderrun(on_underrun)
+    except ValueError:
+        raise ArgumentError(
+            f"{text}: on_underrun {told(on_underrun)} is not known",
+            remedy='give "hold" (the axes wait for more points) or "error" (the stream ends)',
+        ) from None
+    return StreamOptions(step, way, _seconds(text, "buffer", buffer))
+
+
+def require_apart(seconds: float, scan: float, text: str, what: str) -> None:
+    """Raise ArgumentError where two points are too near in time for a cycle to go by, or farther than a stream takes."""
+    least = scan / _IN_A_CYCLE
+    if not least <= seconds <= _MOST:
+        raise ArgumentError(
+            f"{text}: {what} {seconds:.6g} s is not from {least:.6g} to {_MOST:g} s",
+            observed=f"the scan period is {scan:g} s, and a cycle goes by {_IN_A_CYCLE} points at most",
+            remedy="leave out points that come faster than that, or set scan_period in [bus] of cell.toml",
+        )
+
+
+def _require_able(name: str, axis: Axis, text: str) -> None:
+    if axis.modulo is not None:
+        raise ArgumentError(
+            f"{text}: {name} is endless, so its places do not make a path",
+            observed=f"its modulo is {axis.modulo:g} {axis.unit}",
+            remedy="leave it out of the group, or lead it by a trajectory of its own",
+        )
+    axis.require_stream("stream")
+
+
+def _seconds(text: str, what: str, value: object) -> float:
+    found = number(value)
+    if isinstance(value, str):
+        try:
+            found = _READ(value)
+        except Unfit:
+            found = None
+    if found is None or not _LEAST <= found <= _MOST:
+        raise ArgumentError(
+            f"{text}: {what} {told(value)} is no time from {_LEAST:g} to {_MOST:g} s",
+            remedy='give seconds, such as 0.01, or a time with its unit, such as "10ms"',
+        )
+    return found

@@ -1,0 +1,211 @@
+"""A stream of points that a program gives at its own pace, and that its axes follow.
+
+Theory of operation
+-------------------
+Points are joined to spans here (``motion.points.joining``), and each span goes to the core as soon as it is known, as a command of
+its own that ends when the axes have come to its end: so the program knows how much is ahead of them. The core begins when told that
+enough is there, goes along what it has, and comes to rest at its end whatever becomes of the program.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+from typing import Self
+
+from axisbus.errors import ArgumentError, AxisbusError, StateError
+from axisbus.machine.axis import Axis
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import Handle
+from axisbus.machine.streaming.options import StreamOptions, require_apart
+from axisbus.motion.numbers import number, told
+from axisbus.motion.points.commands import AddPoints, FollowPoints, Span
+from axisbus.motion.points.joining import Joining, Point
+from axisbus.motion.ticket import Status
+from axisbus.session import Target
+from axisbus.wording import counted
+
+_MOST = 2048  # spans that are ahead at most: the core holds twice as many
+
+
+class PointStream:
+    """Points on their way to the axes of a group, for a ``with`` block; made by ``Group.stream``. Any thread may push.
+
+    ``handle`` is that of the stream: done when the axes rest at the last point, and ended by whatever else stops them.
+    """
+
+    handle: Handle
+
+    def __init__(
+        self,
+        axes: Mapping[str, Axis],
+        commanding: Commanding,
+        key: Target,
+        text: str,
+        options: StreamOptions,
+        halt: Callable[[], Handle],
+    ) -> None:
+        """``key``: by what the core knows the group; ``halt`` halts it."""
+        self._axes, self._commanding, self._key, self._text = dict(axes), commanding, key, text
+        self._options, self._halt = options, halt
+        self._scan = next(iter(axes.values())).scan_period
+        self._number = secrets.randbits(48)
+        self._lock = threading.RLock()
+        self._joining = Joining({name: axis.allowed() for name, axis in axes.items()}, text)
+        self._begin: float | None = None  # the time of the first point
+        self._sent = self._done = 0  # spans
+        self._known = self._passed = self._braking = 0.0
+        self._ended = False
+        self._failure: AxisbusError | None = None
+        command = FollowPoints(tuple(axes), self._number, options.on_underrun)
+        self.handle = commanding.submit(key, command, text)
+
+    def __repr__(self) -> str:
+        return f"<PointStream {self._text}: {counted(self.count, 'point')}, {self.handle.status.value}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the stream, and wait until the axes rest at its last point; halt them where an exception ends the block."""
+        if error is None:
+            self.end().wait()
+            return
+        with self._lock:
+            self._ended = True
+            if self.handle.busy:
+                self._halt()
+        self.handle.exception()  # which is looked at: the block's own says more
+
+    # -- points ------------------------------------------------------------------------------------------------------------
+
+    def push(self, point: Sequence[float], timeout: float = 10.0) -> None:
+        """Give the next point: a position for each axis in the group's order, after its time (s) where there is no ``period``.
+
+        The first point is where the axes stand. Blocks while the buffer is full, at most ``timeout`` seconds.
+
+        Raises:
+            LimitError: an axis cannot reach it within its limits; ArgumentError: it is no point, or its time is not later than the
+            last. Nothing of it is taken then, and the stream goes on with the next one.
+            TimeoutError: the buffer is still full; nothing of the point is taken.
+            StateError: the stream has been ended. AxisbusError: what has ended it.
+        """
+        wait = self._commanding.session.waiter.wait
+        while not self.try_push(point):
+            if not wait(lambda: self._has_room or not self.handle.busy, timeout):
+                raise TimeoutError(
+                    f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.ahead:.3f} s are ahead"
+                )
+
+    def try_push(self, point: Sequence[float]) -> bool:
+        """As ``push``, but never block: False where the buffer is full, and nothing of the point is taken."""
+        with self._lock:
+            self._require_open()
+            made = self._point(point)
+            if not self._has_room:
+                return False
+            span = self._joining.take(made)
+            if span is not None:
+                self._send((span,))
+            return True
+
+    def end(self) -> Handle:
+        """Let the axes come to rest at the last point; return the stream's handle. Does not block; harmless when repeated."""
+        with self._lock:
+            if not self._ended and self.handle.busy:
+                span = self._joining.end()
+                self._ended = True
+                self._send(() if span is None else (span,))
+        return self.handle
+
+    @property
+    def ahead(self) -> float:
+        """Seconds of the stream that are ahead of the axes; what the last point adds is known when the next one is."""
+        return max(0.0, self._known - self._passed)
+
+    @property
+    def count(self) -> int:
+        """How many points were taken."""
+        return self._joining.count
+
+    @property
+    def _has_room(self) -> bool:
+        waiting = self._sent - self._done
+        return waiting < _MOST and self.ahead < self._options.buffer + self._braking
+
+    # -- helpers -----------------------------------------------------------------------------------------------------------
+
+    def _require_open(self) -> None:
+        error = self.handle.exception() or self._failure
+        if error is not None:
+            raise error
+        if self._ended or not self.handle.busy:
+            raise StateError(
+                f"{self._text}: the stream has ended, so it takes no more points",
+                remedy="begin a new one from where the axes stand",
+            )
+
+    def _point(self, values: Sequence[float]) -> Point:
+        text = f"{self._text}: point {self.count + 1}"
+        timed = self._options.period is None
+        names = (["its time"] if timed else []) + list(self._axes)
+        try:
+            given = [number(value) for value in values]
+        except TypeError:
+            given = []
+        if len(given) != len(names) or None in given:
+            raise ArgumentError(
+                f"{text} is no point: {told(values)}",
+                observed=f"it is made of {counted(len(names), 'finite number')}",
+                remedy=f"give one for each of {', '.join(names)}, in this order; nothing of this point was taken",
+            )
+        numbers = [value for value in given if value is not None]
+        place = tuple(numbers[1:] if timed else numbers)
+        t = self._time(numbers[0] if timed else None, text)
+        call = f"push (point {self.count + 1})"
+        for axis, value in zip(self._axes.values(), place, strict=True):
+            axis.absolute_position(call, value)
+            if not self.count:
+                axis.require_near(f"{text}", value)
+        return Point(t, place)
+
+    def _time(self, given: float | None, text: str) -> float:
+        """Return the time of a point, from that of the first on."""
+        last = self._joining.last
+        if last is None:
+            self._begin = given
+            return 0.0
+        if given is None:
+            assert self._options.period is not None
+            return self.count * self._options.period
+        assert self._begin is not None
+        t = given - self._begin
+        if t <= last.t:
+            raise ArgumentError(
+                f"{text} is not later than the last",
+                observed=f"its time is {given:.6g} s, that of the last {last.t + self._begin:.6g} s",
+                remedy="give points in the order of their times; nothing of this point was taken",
+            )
+        require_apart(t - last.t, self._scan, text, "the time after the last")
+        return t
+
+    def _send(self, spans: tuple[Span, ...]) -> None:
+        """Give spans to the core, and note when the axes have come to their end."""
+        first, self._sent = self._sent, self._sent + len(spans)
+        self._known += sum(span.seconds for span in spans)
+        self._braking = max([self._braking, *(1.0 / span.ramp for span in spans)])
+        begins = self._ended or not self._has_room
+        command = AddPoints(tuple(self._axes), self._number, first, spans, begins=begins, ends=self._ended)
+        part = self._commanding.submit(self._key, command, f"{self._text}, points up to {self.count}")
+        known, sent = self._known, self._sent
+        part.add_done_callback(lambda: self._hear(part, known, sent))
+
+    def _hear(self, part: Handle, known: float, sent: int) -> None:
+        if part.status is Status.DONE:
+            self._passed, self._done = known, sent
+        elif part.status is Status.ERROR:
+            self._failure = self._failure or part.exception()

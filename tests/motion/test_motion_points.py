@@ -1,0 +1,204 @@
+"""The curve through points, what it asks of the axes, and the pace along it: pure, against sums of their own."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.errors import LimitError
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.points.commands import Span
+from axisbus.motion.points.course import Course
+from axisbus.motion.points.joining import SHARE, Allowed, Joining, Point
+from axisbus.motion.points.pace import StreamTravel
+from axisbus.motion.points.quintic import Motion, at, coefficients, controls, derived, reach
+from axisbus.motion.points.stream import PatientGate
+
+VALUES = st.floats(-100.0, 100.0)
+MOTIONS = st.builds(Motion, VALUES, VALUES, VALUES)
+HARDEST, FASTEST, BRAKING = 2000.0, 400.0, 500.0
+MAY = Allowed("deg", (-200.0, 200.0), FASTEST, HARDEST, "max_acceleration", BRAKING)
+PERIOD = 0.004
+
+
+def changes(curve, t: float, h: float) -> tuple[float, float, float]:
+    """Place, speed and acceleration by differences."""
+    before, here, after = at(curve, t - h), at(curve, t), at(curve, t + h)
+    return here, (after - before) / (2 * h), (after - 2 * here + before) / (h * h)
+
+
+@given(MOTIONS, MOTIONS, st.floats(0.5, 2.0))
+def test_a_curve_has_the_motions_of_both_ends(begin, end, seconds):
+    curve = coefficients(begin, end, seconds)
+    for motion, t in ((begin, 0.0), (end, seconds)):
+        assert changes(curve, t, 1e-4) == pytest.approx(motion, abs=2e-2)
+
+
+@given(MOTIONS, MOTIONS, st.floats(0.5, 2.0))
+def test_its_reach_is_that_of_the_curve(begin, end, seconds):
+    curve, points = coefficients(begin, end, seconds), controls(begin, end, seconds)
+    values = [at(curve, seconds * n / 500) for n in range(501)]
+    low, high = reach(points)
+    size = max(points) - min(points) + 1e-9
+    assert low - 1e-9 <= min(values) <= low + 0.01 * size
+    assert high - 0.01 * size <= max(values) <= high + 1e-9
+    speeds = derived(points, seconds)
+    found = [changes(curve, seconds * n / 100, 1e-5)[1] for n in range(1, 100)]
+    assert min(speeds) - 1e-2 <= min(found) <= max(found) <= max(speeds) + 1e-2
+
+
+def joined(points) -> list[Span]:
+    joining = Joining({"x": MAY}, "x.stream")
+    spans = [joining.take(Point(t, (x,))) for t, x in points]
+    return [span for span in [*spans, joining.end()] if span is not None]
+
+
+def test_neither_place_nor_speed_nor_acceleration_jumps_and_points_are_met():
+    times = [0.02 * n + (0.004 if n % 2 else 0.0) for n in range(60)]
+    spans = joined((t, 30.0 * math.sin(4.0 * t)) for t in times)
+    assert [span.seconds for span in spans] == pytest.approx([b - a for a, b in pairwise(times)])
+    for one, other in pairwise(spans):
+        ends = changes(one.curves[0], one.seconds, 1e-4), changes(other.curves[0], 0.0, 1e-4)
+        assert ends[0] == pytest.approx(ends[1], rel=1e-3, abs=0.05)
+    for t, span in zip(times, spans, strict=False):
+        assert at(span.curves[0], 0.0) == pytest.approx(30.0 * math.sin(4.0 * t))
+        for n in range(5):
+            there = at(span.curves[0], span.seconds * n / 4)
+            assert there == pytest.approx(30.0 * math.sin(4.0 * (t + span.seconds * n / 4)), abs=0.005)
+
+
+@pytest.mark.parametrize("path", [lambda t: 7.0 - 50.0 * t, lambda t: 100.0 * t * t])
+def test_straight_lines_and_constant_accelerations_stay_what_they_are(path):
+    for number, span in enumerate(joined((0.01 * n, path(0.01 * n)) for n in range(9))):
+        assert at(span.curves[0], 0.004) == pytest.approx(path(0.01 * number + 0.004))
+
+
+def test_what_is_refused_changes_nothing():
+    points = [(0.01 * n, 10.0 * math.sin(3.0 * 0.01 * n)) for n in range(20)]
+    joining, other = Joining({"x": MAY}, "x.stream"), Joining({"x": MAY}, "x.stream")
+    for t, x in points:
+        for wrong in (x + 9.0, x - 1.0, 500.0):
+            if t > 0.015:  # the first two make a straight line, which an axis takes up at its own pace
+                with pytest.raises(LimitError, match=f"point {joining.count + 1} leads x beyond its"):
+                    joining.take(Point(t, (wrong,)))
+        assert joining.take(Point(t, (x,))) == other.take(Point(t, (x,)))
+    assert joining.end() == other.end()
+
+
+def test_what_was_taken_can_be_ended_anywhere():
+    rnd = random.Random(5)
+    joining, x = Joining({"x": MAY}, "x.stream"), 0.0
+    taken = 0
+    for number in range(400):
+        wanted = x + rnd.uniform(-0.25, 0.25)
+        try:
+            joining.take(Point(0.02 * number, (wanted,)))
+        except LimitError:
+            continue
+        x, taken = wanted, taken + 1
+        joining.end()
+    assert taken > 40
+
+
+def test_no_point_leads_where_it_cannot_be_braked_in_time():
+    lame = MAY._replace(braking=10.0)
+    joining = Joining({"x": lame}, "x.stream")
+    with pytest.raises(LimitError, match="could not be braked from"):
+        for number in range(9):
+            joining.take(Point(0.01 * number, (3.0 * 0.01 * number * 50.0,)))
+
+
+def random_spans(rnd: random.Random) -> list[Span]:
+    """Those of points that were taken, of which some are near the limits."""
+    joining, spans, t = Joining({"x": MAY}, "x.stream"), [], 0.0
+    size, pulse = rnd.uniform(1.0, 60.0), rnd.uniform(0.5, 12.0)
+    for _ in range(rnd.randint(2, 120)):
+        grown = min(t / 0.5, 1.0) ** 3 * (10.0 - 15.0 * min(t / 0.5, 1.0) + 6.0 * min(t / 0.5, 1.0) ** 2)
+        try:
+            spans.append(joining.take(Point(t, (size * grown * math.sin(pulse * t),))))
+        except LimitError:
+            break
+        t += PERIOD * rnd.choice([0.13, 0.5, 1.0, 1.0, 2.7, 9.0])
+    return [span for span in [*spans, joining.end()] if span is not None]
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.integers(0, 100_000))
+def test_no_pace_whatever_comes_when_asks_more_of_an_axis_than_it_may(seed):
+    """Spans come in bursts, late and not at all; it is halted, and slowed by an override. The last place is the end."""
+    rnd = random.Random(seed)
+    spans, course, travel = random_spans(rnd), Course(), StreamTravel()
+    if not spans:
+        return
+    course.add(spans.pop(0))
+    travel.begin(course, 1.0)
+    places, cycles = [course.place(0.0)[0]] * 3, 0
+    while spans or travel.t < course.length:
+        for _ in range(rnd.choice([0, 0, 1, 1, 2, 40])):
+            if spans:
+                course.add(spans.pop(0))
+        if rnd.random() < 0.01:
+            travel.factor = rnd.choice([0.0, 0.3, 1.0, 1.5])
+        if rnd.random() < 0.003:
+            travel.brake()
+        elif travel.stopped or rnd.random() < 0.1:
+            travel.braking, travel.factor = False, max(travel.factor, 0.3)
+        before = travel.t
+        travel.advance(PERIOD)
+        course.forget(course.number(travel.t) - 2)
+        assert before <= travel.t <= course.length + 1e-9
+        assert travel.t - before <= PERIOD + 1e-9
+        assert course.waiting <= len(spans) + 500
+        places.append(course.place(travel.t)[0])
+        cycles += 1
+        assert cycles < 100_000
+    places += [places[-1]] * 3
+    speeds = [(b - a) / PERIOD for a, b in pairwise(places)]
+    rates = [(b - a) / PERIOD for a, b in pairwise(speeds)]
+    assert max(map(abs, speeds)) <= FASTEST * 1.0001
+    assert max(map(abs, rates)) <= HARDEST * 1.0001 + 1e-3
+    assert places[-1] == pytest.approx(course.place(course.length)[0])
+
+
+def test_a_pace_stays_that_of_the_points_while_enough_is_known():
+    """Also over spans of which the ramps differ by powers of ten, and that are shorter than a cycle."""
+    course, travel = Course(), StreamTravel()
+    for number in range(400):
+        course.add(Span(0.0011, 10.0 ** (number % 5), ((float(number), 0.0, 0.0, 0.0, 0.0, 0.0),)))
+    travel.begin(course, 1.0)
+    before = 0.0
+    while travel.t < 0.25:
+        travel.advance(PERIOD)
+        assert travel.speed >= before
+        before = travel.speed
+    assert travel.speed == 1.0
+
+
+def test_the_axes_may_use_four_fifths_of_their_acceleration():
+    def hard(share: float) -> list[tuple[float, float]]:
+        return [(0.01 * n, 0.5 * share * SHARE * HARDEST * (0.01 * n) ** 2) for n in range(9)]
+
+    assert len(joined(hard(0.99))) == 8
+    with pytest.raises(LimitError, match="80% of max_acceleration"):
+        joined(hard(1.01))
+
+
+def test_a_patient_gate_opens_when_all_are_there_and_it_may():
+    for gate, opens in ((Gate(), True), (PatientGate(), False)):
+        for comer in ("x", "y"):
+            gate.pass_through(comer)
+        gate.update(2)
+        assert gate.is_open is opens
+    gate.may_open = True
+    gate.pass_through("x")
+    gate.update(2)
+    assert not gate.is_open
+    for comer in ("x", "y"):
+        gate.pass_through(comer)
+    gate.update(2)
+    assert gate.is_open
