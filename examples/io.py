@@ -13,5 +13,6 @@ with Machine.open(Path(__file__).with_name("io.toml")) as cell:
     cell.io.set({"lamp": True, "valve": 5.0}).wait()
     x.move_relative(90.0).wait()
     lamp.set(False).wait()
-    print("part", part.value, "- lamp", lamp.value, "- valve", cell.io["valve"].value, cell.io["valve"].unit)
-    print("pressure", cell.io["pressure"].value, cell.io["pressure"].unit)
+    for name in ("valve", "pressure"):
+        print(f"{name} {cell.io[name].value:.2f} {cell.io[name].unit}")
+    print("part", part.value, "- lamp", lamp.value)

@@ -124,6 +124,7 @@ def test_a_killed_core_leaves_safe_outputs(tmp_path):
     with pytest.raises(AxisbusError) as told:
         machine.close()
     assert "x: stands" in str(told.value)
+    assert "its warden made outputs safe: relay, lamp, clamp" in str(told.value)
     assert "NOT CONFIRMED" not in str(told.value)
 
 

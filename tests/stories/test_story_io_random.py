@@ -8,53 +8,26 @@ from collections.abc import Callable
 import pytest
 
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.errors import NodeError, StaleError
+from axisbus.errors import NodeError
 from axisbus.machine.handle import Handle
+from kit.campaign.outputs import OUTPUTS, TOML, Outputs
 from kit.cell import Cell, cell_text
-
-OUTPUTS = {"lamp": (0x6200, 1, 3, 0), "clamp": (0x6200, 1, 7, 1), "fan": (0x6200, 2, 0, 0)}
-IO = '[nodes.5]\neds = "builtin:generic-cia401"\non_lost = "tell"\n' + "".join(
-    f'[io.{name}]\nnode = 5\nobject = "{index:04X}h:{sub:02X}"\nbit = {bit}\nsafe = {safe}\n'
-    for name, (index, sub, bit, safe) in OUTPUTS.items()
-)
 
 
 class Game:
-    """A cell, what each output may be now, and what was asked for."""
+    """A cell, and the commands that were given."""
 
     def __init__(self, story, seed: int) -> None:
         self.dice = random.Random(seed)
-        self.cell: Cell = story.simulated(text=cell_text("", more=IO))
-        self.device = self.cell.machine.stand_in(5).device
-        self.allowed = {
-            name: {0, safe} for name, (*_, safe) in OUTPUTS.items()
-        }  # a module may be safe by itself
-        self.under_way: list[tuple[str, int, Handle]] = []
-        self.set: set[str] = set()
-        self.cell.each_cycle(lambda *_: self.look())
-
-    def shown(self, name: str) -> int:
-        index, sub, bit, _ = OUTPUTS[name]
-        return self.device.io.get(index, sub) >> bit & 1
-
-    def look(self) -> None:
-        for name in OUTPUTS:
-            assert self.shown(name) in self.allowed[name], f"{name} is {self.shown(name)}"
-            if self.machine_knows(name) is None:  # what it has is left to the module, and then is safe
-                self.allowed[name] = {OUTPUTS[name][3], self.shown(name)}
-
-    def machine_knows(self, name: str) -> int | None:
-        try:
-            return int(self.cell.machine.io[name].value)
-        except StaleError:
-            return None
+        self.cell: Cell = story.simulated(text=cell_text("", more=TOML))
+        self.outputs = Outputs(self.cell)
+        self.device = self.outputs.device
+        self.given: list[Handle] = []
 
     def ask(self) -> None:
         name, value = self.dice.choice(list(OUTPUTS)), self.dice.randrange(2)
-        if self.machine_knows(name) is not None or self.dice.random() < 0.3:
-            self.allowed[name] |= {value}
-            self.set.add(name)
-            self.under_way.append((name, value, self.cell.machine.io[name].set(bool(value))))
+        if self.outputs.knows(name) is not None or self.dice.random() < 0.3:
+            self.given.append(self.outputs.ask(name, value))
 
     def nmt(self, command: NmtCommand) -> Callable[[], None]:
         return lambda: self.cell.cycle.nmt(command, 5)
@@ -94,10 +67,11 @@ class Game:
 
     def settled(self) -> None:
         """With the node there, each output is what the machine says, or was never set; and every command has ended."""
-        assert not any(handle.busy for _, _, handle in self.under_way)
-        for name in self.set:
-            assert self.machine_knows(name) in (None, self.shown(name))
-        for _, _, handle in self.under_way:
+        assert self.outputs.wrong == []
+        assert not any(handle.busy for handle in self.given)
+        for name in self.outputs.set:
+            assert self.outputs.knows(name) in (None, self.outputs.shown(name))
+        for handle in self.given:
             assert isinstance(handle.exception(), NodeError | None)
 
 
@@ -106,7 +80,5 @@ def test_no_output_has_what_nobody_asked_for(story, seed):
     game = Game(story, seed)
     game.play()
     game.settled()
-    touched = {name for name, _, handle in game.under_way if handle.exception() is None}
     game.cell.ctrl_c(5.0)
-    for name in touched:
-        assert game.shown(name) == OUTPUTS[name][3], name
+    assert game.outputs.unsafe() == []

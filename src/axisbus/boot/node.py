@@ -290,9 +290,14 @@ class NodeBoot:
             self._report.warnings.append(report.text)
 
     def _reaction(self) -> str | None:
-        """Return what the drives do when they notice that we are dead (6007h), None where one of them does not say."""
+        """Return what the drives do when they notice that we are dead (6007h), None where one of them does not say.
+
+        A node without axes does what CiA 301 says (7.5.2.32); of its outputs boot tells more.
+        """
+        if not self._axes:
+            return "goes to pre-operational, or does what its 1029h says"
         codes = [self._option(axis, options.CONNECTION_LOSS) for axis in self._axes]
-        if not codes or None in codes:
+        if None in codes:
             return None
         return "; ".join(
             sorted({options.CONNECTION_LOSS.meaning(code) for code in codes if code is not None})

@@ -67,10 +67,11 @@ class Signal:
         return max(0.0, reading.now - reading.stamp)
 
     def set(self, value: Value) -> Handle:
-        """Set an output; does not block. The handle is done when the frame with it, and the SYNC at which it acts, have been sent.
+        """Set an output; does not block. The handle is done once the frame with it, and the SYNC at which it acts, have been sent,
+        and its node was heard after that; it fails with NodeError where the node is lost instead.
 
-        Whether what is wired to it follows is seen by an input. It stays so until it is set again, its node is lost (then it is
-        safe, and must be set again), or the machine is left.
+        Where the node has no heartbeat and no inputs, done is sent. Whether what is wired to it follows is seen by an input. It
+        stays so until it is set again, its node is lost (then it is safe, and must be set again), or the machine is left.
 
         Raises:
             ArgumentError: it is an input, or cannot have this value.

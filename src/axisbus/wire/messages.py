@@ -266,12 +266,13 @@ class Condition:
 class Rescued:
     """The core is dead; ``why`` says how it ended, ``stopped`` how its warden left the axes that had been commanded.
 
-    ``unsafe``: outputs that had been set and are not confirmed to be in their safe state.
+    Of the outputs that had been set, ``safe`` are seen in their safe state, and ``unsafe`` are not.
     """
 
     why: str
     stopped: tuple[Stopped, ...]
     unsafe: tuple[Unsafe, ...] = ()
+    safe: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,6 @@ class Rescuer:
         self._at = image.size_of(duty.axes)
         self._cell, self._dictionaries = read_once(duty.cell)
         bus = self._cell.bus
-        self.unsafe: tuple[Unsafe, ...] = ()  # after ``rescue``
         self.patience = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
 
     @property
@@ -60,25 +59,24 @@ class Rescuer:
         """Whether the core, which is dead, has not left its drives as it ought to."""
         return self.runs or lifeline.stage_of(self._memory, self._at) is lifeline.Stage.LEAVING
 
-    def rescue(self, why: str) -> tuple[Stopped, ...]:
-        """Stop the drives, tell the program, and return how each was left; blocks. ``why``: how the core ended."""
+    def rescue(self, why: str) -> Rescued:
+        """Stop the drives, make outputs safe, tell the program, and return what was told; blocks. ``why``: how the core ended."""
         found = lifeline.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
         stream = Stream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
-        stopped, unsafe = self._stop(names, found.frames)
-        stream.send(Rescued(why, stopped, unsafe))
+        rescued = self._stop(why, names, found.frames)
+        stream.send(rescued)
         stream.close(_FAREWELL)
-        self.unsafe = unsafe
-        return stopped
+        return rescued
 
-    def _stop(
-        self, names: Sequence[str], frames: Sequence[tuple[int, bytes]]
-    ) -> tuple[tuple[Stopped, ...], tuple[Unsafe, ...]]:
+    def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
         outputs = self._outputs()
         if not names and not outputs:
-            return (), ()
+            return Rescued(why, ())
         stopped, unsafe = stop(self._cell, self._dictionaries, self._open, names, frames, outputs)
-        return tuple(stopped), tuple(unsafe)
+        doubtful = {each.output for each in unsafe}
+        safe = tuple(point.name for point in outputs if point.name not in doubtful)
+        return Rescued(why, tuple(stopped), tuple(unsafe), safe)
 
     def _outputs(self) -> list[Point]:
         """The outputs that had been set."""
