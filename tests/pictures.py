@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Cam, Machine, Recorder, Scara, Trapezoid, wait
+from axisbus import Cam, Machine, Measured, Recorder, Scara, Trapezoid, wait
 from axisbus.machine.groups import Group
 
 ROOT = Path(__file__).parents[1]
@@ -185,6 +185,37 @@ def coupled(what: Callable[[Machine], None]) -> tuple[Trace, tuple[float, ...], 
     return trace, tuple(trace.times), *both
 
 
+def controller() -> None:
+    """A loop that follows a place which jumps, and one that fails on its way."""
+
+    def measured(fails: float) -> Any:
+        begin: list[float] = []
+
+        def loop(seen: Measured) -> float:
+            begin.append(seen.time)
+            t = seen.time - begin[0]
+            if t > fails:
+                raise ValueError("lost sight of it")
+            return 6.0 * ((40.0 if t % 2.0 < 1.0 else 10.0) - seen.position)
+
+        def follow(cell: Machine, _: Group) -> None:
+            cell["x"].controller(loop)
+            cell.sleep(3.0)
+
+        trace = traced(follow)
+        return trace.times, trace.x, trace.speeds
+
+    figure, (place, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    for fails, name, colour in ((9.0, "answers", COLOURS[0]), (1.3, "raises at 1.3 s", COLOURS[1])):
+        times, places, speeds = measured(fails)
+        place.plot(times, places, color=colour, linewidth=1.3, label=name)
+        speed.plot(times, speeds, color=colour, linewidth=1.3, label=name)
+    place.set(xlabel="s", ylabel="deg", title="x is to be at 40 deg and at 10 deg in turn")
+    speed.set(xlabel="s", ylabel="deg/s", title="its speed, on the ramps of the axis")
+    place.legend(fontsize=8)
+    save(figure, "controller.png")
+
+
 def gear() -> None:
     """A gear that takes up its speed, and one that meets its master at a place."""
 
@@ -316,6 +347,6 @@ def workspace() -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, override_axis, jerk, gear, cam, stream, workspace):
+    for draw in (corners, override, override_axis, jerk, gear, cam, controller, stream, workspace):
         draw()
         print(draw.__name__, flush=True)

@@ -44,6 +44,12 @@ def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN
 
 
 def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
+    if core.parameters.encoder:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} is an encoder, and has no drive",
+            observed=f"it is where [io.{core.parameters.encoder}] says",
+            remedy="let another axis follow it: gear_in or cam_in",
+        )
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
         raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
     accept_motion.require_no_stop(core, ticket)
@@ -244,6 +250,8 @@ def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
     if not 0.0 <= factor <= FASTER:
         raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
     name = core.parameters.name
+    if core.parameters.encoder:
+        return  # nothing leads it
     if factor != 1.0 and not core.parameters.path_deceleration:
         raise StateError(
             f"{ticket.name}: nothing says with which acceleration {name} is to change its speed",
@@ -275,12 +283,15 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,
+    c.Control: accept_cyclic.control,
+    c.Answer: accept_cyclic.answer,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
     c.GearOut: accept_motion.uncouple,
     c.SetOverride: _set_override,
+    c.PhaseBy: accept_motion.phase_by,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,
