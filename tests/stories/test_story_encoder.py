@@ -158,7 +158,7 @@ def test_stops_of_it_are_done_at_once_and_its_place_may_be_named(story):
 
 
 def test_an_override_of_the_cell_is_none_of_its_business(story):
-    cell, belt = belt_and_axis(story, speed=40.0)
+    cell, _ = belt_and_axis(story, speed=40.0)
     assert cell.end_of(cell.machine.set_override(0.5)) is None
     cell.x.gear_in(cell["belt"], 0.5).wait(5)
     cell.run(0.5)
