@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import canopen
 
@@ -39,11 +40,13 @@ from axisbus.motion.group.path import polyline
 from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import Cycle, way_of
 from axisbus.motion.parameters import Limits
+from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
 from kit.corpus import CORPUS
-from kit.motion.rig import rig
+from kit.motion.rig import PERIOD, rig
 
 ROOT = Path(__file__).parents[1]
 missed: list[str] = []
@@ -88,6 +91,44 @@ def generators() -> None:
     taken, steps = best(work) / work(), 32 * one_step()
     row("a path of 32 axes, in a cycle", f"{taken * 1e6:.1f} µs", f"their 32 steps {steps * 1e6:.0f} µs",
         steps / taken, taken <= steps)  # fmt: skip
+
+
+def couplings() -> None:
+    """CPU per cycle of 31 gears in step with one master, against what the steps of their 32 axes take in the same cycles."""
+    names = "abcdefghijklmnopqrstuvwxyzABCDEF"
+    test = rig(names).enabled()
+    master, *slaves = (test.axes[name] for name in names)
+    master.follow(Trapezoid(master.position, master.position + 1000.0, 10.0, 100.0))
+    for slave in slaves:
+        slave.gear_in(master, 0.5)
+    test.run(3.0)
+    assert all(slave.state is AxisState.SYNCHRONIZED_MOTION for slave in slaves)
+    generated, stepped = [0.0], [0.0]
+    for slave in slaves:
+        _timed(test.scan.groups[master.name, slave.name], generated)
+    for name in names:
+        _timed(test.scan.axes[name], stepped)
+    parts = []
+    for _ in range(10):
+        generated[0] = stepped[0] = 0.0
+        test.run(1.0)
+        parts.append((generated[0] * PERIOD, stepped[0] * PERIOD))
+    taken, steps = (min(each) for each in zip(*parts, strict=True))
+    row("31 axes geared to another, in a cycle", f"{taken * 1e6:.1f} µs", f"their 32 steps {steps * 1e6:.0f} µs",
+        steps / taken, taken <= steps)  # fmt: skip
+
+
+def _timed(stepped: Any, spent: list[float]) -> None:
+    """Let each ``step`` of it add its CPU to ``spent``."""
+    step = stepped.step
+
+    def timed(*given: object) -> object:
+        start = time.thread_time()
+        found = step(*given)
+        spent[0] += time.thread_time() - start
+        return found
+
+    stepped.step = timed
 
 
 def axis_step() -> None:
@@ -423,7 +464,7 @@ def main() -> int:
     """Run all and return the exit code."""
     assert eds is not None
     print(f"{'what':<58}{'figure':>14}   {'baseline in the same run':<44}{'ratio':>9}")
-    motion = (axis_step, generators, codec, an_hour)
+    motion = (axis_step, generators, couplings, codec, an_hour)
     files = (reading, corpus, nodes_of_one_type, checking, noise)
     bus = (sixteen_nodes, block_transfer, fast_scan)
     for bench in (*motion, *files, *bus, start_up):

@@ -9,7 +9,8 @@ import re
 import grimp
 import pytest
 
-from axisbus import Cam, Machine
+from axisbus import Cam, Machine, Signal
+from axisbus.cia401.point import Point
 from kit.pages import PAGES as ALL_PAGES
 from kit.pages import README, ROOT, blocks, blocks_of_all, name_of, text_of
 from kit.slow import LONG, NAMES
@@ -130,6 +131,7 @@ BETWEEN_ROOMS = {
     "Axis.led_to": "paths of groups begin there",
     "Axis.unwrapped": "what an endless axis tells of its position is within it",
     "Axis.default_acceleration": "groups make commands by it",
+    "Signal.point": "outputs are set by it",
     "Handle.finish": "the end of its command ends a handle by it",
     "Handle.hear": "what the core tells of its command reaches it so",
     "Handle.send": "asyncio drives a handle by it",
@@ -183,7 +185,8 @@ def test_the_page_of_a_public_module_names_all_that_is_public_and_nothing_else(m
 def test_the_page_names_the_members_of_each_public_class(module, cell):
     group, halt = cell.group("x", "y"), cell["x"].halt()
     cam = Cam([(0.0, 0.0), (1.0, 1.0)])
-    given = {"Machine": cell, "Axis": cell["x"], "Cam": cam, "Group": group, "Handle": halt}
+    spare = Signal(Point("lamp", 1, 0x6200, 1, 8, False, output=True, bit=0), cell.session, cell._commanding)
+    given = {"Machine": cell, "Axis": cell["x"], "Cam": cam, "Group": group, "Handle": halt, "Signal": spare}
     for heading, named in sections(API[module]).items():
         what = getattr(importlib.import_module(module), heading, None)
         if not inspect.isclass(what):

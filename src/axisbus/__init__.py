@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from axisbus.machine.cam import Cam
     from axisbus.machine.groups import Group
     from axisbus.machine.handle import Handle, wait
+    from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
     from axisbus.machine.probing import Probed, ProbeHandle
+    from axisbus.machine.streaming.controller import Controller, Measured
     from axisbus.machine.streaming.points import PointStream
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
     from axisbus.motion.spline import Spline
@@ -37,13 +39,17 @@ _HOME = {
     "Scara": "axisbus.motion.group.kinematics",
     "Group": "axisbus.machine.groups",
     "Handle": "axisbus.machine.handle",
+    "Io": "axisbus.machine.io",
     "Machine": "axisbus.machine.machine",
     "Plant": "axisbus.machine.plant",
+    "Controller": "axisbus.machine.streaming.controller",
+    "Measured": "axisbus.machine.streaming.controller",
     "PointStream": "axisbus.machine.streaming.points",
     "ProbeHandle": "axisbus.machine.probing",
     "Probed": "axisbus.machine.probing",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
+    "Signal": "axisbus.machine.io",
     "Spline": "axisbus.motion.spline",
     "Trajectory": "axisbus.motion.trajectory",
     "Trapezoid": "axisbus.motion.trajectory",
@@ -56,11 +62,14 @@ __all__ = [
     "AxisState",
     "AxisbusError",
     "Cam",
+    "Controller",
     "CoreXY",
     "Delta",
     "Group",
     "Handle",
+    "Io",
     "Machine",
+    "Measured",
     "Plant",
     "PointStream",
     "ProbeHandle",
@@ -68,6 +77,7 @@ __all__ = [
     "Recorder",
     "Sampled",
     "Scara",
+    "Signal",
     "Spline",
     "Trajectory",
     "Trapezoid",

@@ -18,6 +18,8 @@ from typing import Protocol, TypeVar
 
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried, Frame
+from axisbus.cia401.point import Point
+from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Cycle, Port
 
 Booted = TypeVar("Booted", covariant=True)  # what booting a node has come to
@@ -31,6 +33,15 @@ class Stopped:
 
     axis: str
     ok: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unsafe:
+    """An output that is not confirmed to be in its safe state; ``text`` says why, ``node`` where it is."""
+
+    output: str
+    node: int
     text: str
 
 
@@ -68,6 +79,9 @@ class Link(Protocol[Booted, Parts, Incident]):
     def ports(self, node_id: int) -> Mapping[str, Port]:
         """Return the ports of a node's axes, by name; none where it has not come up."""
 
+    def io(self, node_id: int) -> IoPort | None:
+        """Return the inputs and outputs of a node; None where the cell names none of it, or it is left as it is."""
+
     def parts(self, node_id: int) -> Parts:
         """Return what direct access to a node is made of; it is there even where the node has not come up."""
 
@@ -79,6 +93,9 @@ class Link(Protocol[Booted, Parts, Incident]):
 
     def rescue(self, names: Collection[str]) -> list[Stopped]:
         """Stop the axes of these names without the scan, and return how each was left; blocks."""
+
+    def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
+        """Lead outputs to their safe states without the scan, and return those of which that is not confirmed; blocks."""
 
     def leave(self, how: Mapping[int, Parting]) -> None:
         """Leave each node as ``how`` says; blocks. A node that is gone is passed over."""

@@ -23,13 +23,17 @@ from axisbus.cia402.port import Capabilities, Waiter
 from axisbus.errors import AxisbusError
 from axisbus.motion.commands import Command
 from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.io.commands import SetOutputs
+from axisbus.motion.io.reading import Reading
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.capture import Capture
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Status
 from axisbus.wording import counted
 
+AnyCommand = Command | GroupCommand | SetOutputs
 Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
+IO: Target = ()  # the target of a command that sets outputs
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
 HearFrames = Callable[[Sequence[Frame]], None]
 
@@ -137,8 +141,8 @@ class AxisSession(Protocol):
     def waiter(self) -> Waiter:
         """How a program waits: in real time, or in virtual time by letting it pass."""
 
-    def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
-        """Let a command for an axis or group wait for the next cycles; ``name`` is for people.
+    def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
+        """Let a command for an axis, a group or outputs (``IO``) wait for the next cycles; ``name`` is for people.
 
         Return its number: that of the same command where it waits already. A command that is not taken ends by an event.
 
@@ -170,6 +174,10 @@ class AxisSession(Protocol):
 
 class Session(AxisSession, Protocol):
     """A program's way to the core: its axes, and what it has to tell of the nodes and the bus; also after it has ended."""
+
+    @property
+    def readings(self) -> Mapping[str, Reading]:
+        """What is known of every input and output after the last cycle, by name; none of nodes that are not there."""
 
     @property
     def left(self) -> tuple[float, str] | None:

@@ -23,6 +23,7 @@ TABLES: Mapping[str, schema.Keys] = {
     "### `[axes.NAME.homing]`": schema.HOMING,
     "### `[axes.NAME.stop]`": schema.STOP,
     "## `[groups.NAME]`": schema.GROUP,
+    "## `[io.NAME]`": schema.IO,
 }
 each_table = pytest.mark.parametrize("heading", TABLES, ids=lambda heading: heading.strip("# `"))
 

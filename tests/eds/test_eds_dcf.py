@@ -227,17 +227,20 @@ def test_a_value_that_the_entry_cannot_have_is_refused(
 @pytest.mark.parametrize("name", builtin.names())
 def test_canopen_reads_the_dcf_of_a_builtin_file_as_it_was_meant(name: str) -> None:
     eds = reader.read(reader.file_bytes(builtin.resolve(f"builtin:{name}", Path())), f"{name}.eds")
-    made = dcf.make(eds, Settings(7, 250, "z"), [(assign.entry(eds.eds, "Profile velocity"), "1234")])
+    index = (
+        0x1017 if name.endswith("401") else 0x6081
+    )  # producer heartbeat time of a module, profile velocity of a drive
+    made = dcf.make(eds, Settings(7, 250, "z"), [(assign.entry(eds.eds, f"{index:04X}"), "1234")])
     assert canopen_facts(text(made), 7) == our_facts(made.eds, 7)
     dictionary = import_text(text(made), None)  # type: ignore[arg-type]
     assert (dictionary.node_id, dictionary.bitrate) == (7, 250_000)
-    assert dictionary[0x6081].value == 1234
+    assert dictionary[index].value == 1234
     assert made.eds.findings == ()
     again = dcf.make(
         eds, Settings(7), configuration.parameters(eds.eds, configuration.configuration(made).writes)
     )
     assert [(each.index, each.parameter_value) for each in dcf.differing(again.eds)] == [
-        (0x6081, Number(1234))
+        (index, Number(1234))
     ]
 
 

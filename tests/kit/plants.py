@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from axisbus import eds
@@ -12,6 +12,7 @@ from axisbus.sim.build import device_from_eds, motor_from_eds
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, Cell, Stage, cell_text
 
+MODULE = "builtin:generic-cia401"
 SWITCH = 1.0e6  # increments: where the limit switch of a homing is, far away
 _LIMITS = "position_limits = [-3000.0, 3000.0]"
 _OBJECTS = {0x6065: 0xFFFF_FFFF}  # a drive that pushes on, as many do
@@ -63,13 +64,17 @@ PLANTS: Mapping[str, Plant] = {
 }
 
 
-def devices(plant: Plant, names: str, folder: object) -> Callable[[], Mapping[int, Device]]:
-    """Return what makes the stand-ins of a cell with one node for each letter of ``names``."""
+def devices(
+    plant: Plant, names: str, folder: object, modules: Collection[int] = ()
+) -> Callable[[], Mapping[int, Device]]:
+    """Return what makes the stand-ins of a cell with one node for each letter of ``names``, and I/O ``modules``."""
 
     def make() -> dict[int, Device]:
         model = eds.load(resolve(GENERIC, folder))  # type: ignore[arg-type]
         motor = replace(motor_from_eds(model), limit_switches=(None, SWITCH), **plant.motor)  # type: ignore[arg-type]
-        return {node: device_from_eds(model, node, motor, seed=node) for node, _ in enumerate(names, start=1)}
+        made = {node: device_from_eds(model, node, motor, seed=node) for node, _ in enumerate(names, start=1)}
+        module = eds.load(resolve(MODULE, folder))  # type: ignore[arg-type]
+        return {**made, **{node: device_from_eds(module, node) for node in modules}}
 
     return make
 
@@ -82,12 +87,13 @@ def cell_on(
     search: bool = False,
     limits: str = "",
     port: Mapping[str, object] | None = None,
+    modules: Collection[int] = (),
     **changes: str,
 ) -> Cell:
     """Open a simulated cell on plants of this kind, enabled; the dials of the first are turned.
 
     ``search``: its homing goes for a switch. ``limits``: the line of the axes' position limits. ``port``: options of
-    ``DirectPort``.
+    ``DirectPort``. ``modules``: the nodes of ``more`` that are I/O modules.
     """
     axis = (
         "rated_torque = 10.0",
@@ -98,7 +104,7 @@ def cell_on(
     text = cell_text(names, axis="\n".join(axis), **changes)
     if search:
         text = text.replace(_HOMING, _SEARCH)
-    cell = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder), port=port)
+    cell = stage.simulated(names, text=text, devices=devices(plant, names, stage.folder, modules), port=port)
     return bring_up(cell, plant, names)
 
 

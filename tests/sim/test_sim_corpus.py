@@ -14,7 +14,9 @@ from kit.corpus import corpus_files
 from kit.sim.rig import state
 
 CHECKOUT = Path(__file__).parents[2]
-BUILTIN = sorted((CHECKOUT / "eds").glob("*.eds"))
+BUILTIN = sorted(
+    path for path in (CHECKOUT / "eds").glob("*.eds") if path.stem != "generic-cia401"
+)  # no drive
 
 
 def write(device: Device, index: int, value: int, subindex: int = 0) -> None:

@@ -17,6 +17,8 @@ from hypothesis import strategies as st
 
 from axisbus import errors
 from axisbus.motion.commands import (
+    Answer,
+    Control,
     CyclicTorque,
     CyclicVelocity,
     Enable,
@@ -91,6 +93,8 @@ def test_plain_values_arrive_as_they_were(value):
         m.Submit(8, "x", MoveVelocity(PROFILE, life=0.2), "x.jog"),
         m.Submit(8, "x", CyclicVelocity(-9000, 50000.5, 50000.0), "x.cyclic_velocity"),
         m.Submit(8, "x", CyclicTorque(-30, 500, None), "x.cyclic_torque"),
+        m.Submit(8, "x", Control(3, CyclicTorque(0, 500), 2), "x.controller"),
+        m.Submit(8, "x", Answer(3, 10.004, -30), "x.controller, an answer"),
         m.Told((CommandEvent(7, Status.DONE, None, "seen by its position"),)),
     ],
 )

@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
 from axisbus.boot.configure import HEARTBEATS
+from axisbus.bus.cycle import Sender
+from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.node.nmt import guarding_answer
 from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.configure import configure, set_pdo
 from axisbus.bus.pdo.edge import CONTROLWORD
 from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.bus.pdo.io_configure import configure_io
 from axisbus.bus.pdo.plan import Wanted
 from axisbus.bus.pdo.read import read_number
 from axisbus.bus.pdo.rpdo_pace import REPEAT
 from axisbus.bus.port import CanPort
 from axisbus.cell.model import AxisConfig, CellConfig
-from axisbus.cell.pdo_plan import policy_of
+from axisbus.cell.pdo_plan import io_objects, policy_of
 from axisbus.cell.pdo_tables import map_entry
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.nmt import RESULT, NmtCommand, NmtState
 from axisbus.cia302.vocabulary import DEADLINE
+from axisbus.cia401.point import Point, addresses
 from axisbus.cia402.port import Capabilities
 from axisbus.errors import NodeTimeout
 
@@ -43,6 +47,7 @@ class CanComms:
         self._node = node
         self._find_time = find_time
         self.ports: dict[str, CanPort] = {}
+        self.io: CanIoPort | None = None
         self.guarding: float | None = None
 
     # -- what boot-up asks for ---------------------------------------------------------------------------------------
@@ -128,6 +133,24 @@ class CanComms:
         port.prime()
         self.ports[axis.name] = port
         return port.capabilities
+
+    @property
+    def senders(self) -> list[Sender]:
+        """Whatever of the node has frames in a cycle."""
+        return [*self.ports.values(), *([] if self.io is None else [self.io])]
+
+    def connect_io(self, points: Sequence[Point]) -> str:
+        """Plan and set the PDOs of the node's inputs and outputs, beside those of its axes, and make their port."""
+        self._set_tables()
+        sdo = self._node.sdo
+        used = {(pdo.receive, pdo.target.number) for port in self.ports.values() for pdo in port.plan.active}
+        also = [(table.receive, table.number) for table in self._config.pdos]
+        objects = io_objects(points, sdo.dictionary)
+        plan = configure_io(sdo, objects, policy_of(self._cell, self._config), used, also)
+        inputs, outputs = (addresses(points, output=output) for output in (False, True))
+        self.io = CanIoPort(self._node, plan, inputs, outputs, self._cell.bus.scan_period)
+        self.io.prime()
+        return "; ".join(f"{pdo.name}: {', '.join(filter(None, pdo.values))}" for pdo in plan.active)
 
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
         """Return the event timers that ``connect`` was to change, and what has become of them."""

@@ -15,12 +15,12 @@ for a stand-in without one; ``Comms`` is what only a bus has.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Protocol, TypeVar
 
-from axisbus.boot import dcf, error_state, program_text
+from axisbus.boot import dcf, error_state, io, program_text
 from axisbus.boot import identity as ids
 from axisbus.boot.booted import Booted
 from axisbus.boot.configure import Watch, plan_of
@@ -32,13 +32,16 @@ from axisbus.boot.stop_report import Watchdog, stop_ladder
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import mode_list, proposal, sync_window, torque
 from axisbus.cell.described import Drive
+from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig, NodeConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cell.ramps import braking_of
+from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia302.bootup import boot_up
 from axisbus.cia302.vocabulary import DEADLINE, Address, ErrorControl, Letter, Outcome, Phase
+from axisbus.cia401.point import Point
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
@@ -46,6 +49,7 @@ from axisbus.cia402.port import Capabilities, Source
 from axisbus.cia402.state import ENERGISED, State, decode
 from axisbus.drives import registry
 from axisbus.drives.make import Make
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError, NodeError, NodeTimeout
 from axisbus.motion.parameters import AxisParameters
@@ -73,6 +77,9 @@ class Comms(Nmt, Protocol):
 
     def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
         """Plan and set the PDOs of one axis; return how its values travel."""
+
+    def connect_io(self, points: Sequence[Point]) -> str:
+        """Plan and set the PDOs of the node's inputs and outputs; return how they travel."""
 
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
         """Return the event timers of the axis's TPDOs that were to be changed, and what has become of them."""
@@ -236,9 +243,24 @@ class NodeBoot:
         self._step("watchdog", partial(self._arm, known.control))
         for axis in self._axes:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
+        self._step("inputs and outputs", self._io)
         self._step("configuration", self._look_at_window)
         self._step("watchdog", self._arm_deadlines)
         self._step("restart", self._require_no_restart)
+
+    def _io(self) -> None:
+        """After the axes: their PDOs come first. A node that was found enabled keeps its inputs and outputs to itself."""
+        dictionary = Dictionary(self._eds, self._objects.node_id)
+        points = points_of(self._cell, self._objects.node_id, dictionary)
+        if not points:
+            return
+        if self.found_enabled:
+            names = ", ".join(point.name for point in points)
+            self._report.warnings.append(f"found enabled: {names} cannot be read or set")
+            return
+        given = [write.address for write in node_writes(self._node, dictionary)]
+        told = io.prepare(self._objects, points, alone=not self._axes, given=given)
+        self._report.io = (f"travels by {self._comms.connect_io(points)}", *told)
 
     def _look_at_window(self) -> None:
         if not any(axis.in_one_sync for axis in self._report.axes):
@@ -268,9 +290,14 @@ class NodeBoot:
             self._report.warnings.append(report.text)
 
     def _reaction(self) -> str | None:
-        """Return what the drives do when they notice that we are dead (6007h), None where one of them does not say."""
+        """Return what the drives do when they notice that we are dead (6007h), None where one of them does not say.
+
+        A node without axes does what CiA 301 says (7.5.2.32); of its outputs boot tells more.
+        """
+        if not self._axes:
+            return "goes to pre-operational, or does what its 1029h says"
         codes = [self._option(axis, options.CONNECTION_LOSS) for axis in self._axes]
-        if not codes or None in codes:
+        if None in codes:
             return None
         return "; ".join(
             sorted({options.CONNECTION_LOSS.meaning(code) for code in codes if code is not None})

@@ -48,6 +48,7 @@ class NodeReport:
     error: AxisbusError | None = None
     optional: bool = False
     outcome: Outcome | None = None
+    io: tuple[str, ...] = ()
 
     @property
     def absent(self) -> bool:
@@ -80,6 +81,7 @@ class NodeReport:
             "boot": None if self.outcome is None else boot_text.as_json(self.outcome),
             "error": None if self.error is None else _error(self.error),
             "axes": [_axis(axis) for axis in self.axes],
+            "io": list(self.io),
         }
 
     def _lines(self) -> list[str]:
@@ -102,6 +104,7 @@ class NodeReport:
         lines += boot_text.rows(self.outcome)
         for axis in self.axes:
             lines += _axis_lines(axis)
+        lines += [f"  {'in, out' if not number else '':<14}{line}" for number, line in enumerate(self.io)]
         lines += [f"  WARNING  {warning}" for warning in self.warnings]
         return lines
 

@@ -22,11 +22,12 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from typing import Protocol
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
+from axisbus.bus.node.node import Node
 from axisbus.bus.pdo.rpdo import Frame
-from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeProducer
 from axisbus.cia301 import cob
@@ -35,6 +36,28 @@ from axisbus.errors import BusOff
 
 QUICK_STOP_PATIENCE = 0.5  # seconds that quick_stop_all waits for its frames to be taken
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
+
+
+class Sender(Protocol):
+    """What has frames in a cycle: a ``CanPort`` of an axis, or a ``CanIoPort`` of a node's inputs and outputs."""
+
+    node: Node
+    asks: bool
+
+    def take_frames(self) -> list[Frame]:
+        """Return the frames given since the last call, in the order in which they must go out."""
+
+    def drop_frames(self) -> None:
+        """Forget them: the bus carries none."""
+
+    def take_requests(self, now: float) -> list[tuple[int, int]]:
+        """Return the TPDOs to be asked for by a remote frame now, as COB-ID and data length."""
+
+    def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
+        """Return the frames of a quick stop, by PDO and by SDO."""
+
+    def close(self) -> None:
+        """Stop listening."""
 
 
 class CanCycle:
@@ -46,7 +69,7 @@ class CanCycle:
     def __init__(
         self,
         channel: Channel,
-        ports: Sequence[CanPort],
+        ports: Sequence[Sender],
         *,
         sync_cob_id: int | None = cob.SYNC,
         sync_counter: int = 0,
@@ -98,7 +121,7 @@ class CanCycle:
         self._behind = False
 
     def add(
-        self, ports: Sequence[CanPort], node_id: int, events: NodeEvents, guarding: float | None = None
+        self, ports: Sequence[Sender], node_id: int, events: NodeEvents, guarding: float | None = None
     ) -> None:
         """Drive the ports of one node more, and ask for its state every ``guarding`` seconds; may be called from any thread."""
         self._events = (*self._events, events)
@@ -167,7 +190,7 @@ class CanCycle:
             for events in self._events:
                 events.look(now)
 
-    def _ask(self, port: CanPort) -> None:
+    def _ask(self, port: Sender) -> None:
         """Ask for the TPDOs that come on request."""
         for can_id, length in port.take_requests(self._clock()):
             self._channel.send_remote(can_id, length)

@@ -179,6 +179,12 @@ def finite(value: Any) -> float:
     return _finite(value, "a finite number")
 
 
+@_takes(type=["number", "boolean"])
+def safe(value: Any) -> float:
+    """Read what an output becomes: a number, or true and false for 1 and 0."""
+    return float(value) if isinstance(value, bool) else _finite(value, "a number, true or false")
+
+
 @_takes(
     type="array", items={"type": "number", "minimum": -LARGEST, "maximum": LARGEST}, minItems=2, maxItems=2
 )

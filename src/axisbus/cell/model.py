@@ -130,7 +130,8 @@ class BusConfig:
 class NodeConfig:
     """``[nodes.N]``: a device; ``eds`` or ``dcf`` is a path relative to the cell file, or ``builtin:name``.
 
-    ``optional``: the cell is opened without it too. ``serial`` and ``revision`` are what 1018h must say. ``configuration_date``
+    ``optional``: the cell is opened without it too. ``on_lost``: whether the loss of a node without axes is a "stop" of the cell,
+    or is only told ("tell"). ``serial`` and ``revision`` are what 1018h must say. ``configuration_date``
     (days since 1984-01-01) and ``configuration_time`` (ms after midnight) are those of 1020h.
     """
 
@@ -139,6 +140,7 @@ class NodeConfig:
     dcf: str | None = None
     remap: str = "auto"
     optional: bool = False
+    on_lost: str = "stop"
     serial: int | None = None
     revision: int | None = None
     configuration_date: int | None = None
@@ -228,13 +230,14 @@ class AxisConfig:
     """``[axes.NAME]``; scales in increments per unit (None: by the rule of ``parameters``), limits in units, times in seconds.
 
     ``limits_in_drive``: they are written into the drive as well. ``handshake`` "on-change": bit 12 of the statusword proves nothing
-    on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: the core leads it alone; then its node
-    is 0, which no device has.
+    on this drive; that it has taken a set-point is seen by what the axis does. ``virtual``: it has no drive, and the core leads it
+    alone; then its node is 0, which no device has. ``encoder``: the input of ``[io]`` that tells where it is.
     """
 
     name: str
     node: int = 0
     virtual: bool = False
+    encoder: str | None = None
     drive_axis: int = 1
     unit: str = INCREMENTS
     scale: Fraction | None = None
@@ -266,6 +269,12 @@ class AxisConfig:
 
     def no_drive(self, what: str) -> StateError:
         """Return that the axis is virtual, and has not ``what`` was asked for."""
+        if self.encoder is not None:
+            return StateError(
+                f"axis {self.name} is an encoder: it has {what}",
+                observed=f"it is where [io.{self.encoder}] says, and has no drive",
+                remedy="ask an axis that has a drive, or read its position",
+            )
         return StateError(
             f"axis {self.name} is virtual: it has {what}",
             observed="the core leads it alone: there is no node and no drive",
@@ -274,15 +283,50 @@ class AxisConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class KinematicsConfig:
+    """``[groups.NAME.kinematics]``: lengths in one unit, ``middle`` in degrees; None: not given (see ``cell.groups``)."""
+
+    kind: str = ""
+    upper: float | None = None
+    fore: float | None = None
+    base: float | None = None
+    plate: float | None = None
+    left: bool | None = None
+    middle: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
 class GroupConfig:
     """``[groups.NAME]``: its axes, in the order in which ``move_linear`` takes their positions.
 
     ``on_fault`` says how the failure of one stops the others: on their ``path``, ``each`` by its own ramp, or by ``quick`` stop.
+    ``kinematics``: how the axes make a place, where it is one of a workspace that ``move_linear`` takes.
     """
 
     name: str
     axes: tuple[str, ...] = ()
     on_fault: str = "path"
+    kinematics: KinematicsConfig | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class IoConfig:
+    """``[io.NAME]``: an input or output of a node, which of both its ``object`` tells (a key as in ``[nodes.N.objects]``).
+
+    ``bit`` of it, or (None) all of it as a number: ``raw / scale + offset`` in ``unit``. ``safe``: what an output becomes when the
+    node, the program or we are lost; None for an input.
+    """
+
+    name: str
+    node: int = 0
+    object: str = ""
+    bit: int | None = None
+    safe: float | None = None
+    scale: Fraction | None = None
+    offset: float = 0.0
+    unit: str = ""
     at: Place = Place()
 
 
@@ -296,6 +340,7 @@ class CellConfig:
     axes: Mapping[str, AxisConfig]
     groups: Mapping[str, GroupConfig]
     source: str = ""
+    io: Mapping[str, IoConfig] = field(default_factory=dict)
 
     @property
     def folder(self) -> Path:
@@ -321,6 +366,10 @@ class CellConfig:
     def axes_of(self, node_id: int) -> Iterator[AxisConfig]:
         """The axes of a node."""
         return (axis for axis in self.axes.values() if axis.node == node_id)
+
+    def io_of(self, node_id: int) -> Iterator[IoConfig]:
+        """The inputs and outputs of a node."""
+        return (each for each in self.io.values() if each.node == node_id)
 
     def groups_of(self, axis: str) -> Iterator[GroupConfig]:
         """The groups that hold an axis."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from axisbus.bus.pdo.mapping import axis_objects
-from axisbus.bus.pdo.plan import Change, Policy, make_plan, spare_cob_ids
+from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
+from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
+from axisbus.bus.pdo.plan import Change, Plan, Policy, make_plan, spare_cob_ids
 from axisbus.cell import pdo_tables
+from axisbus.cell.io.points import points_of
 from axisbus.cell.model import BusConfig, CellConfig, NodeConfig
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import worst_bits
 from axisbus.cia301.pdo import Pdo
+from axisbus.cia401.point import Point, addresses
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 
@@ -43,11 +46,44 @@ def travelling(
             if number not in seen and planned.change is not Change.DISABLE:
                 yield planned.receive, planned.target
             seen.add(number)
+    for planned in io_plan(cell, node, dictionary, device, frozenset(seen)).active:
+        yield planned.receive, planned.target
+        seen.add((planned.receive, planned.target.number))
     for receive, pdos in ((True, device.rpdos), (False, device.tpdos)):
         for pdo in pdos:
             # An RPDO outside the plan is sent by nobody.
             if not receive and pdo.valid and pdo.mapping and (receive, pdo.number) not in seen:
                 yield receive, pdo
+
+
+def io_plan(
+    cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos, used: Used
+) -> Plan:
+    """Return the plan of the node's named inputs and outputs; ``used``: the PDOs of its axes."""
+    objects = io_objects(points_of(cell, node.node_id, dictionary), dictionary)
+    return make_io_plan(node.node_id, device, objects, policy_of(cell, node), used)
+
+
+def io_objects(points: Sequence[Point], dictionary: Dictionary) -> IoObjects:
+    """Return the objects that these points live in."""
+    sides = (addresses(points, output=output) for output in (False, True))
+    return IoObjects.of(dictionary, *sides)
+
+
+def used_by_axes(cell: CellConfig, node: NodeConfig, dictionary: Dictionary, device: DevicePdos) -> Used:
+    """Return the PDOs that the axes of a node have, by their plans."""
+    policy = policy_of(cell, node)
+    return {
+        (planned.receive, planned.target.number)
+        for axis in cell.axes_of(node.node_id)
+        for planned in make_plan(
+            node.node_id,
+            device,
+            axis_objects(dictionary, device, axis.drive_axis),
+            policy=policy,
+            axis=axis.drive_axis,
+        ).active
+    }
 
 
 def policy_of(cell: CellConfig, node: NodeConfig) -> Policy:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell import entries, schema, toml
+from axisbus.cell.groups import kinematics
 from axisbus.cell.model import (
     INCREMENTS,
     AxisConfig,
@@ -21,6 +22,8 @@ from axisbus.cell.model import (
     DefaultsConfig,
     GroupConfig,
     HomingConfig,
+    IoConfig,
+    KinematicsConfig,
     NodeConfig,
     ObjectSetting,
     PdoConfig,
@@ -45,6 +48,7 @@ __all__ = [
     "DefaultsConfig",
     "GroupConfig",
     "HomingConfig",
+    "IoConfig",
     "NodeConfig",
     "ObjectSetting",
     "PdoConfig",
@@ -138,6 +142,7 @@ class _Reading(Tables):
             {axis.name: axis for axis in self._axes(self._table(("axes",), top.get("axes", {})))},
             {group.name: group for group in self._groups(self._table(("groups",), top.get("groups", {})))},
             self._document.text,
+            {each.name: each for each in self._io(self._table(("io",), top.get("io", {})))},
         )
 
     # -- the tables --------------------------------------------------------------------------------------------------
@@ -187,7 +192,7 @@ class _Reading(Tables):
         """Whether there is an axis that needs no node."""
         axes = self._document.data.get("axes")
         tables = axes.values() if isinstance(axes, dict) else ()
-        return any(isinstance(table, dict) and table.get(form.VIRTUAL) is True for table in tables)
+        return any(isinstance(table, dict) and form.is_virtual(table) for table in tables)
 
     def _program(self, path: KeyPath, table: Fields) -> ProgramConfig | None:
         if "program" not in table:
@@ -227,14 +232,14 @@ class _Reading(Tables):
         return tuple(found)
 
     def _axes(self, table: Fields) -> list[AxisConfig]:
-        if not table:
+        if not table and "io" not in self._document.data:
             self._warning(("axes",), "the cell has no axis", remedy="add [axes.x] with node, unit and scale")
         return [self._axis(name, raw) for name, raw in table.items() if self._named(("axes", name), name)]
 
     def _axis(self, name: str, raw: Any) -> AxisConfig:
         path: KeyPath = ("axes", name)
         table = self._table(path, raw)
-        if table.get(form.VIRTUAL) is True:
+        if form.is_virtual(table):
             return self._virtual_axis(name, path, table)
         keys = schema.AXIS
         if table.get("unit") != INCREMENTS:
@@ -255,9 +260,13 @@ class _Reading(Tables):
         found = list(form.foreign(table))
         for below, remedy in found:
             what, of = name_of(below), name_of(path)
-            self._error((*path, *below), f"{what} cannot stand in [{of}], a virtual axis", _ALONE, remedy)
+            kind = "an encoder" if form.ENCODER in table else "a virtual axis"
+            self._error((*path, *below), f"{what} cannot stand in [{of}], {kind}", _ALONE, remedy)
         table = form.without(table, found)
-        keys = {key: each for key, each in schema.AXIS.items() if key in form.KEYS}
+        own, _ = form.keys_of(table)
+        keys = {key: each for key, each in schema.AXIS.items() if key in own}
+        if form.ENCODER in table:
+            return self._encoder(name, path, table, keys)
         fields = {
             "scale": form.resolution(table.get("unit")),
             **self._fields(path, table, keys, schema.AXIS_TABLES),
@@ -277,6 +286,21 @@ class _Reading(Tables):
             )
         return axis
 
+    def _encoder(self, name: str, path: KeyPath, table: Fields, keys: schema.Keys) -> AxisConfig:
+        """Read an axis that is where an input says: how many counts make a unit is never guessed."""
+        if table.get("unit") != INCREMENTS:
+            remedy = f"scale = counts per {table.get('unit', 'unit')}; it is never guessed"
+            keys = {**keys, "scale": schema.Key(entries.scale, remedy)}
+        fields = self._fields(path, table, keys, schema.AXIS_TABLES)
+        return AxisConfig(name, **{**fields, form.VIRTUAL: True})
+
+    def _io(self, table: Fields) -> list[IoConfig]:
+        named = [(name, raw) for name, raw in table.items() if self._named(("io", name), name)]
+        return [
+            IoConfig(name, **self._fields(("io", name), self._table(("io", name), raw), schema.IO))
+            for name, raw in named
+        ]
+
     def _groups(self, table: Fields) -> list[GroupConfig]:
         axes = self._document.data.get("axes")
         found = []
@@ -288,8 +312,22 @@ class _Reading(Tables):
                 where = f"[axes.{name}] is at line {self._document.line(('axes', name))}"
                 remedy = "axes and groups share one name space: rename one of them"
                 self._error(path, f"{name!r} names both an axis and a group", where, remedy)
-            found.append(GroupConfig(name, **self._fields(path, self._table(path, raw), schema.GROUP)))
+            table = self._table(path, raw)
+            fields = self._fields(path, table, schema.GROUP, schema.GROUP_TABLES)
+            made = self._kinematics(path, table, len(fields.get("axes", ())))
+            found.append(GroupConfig(name, **fields, kinematics=made))
         return found
+
+    def _kinematics(self, path: KeyPath, table: Fields, axes: int) -> KinematicsConfig | None:
+        if "kinematics" not in table:
+            return None
+        config = KinematicsConfig(**self._sub(path, table, "kinematics", schema.KINEMATICS))
+        if not config.kind:
+            return None
+        for key, message, remedy in kinematics.wrong(config, axes):
+            at = (*path, "kinematics", key) if key else (*path, "kinematics")
+            self._error(at, message, remedy=remedy)
+        return config
 
 
 def _node_id(key: str) -> int | None:

@@ -54,6 +54,7 @@ NODE: Keys = {
     "dcf": _text,
     "remap": Key(v.words("auto", "never")),
     "optional": _flag,
+    "on_lost": Key(v.words("stop", "tell")),
     "serial": _unsigned32,
     "revision": _unsigned32,
     "configuration_date": Key(v.days),
@@ -83,6 +84,7 @@ AXIS: Keys = {
     "node": Key(v.integer(1, 127), "node = 1, the number of its [nodes.N]"),
     "drive_axis": Key(v.integer(1, 8)),
     "virtual": _flag,
+    "encoder": Key(v.text),
     "unit": Key(v.unit, 'unit = "deg", "mm" or the like; unit = "increments" to do without'),
     "scale": _scale,
     "velocity_scale": _scale,
@@ -137,7 +139,27 @@ GROUP: Keys = {
     "on_fault": Key(v.words("path", "each", "quick")),
 }
 
-TOP = ("bus", "nodes", "axes", "groups")
+KINEMATICS: Keys = {
+    "kind": Key(v.words("corexy", "scara", "delta"), 'kind = "corexy", "scara" or "delta"'),
+    "upper": _positive,
+    "fore": _positive,
+    "base": _number,
+    "plate": _number,
+    "left": _flag,
+    "middle": _number,
+}
+
+IO: Keys = {
+    "node": Key(v.integer(1, 127), "node = 5, the number of its [nodes.N]"),
+    "object": Key(v.text, 'object = "6200h:01", the input or output object; [nodes.N] has its EDS'),
+    "bit": Key(v.integer(0, 31)),
+    "safe": Key(v.safe),
+    "scale": _scale,
+    "offset": _number,
+    "unit": _text,
+}
+
+TOP = ("bus", "nodes", "axes", "groups", "io")
 # Tables inside a table; ``None``: any key may stand in it.
 BUS_TABLES: Mapping[str, Keys | None] = {"options": None}
 NODE_TABLES: Mapping[str, Keys | None] = {"objects": None, "pdo": None, "program": PROGRAM}
@@ -147,3 +169,4 @@ AXIS_TABLES: Mapping[str, Keys | None] = {
     "stop": STOP,
     "objects": None,
 }
+GROUP_TABLES: Mapping[str, Keys | None] = {"kinematics": KINEMATICS}

@@ -12,10 +12,12 @@ TABLES: Mapping[str, str] = {
     "nodes.pdo": "PDOs to configure: rpdo1 to rpdo512, tpdo1 to tpdo512.",
     "nodes.program": "The program (firmware) that the node must have (1F52h, 1F56h).",
     "axes": "One table for each axis: [axes.x].",
+    "groups.kinematics": "How the axes make a place in a workspace, in which lines, paths and circles of the group then are.",
     "axes.defaults": "Used by commands that leave them out.",
     "axes.homing": "How the axis finds its zero (CiA 402-2, hm).",
     "axes.stop": "What halt, quick stop, disable, fault and a lost link do; written to the drive and read back.",
     "axes.objects": "Objects of the axis to write at boot, by the numbers of its first axis.",
+    "io": "One table for each named input or output: [io.lamp].",
     "groups": "Axes that move together, and that a fault stops together: [groups.xy].",
 }
 
@@ -43,6 +45,7 @@ NODE: Mapping[str, str] = {
     "dcf": "DCF instead of an EDS: its values are written at boot.",
     "remap": 'Whether boot may change PDO mappings: "auto" (default) or "never".',
     "optional": "The cell is opened without it too; it is booted when it appears.",
+    "on_lost": 'Whether the loss of a node without axes is a "stop" of the cell (default), or is only told ("tell").',
     "serial": "Serial number that it must have (1018h:04).",
     "revision": "Revision that it must have (1018h:03).",
     "configuration_date": "Date of its configuration (1020h:01): it is configured only where the node has another one.",
@@ -72,6 +75,7 @@ AXIS: Mapping[str, str] = {
     "node": "The number of its [nodes.N].",
     "drive_axis": "Which axis of a device with several (default 1).",
     "virtual": "An axis without node and drive, which the core leads alone.",
+    "encoder": "The [io.NAME] that tells where an axis without a drive is: an encoder, which others follow.",
     "unit": 'Unit of positions: "deg", "mm" ...; "increments" does without a scale.',
     "scale": 'Position increments per unit: 1000, or a ratio such as "131072/360".',
     "velocity_scale": "Velocity increments per unit/s, where they are not the position's per second.",
@@ -130,4 +134,24 @@ STOP: Mapping[str, str] = {
 GROUP: Mapping[str, str] = {
     "axes": "In this order move_linear takes their positions.",
     "on_fault": 'How a fault of one stops the others: on their "path" (default), "each" by its own ramp, or by "quick" stop.',
+}
+
+KINEMATICS: Mapping[str, str] = {
+    "kind": 'What the axes make together: "corexy", "scara" or "delta".',
+    "upper": "Length of the upper arm, or of each of them.",
+    "fore": "Length of the forearm, or of each of them, in the same unit.",
+    "base": "Of a delta: how far the upper joints are from the middle.",
+    "plate": "Of a delta: how far the lower joints are from the middle of the plate.",
+    "left": "Of a SCARA: whether the elbow is bent to positive angles (default true).",
+    "middle": "Of a SCARA: the shoulder's positions are those within half a turn of this (default 0 degrees).",
+}
+
+IO: Mapping[str, str] = {
+    "node": "The number of its [nodes.N].",
+    "object": 'Its object, which tells whether it is an input or an output: "6000h:01", "6200h:01", "60FEh:01" ...',
+    "bit": "Which bit of the object, from 0; without it the object is a number.",
+    "safe": "What an output becomes when its node, the program or the master is lost, and when the machine is left.",
+    "scale": "Digits per unit of a number: 3276.7, or a ratio; without it the number is the digits themselves.",
+    "offset": "What a number is at 0 digits, in its unit (default 0).",
+    "unit": "Unit of a number, for people.",
 }

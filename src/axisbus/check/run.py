@@ -27,6 +27,7 @@ from axisbus.check import (
 )
 from axisbus.check import bus_load as load
 from axisbus.check.case import Case, Check
+from axisbus.check.io import points
 
 CHECKS: tuple[Check, ...] = (
     *structure.CHECKS,
@@ -35,6 +36,7 @@ CHECKS: tuple[Check, ...] = (
     *cobids.CHECKS,
     *services.CHECKS,
     *pdos.CHECKS,
+    *points.CHECKS,
     *modes.CHECKS,
     *limits.CHECKS,
     *ranges.CHECKS,

@@ -86,12 +86,12 @@ def axes_have_nodes(case: Case) -> Found:
 def nodes_have_axes(case: Case) -> Found:
     """Note nodes that no axis uses: right for I/O, a slip for a drive."""
     for node in case.cell.nodes.values():
-        if not any(case.cell.axes_of(node.node_id)):
+        if not any(case.cell.axes_of(node.node_id)) and not any(case.cell.io_of(node.node_id)):
             yield case.note(
                 node.at.line,
                 f"node {node.node_id} has no axis",
                 "it is booted and watched, and never moved",
-                f"right for an I/O device; for a drive add [axes.NAME] with node = {node.node_id}",
+                f"for a drive add [axes.NAME] with node = {node.node_id}, for an I/O module [io.NAME]",
             )
 
 

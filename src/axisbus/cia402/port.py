@@ -181,5 +181,7 @@ class Cycle(Protocol):
 class Waiter(Protocol):
     """How a command's owner waits for its end: a condition in real time, a pump of the scan in virtual time."""
 
+    realtime: bool  # whether time passes while nobody waits
+
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Block until ``done()`` is true or ``timeout`` seconds passed; return ``done()``."""

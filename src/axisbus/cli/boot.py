@@ -92,8 +92,11 @@ def command(cell: Path, as_json: bool, beside: bool) -> int:
         say(report.text())
     config = reader.load(cell)
     say(f"{up} of {counted(len(reports), 'node')} came up")
-    for name in [name for name, axis in config.axes.items() if axis.virtual]:
-        say(f"axis {name} is virtual: the core leads it alone, without a node")
+    for name, axis in config.axes.items():
+        if axis.encoder is not None:
+            say(f"axis {name} is an encoder: it is where [io.{axis.encoder}] says")
+        elif axis.virtual:
+            say(f"axis {name} is virtual: the core leads it alone, without a node")
     say_note(f"the core of a program that opens this cell runs {expected(config.bus)}")
     if failed:
         say_next("mend what FAILED says, and boot again; who is there: axisbus scan " + str(cell))

@@ -13,6 +13,7 @@ from axisbus.boot.booted import Booted
 from axisbus.boot.comms import CanComms
 from axisbus.boot.node import NodeBoot
 from axisbus.bus.cycle import CanCycle
+from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.link import ownership
 from axisbus.bus.link.alone import require_alone
 from axisbus.bus.link.channel import Channel
@@ -23,12 +24,15 @@ from axisbus.bus.parallel import in_parallel
 from axisbus.bus.port import CanPort
 from axisbus.bus.sync import SyncConsumer
 from axisbus.bus.timeofday import TimeConsumer, TimeProducer
-from axisbus.cell.model import SIMULATED, AxisConfig, BusConfig, CellConfig
+from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.frame import Carried, Frame
 from axisbus.cia301.nmt import NmtCommand
+from axisbus.cia401.point import Point
+from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import Port
 from axisbus.core.alone import cast_of, listening_time
+from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.reach import reach
@@ -36,7 +40,7 @@ from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import SPIN
 from axisbus.eds.model import Eds
 from axisbus.errors import BusError
-from axisbus.link import Parting, Stopped
+from axisbus.link import Parting, Stopped, Unsafe
 from axisbus.sim.node.network import StandIns
 
 FIND_TIME = 3.0  # seconds that a node may take to answer for the first time
@@ -101,7 +105,7 @@ class CanLink:
         self._comms[node_id], self._booted[node_id] = comms, booted
         if self._cycle is not None and booted.report.ok:
             events = NodeEvents(node.nmt)
-            self._cycle.add(list(comms.ports.values()), node_id, events, comms.guarding)
+            self._cycle.add(comms.senders, node_id, events, comms.guarding)
             self._parts[node_id] = self._make_parts(node_id, events)
         return booted
 
@@ -116,7 +120,7 @@ class CanLink:
         self._consumer = _sync_consumer(bus, self._channel)
         self._cycle = CanCycle(
             self._channel,
-            [port for axis in self._cell.driven.values() for port in self._port(axis)],
+            [*self._axis_ports(), *self._io_ports()],
             sync_cob_id=bus.sync_cob_id if bus.sync and self._consumer is None else None,
             sync_counter=bus.sync_counter,
             sync_consumer=self._consumer,
@@ -143,6 +147,10 @@ class CanLink:
         """As ``Link.ports``."""
         return dict[str, Port](self._comms[node_id].ports)
 
+    def io(self, node_id: int) -> IoPort | None:
+        """As ``Link.io``."""
+        return self._comms[node_id].io
+
     def parts(self, node_id: int) -> NodeParts:
         """As ``Link.parts``."""
         return self._parts[node_id]
@@ -159,6 +167,10 @@ class CanLink:
     def rescue(self, names: Collection[str]) -> list[Stopped]:
         """As ``Link.rescue``, by SDO; blocks as ``NodeStop.run``."""
         return stop_nodes(self._cell, self._nodes.values(), names)
+
+    def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
+        """As ``Link.make_safe``, by SDO."""
+        return make_safe({node_id: node.sdo for node_id, node in self._nodes.items()}, points)
 
     def leave(self, how: Mapping[int, Parting]) -> None:
         """As ``Link.leave``."""
@@ -194,13 +206,19 @@ class CanLink:
         """As ``Link.untap``."""
         self._channel.untap(ear)
 
-    def _port(self, axis: AxisConfig) -> list[CanPort]:
-        port = self._comms[axis.node].ports.get(axis.name)
-        return [] if port is None else [port]
+    def _axis_ports(self) -> list[CanPort]:
+        found = [self._comms[axis.node].ports.get(axis.name) for axis in self._cell.driven.values()]
+        return [port for port in found if port is not None]
+
+    def _io_ports(self) -> list[CanIoPort]:
+        """They come after the axes: no frame of theirs stands between a target and its controlword."""
+        return [one.io for one in self._comms.values() if one.io is not None]
 
     def _make_parts(self, node_id: int, events: NodeEvents | None) -> NodeParts:
         node, ports = self._nodes[node_id], self._comms[node_id].ports.values()
         plans = tuple(port.plan for port in ports)
+        io = self._comms[node_id].io
+        plans = plans if io is None else (*plans, io.plan)
         return NodeParts(node_id, self._dictionaries[node_id], node.sdo, node, plans, events)
 
 

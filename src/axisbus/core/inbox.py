@@ -23,8 +23,9 @@ from weakref import WeakSet, WeakValueDictionary
 from axisbus.errors import Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import ForEach, GroupCommand
+from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.ticket import Status, Ticket
-from axisbus.session import Target
+from axisbus.session import AnyCommand, Target
 
 AT_ONCE = 32  # commands in one cycle: about half a millisecond
 MOST = 1024  # commands that wait
@@ -37,7 +38,7 @@ class Waiting:
 
     __slots__ = ("__weakref__", "axes", "command", "is_stop", "taken", "target", "ticket")
 
-    def __init__(self, target: Target, command: c.Command | GroupCommand, ticket: Ticket) -> None:
+    def __init__(self, target: Target, command: AnyCommand, ticket: Ticket) -> None:
         self.target = target
         self.command = command
         self.ticket = ticket
@@ -160,7 +161,7 @@ def _overtaken(waiting: Waiting, stop: Waiting) -> None:
     waiting.ticket.finish(Status.ABORTED, error)
 
 
-def _single(command: c.Command | GroupCommand) -> tuple[object, ...]:
+def _single(command: AnyCommand) -> tuple[object, ...]:
     """The commands for single axes that it is made of."""
     return tuple(command.commands.values()) if isinstance(command, ForEach) else (command,)
 
@@ -169,7 +170,11 @@ def _is_jog(command: object) -> bool:
     return isinstance(command, c.MoveVelocity) and command.life is not None
 
 
-def _concerned(target: Target, command: c.Command | GroupCommand) -> tuple[str, ...]:
+def _concerned(target: Target, command: AnyCommand) -> tuple[str, ...]:
+    if isinstance(command, SetOutputs):
+        return ()
     if isinstance(command, GroupCommand):
         return command.axes
+    if isinstance(command, c.SetOverride):
+        return ()  # a stop leaves it as it is
     return (target,) if isinstance(target, str) else target

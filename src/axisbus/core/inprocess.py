@@ -14,12 +14,13 @@ from axisbus.cia402.port import Waiter
 from axisbus.core.ledger import Ledger
 from axisbus.core.runtime import Runtime
 from axisbus.core.scan import Scan
-from axisbus.motion.commands import Command
-from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.commands import Answer
+from axisbus.motion.io.reading import Reading
 from axisbus.motion.points.commands import AddPoints
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Ticket
 from axisbus.session import (
+    AnyCommand,
     AxisFacts,
     CommandEvent,
     CommandSeen,
@@ -29,6 +30,8 @@ from axisbus.session import (
     Program,
     Target,
 )
+
+_PARTS = (AddPoints, Answer)  # of commands that are under way: no commands of their own, and too many to keep
 
 
 class InProcess:
@@ -52,6 +55,11 @@ class InProcess:
     def snapshots(self) -> Mapping[str, Snapshot]:
         """As ``Session.snapshots``."""
         return self._scan.snapshots
+
+    @property
+    def readings(self) -> Mapping[str, Reading]:
+        """As ``Session.readings``."""
+        return self._scan.io.readings
 
     @property
     def dead(self) -> str | None:
@@ -130,9 +138,9 @@ class InProcess:
         """As ``Session.waiter``."""
         return self._waiter
 
-    def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
+    def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """As ``Session.submit``."""
-        if not isinstance(command, AddPoints):  # which are no commands of their own, and too many to keep
+        if not isinstance(command, _PARTS):
             self._ledger.give(number, name)  # before it may end
         kept = self._scan.submit(target, command, Ticket(name, self._tell, number)).number
         if kept != number:

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Protocol
 from axisbus.boot.booted import Booted
 from axisbus.bus.node.events import BAD, NodeEvent
 from axisbus.cell.model import CellConfig
+from axisbus.cia401.port import Known
 from axisbus.cia402.port import Port, Waiter
 from axisbus.core.inprocess import InProcess
+from axisbus.core.io.board import Board
+from axisbus.core.io.wiring import add_io, make_sure, not_safe, unconfirmed
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.parting import lost_without_axes, scan_failure
 from axisbus.core.pickup import Pickup
@@ -21,7 +24,7 @@ from axisbus.core.tuning import IN_A_THREAD
 from axisbus.core.virtual.axes import virtual_axes
 from axisbus.core.waiting import PumpWaiter, ThreadWaiter
 from axisbus.errors import AxisbusError
-from axisbus.link import Stopped
+from axisbus.link import Stopped, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.policy import GroupFault, LostNode
 from axisbus.session import Session
@@ -122,7 +125,10 @@ class Core:
         self.runtime = runtime
         self._joined: Joined = lambda _: None
         self._after_cycle: Callable[[], None] = _nothing
-        virtual = virtual_axes(cell)
+        board = Board()
+        for node_id in runtime.nodes:
+            self._take_io(board, node_id)
+        virtual = virtual_axes(cell, board)
         cores = {
             name: AxisCore(parameters, runtime.ports[name].capabilities)
             for name, parameters in runtime.parameters.items()
@@ -136,6 +142,7 @@ class Core:
             members(cell, cores),
             LostNode(cell.bus.on_lost_node),
             {name: GroupFault(group.on_fault) for name, group in cell.groups.items()},
+            board,
         )
         self._pickup = Pickup(runtime.late, self._join)
         self._pump = None if realtime else PumpWaiter(self.scan, self._between_cycles)
@@ -201,20 +208,19 @@ class Core:
 
         Blocks until all stand, at most the times of the stop ladders.
         """
-        rescued: list[Stopped] = []
+        rescued, unsafe = list[Stopped](), list[Unsafe]()
         try:
             self._stop_axes(reason)
         finally:
             self._pickup.stop()
-            self._end_scan()
-            if self.scan.failure is not None:
-                rescued = self.runtime.link.rescue(
-                    [core.parameters.name for core in self.scan.axes.values() if _needs_rescue(core)]
-                )
-            self.runtime.leave(self.scan.axes, rescued)
+            unsafe = unconfirmed(self.scan.io)
+            try:
+                rescued, unsafe = self._make_sure()
+            finally:
+                self.runtime.leave(self.scan.axes, rescued, unsafe)
         if self.scan.failure is not None:
-            return [scan_failure(self.scan.failure, rescued)]
-        return self.scan.stop_failures()
+            return [scan_failure(self.scan.failure, rescued), *map(not_safe, unsafe)]
+        return [*self.scan.stop_failures(), *map(not_safe, unsafe)]
 
     def disown(self) -> None:
         """Be of no use in a forked child, which must neither command nor close what its parent has."""
@@ -224,7 +230,8 @@ class Core:
     def _has_values(self) -> bool:
         scan = self.scan
         heard = [name in scan.snapshots and scan.snapshots[name].statusword is not None for name in scan.axes]
-        return scan.ended or all(heard)
+        known = [reading.known is not Known.NOT_YET for reading in scan.io.readings.values()]
+        return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
 
     def _stop_axes(self, reason: str) -> None:
         """Stop, and see that everything stands; what interrupts the wait, such as a user's own signal handler, comes after it."""
@@ -240,6 +247,23 @@ class Core:
                 interruption = error
         if interruption is not None:
             raise interruption
+
+    def _make_sure(self) -> tuple[list[Stopped], list[Unsafe]]:
+        """End the scan, and see outputs safe, after the axes; where the scan has failed, these are stopped without it first.
+
+        Where it lives, outputs are looked at while our heartbeat goes on: a module that does not answer must fault nobody else.
+        """
+        alive, unsafe = self.scan.failure is None, list[Unsafe]()
+        try:
+            if alive:
+                unsafe = make_sure(self.scan.io, self.runtime.link)
+        finally:
+            self._end_scan()
+        if self.scan.failure is None:
+            return [], unsafe
+        cores = self.scan.axes.values()
+        rescued = self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
+        return rescued, unsafe if alive else make_sure(self.scan.io, self.runtime.link)
 
     def _end_scan(self) -> None:
         self.scan.quit()
@@ -259,6 +283,7 @@ class Core:
         self._watch_node(node_id)
         if not booted.report.ok:
             return
+        self._take_io(self.scan.io, node_id)
         scan, names = self.scan, list(self.scan.axes)
         for name, parameters in booted.parameters.items():
             names.append(name)
@@ -267,10 +292,14 @@ class Core:
         self._waiter.wait(lambda: scan.ended or all(name in scan.snapshots for name in names), _JOIN_TIME)
         self._joined(booted)
 
+    def _take_io(self, board: Board, node_id: int) -> None:
+        add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
+
     def _watch_node(self, node_id: int) -> None:
-        """A node without axes has nobody else who acts when it is lost."""
+        """A node without axes has nobody else who acts when it is lost, unless its table lets it be told only."""
         events = self.runtime.nodes[node_id].events
-        if events is not None and not any(self.cell.axes_of(node_id)):
+        stops = self.cell.nodes[node_id].on_lost == "stop"
+        if events is not None and stops and not any(self.cell.axes_of(node_id)):
             events.hear(self._node_event)
 
     def _node_event(self, event: NodeEvent) -> None:

@@ -9,21 +9,25 @@ from axisbus.bus.node.events import NodeEvent
 from axisbus.cia402.starvation import REMEDY
 from axisbus.core.ending import remedy_of
 from axisbus.errors import NodeError, ScanError, in_a_line
-from axisbus.link import Parting, Stopped, alarm
+from axisbus.link import Parting, Stopped, Unsafe, alarm
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
 
 
 def partings(
-    booted: Mapping[int, Booted], cores: Mapping[str, AxisCore], rescued: Iterable[Stopped]
+    booted: Mapping[int, Booted],
+    cores: Mapping[str, AxisCore],
+    rescued: Iterable[Stopped],
+    unsafe: Iterable[Unsafe] = (),
 ) -> dict[int, Parting]:
     """Return how each node is to be left.
 
     ``cores`` are the axes by name (none where the machine was only booted); ``rescued``: what a stop without the scan came to,
-    which then counts instead of what the cores saw last.
+    which then counts instead of what the cores saw last; ``unsafe``: outputs that only their module itself can still make safe.
     """
+    armed = {each.node: Parting.ARMED for each in unsafe}
     seen = {stopped.axis: stopped.ok for stopped in rescued}
-    return {node_id: _parting(node, cores, seen) for node_id, node in booted.items()}
+    return {node_id: armed.get(node_id) or _parting(node, cores, seen) for node_id, node in booted.items()}
 
 
 def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, bool]) -> Parting:
@@ -35,7 +39,7 @@ def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, boo
 
 def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
     """Return what stops the cell when a node is lost that has no axis; ``starved``: that this program did not run, in words."""
-    remedy = 'look at its supply and cable; [bus] on_lost_node = "report" lets the axes go on'
+    remedy = 'look at its supply and cable; on_lost = "tell" in its table lets the axes go on'
     if not starved:
         return NodeError(
             f"node {event.node} {event.kind.value}", node=event.node, observed=str(event), remedy=remedy

@@ -16,7 +16,7 @@ from axisbus.core.parting import partings
 from axisbus.core.pickup import Late
 from axisbus.core.stand_in import StandIn
 from axisbus.errors import AxisbusError
-from axisbus.link import Link, Stopped
+from axisbus.link import Link, Stopped, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
@@ -80,9 +80,17 @@ class Runtime:
             self.leave()
             raise
 
-    def leave(self, cores: Mapping[str, AxisCore] | None = None, rescued: Iterable[Stopped] = ()) -> None:
+    def leave(
+        self,
+        cores: Mapping[str, AxisCore] | None = None,
+        rescued: Iterable[Stopped] = (),
+        unsafe: Iterable[Unsafe] = (),
+    ) -> None:
         """Leave the nodes as is right for each, and release everything, whatever fails on the way; as ``parting.partings``."""
-        for work in (partial(self.link.leave, partings(self.booted, cores or {}, rescued)), self.link.close):
+        for work in (
+            partial(self.link.leave, partings(self.booted, cores or {}, rescued, unsafe)),
+            self.link.close,
+        ):
             with suppress(AxisbusError, OSError):
                 work()
 

@@ -32,21 +32,23 @@ from axisbus.cia402.starvation import DRIVES, Starvation
 from axisbus.core.ending import ended, interrupted, refused_while_leaving, too_many
 from axisbus.core.inbox import Inbox, Waiting
 from axisbus.core.inherited import inherited
+from axisbus.core.io.board import Board
 from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.tuning import COLLECTOR
 from axisbus.errors import AxisbusError, in_a_line
-from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
-from axisbus.motion.commands import Command, PolicyStop, Shutdown
-from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.commands import PolicyStop, Shutdown
+from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
+from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.stop.halting import Halting
 from axisbus.motion.stop.leaving import Leaving
 from axisbus.motion.stop.policy import FaultPolicy, GroupFault, LostNode
 from axisbus.motion.ticket import Status, Ticket, unattended
-from axisbus.session import Observer, Target
+from axisbus.session import AnyCommand, Observer, Target
 
 
 class Wakes(Protocol):
@@ -68,8 +70,9 @@ class Scan:
         groups: Mapping[str, Sequence[str]] | None = None,
         on_lost_node: LostNode = LostNode.GROUP,
         on_fault: Mapping[str, GroupFault] | None = None,
+        io: Board | None = None,
     ) -> None:
-        """``ports`` and ``axes`` have the same names; ``period`` in seconds.
+        """``ports`` and ``axes`` have the same names; ``period`` in seconds; ``io``: the inputs and outputs beside them.
 
         ``groups``: the axes of each group by its name; ``on_fault``: how it is stopped by a failure, where not on its path.
         """
@@ -79,6 +82,7 @@ class Scan:
         self.groups: dict[Target, GroupCore] = {
             name: self._group_core(members) for name, members in (groups or {}).items()
         }
+        self.io = Board() if io is None else io
         self.lateness = Lateness()
         self.starvation = Starvation()
         self.snapshots: dict[str, Snapshot] = {}
@@ -90,6 +94,7 @@ class Scan:
         self._members = {name: list(axes) for name, axes in (groups or {}).items()}
         self._on_lost_node, self._on_fault = on_lost_node, dict(on_fault or {})
         self._policy = self._make_policy()
+        self._override = 1.0  # of the cell
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
@@ -114,7 +119,7 @@ class Scan:
 
     # -- for other threads -------------------------------------------------------------------------------------------
 
-    def submit(self, target: Target, command: Command | GroupCommand, ticket: Ticket) -> Ticket:
+    def submit(self, target: Target, command: AnyCommand, ticket: Ticket) -> Ticket:
         """Let a command for an axis or group wait for the next cycles; does not block.
 
         Return its ticket: that of the same command where it waits already (see ``inbox``).
@@ -180,7 +185,8 @@ class Scan:
         """Whether every stop that was asked for has come to its end (or the scan has)."""
         if self.ended:
             return True
-        return self._stops_begun >= self._stops_wanted and self._leaving.over
+        outputs_too = not self.io or not self._stops_wanted or self.io.left
+        return self._stops_begun >= self._stops_wanted and self._leaving.over and outputs_too
 
     @property
     def silent(self) -> str | None:
@@ -189,7 +195,9 @@ class Scan:
             return self.dead
         if self.ended:
             return "the machine is closed: nothing is received any more"
-        last = max((snapshot.now for snapshot in self.snapshots.values()), default=0.0)
+        seen = [snapshot.now for snapshot in self.snapshots.values()]
+        seen += [reading.now for reading in self.io.readings.values()]
+        last = max(seen, default=0.0)
         return hanging(self.cycle.now() - last, self.period)
 
     @property
@@ -250,6 +258,8 @@ class Scan:
                 news = True
         if self._stops_begun:
             self._leaving.step(now)
+        if self.io:
+            news = self._do_io(now) or news
         began = cycle.now()
         cycle.commit()
         if self.ended:
@@ -267,6 +277,13 @@ class Scan:
             observer(now, snapshots)
         self._done_at = cycle.now()
 
+    def _do_io(self, now: float) -> bool:
+        """Read and write inputs and outputs; on the way out they become safe once the axes stand, or nobody can make them."""
+        if self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over:
+            self.io.leave()
+        self.io.step(now)
+        return self.io.changed
+
     def fail(self, error: BaseException) -> None:
         """End because of ``error``, which was found outside of a cycle."""
         self.failure = error
@@ -283,6 +300,7 @@ class Scan:
             core.abandon(self._ended)
         for group in self.groups.values():
             group.abandon(self._ended)
+        self.io.abandon(self._ended("setting outputs"))
         if self.waiter is not None:
             self.waiter.notify()
 
@@ -339,6 +357,7 @@ class Scan:
         while self._joining:
             name, port, core = self._joining.popleft()
             self.axes = {**self.axes, name: core}
+            core.set_override(cell=self._override)
             self._work.append((name, port, core))
             mates = {group: axes for group, axes in self._members.items() if name in axes}
             with self._lock:
@@ -375,7 +394,11 @@ class Scan:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
         try:
-            if waiting.for_group:
+            if isinstance(command, CellSetOverride):
+                self._set_override(command.factor, ticket)
+            elif isinstance(command, SetOutputs):
+                self.io.accept(command, ticket)
+            elif waiting.for_group:
                 self.groups[waiting.target].accept(command, ticket)  # type: ignore[arg-type]
             else:
                 accept(self.axes[waiting.target], command, ticket)  # type: ignore[arg-type,index]
@@ -384,6 +407,21 @@ class Scan:
             for name in self.axes.keys() & waiting.axes:
                 self.axes[name].break_off(failure)
             ticket.finish(Status.ERROR, failure)
+
+    def _set_override(self, factor: float, ticket: Ticket) -> None:
+        """Multiply the velocities of all axes; where one of them cannot take it, none does."""
+        try:
+            for core in self.axes.values():
+                require_override(core, factor, ticket)
+        except AxisbusError as error:
+            ticket.finish(Status.ERROR, error)
+        else:
+            self._override = factor
+            for core in self.axes.values():
+                core.set_override(cell=factor)
+            ticket.finish(Status.DONE)
+        if self.waiter is not None:
+            self.waiter.notify()
 
     def _apply_policy(self) -> None:
         while self._trips:
@@ -407,7 +445,7 @@ class Scan:
             accept(self.axes[name], stop, unattended(f"{name}.stop"))
 
     def _wake(self) -> None:
-        ended = self._stops_begun > 0  # who leaves waits for more than a command's end
+        ended = self._stops_begun > 0 or self.io.changed  # who leaves waits for more than a command's end
         for _, _, core in self._work:
             if core.running.ended:
                 core.running.ended, ended = False, True

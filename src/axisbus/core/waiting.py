@@ -21,6 +21,8 @@ class ThreadWaiter:
     It sleeps in slices, so that a signal handler runs in time on every platform.
     """
 
+    realtime = True
+
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self.scan_thread: int | None = None
@@ -65,6 +67,8 @@ class ThreadWaiter:
 
 class PumpWaiter:
     """Waiting in virtual time: the scan is pumped by whoever waits."""
+
+    realtime = False
 
     def __init__(self, scan: Scan, then: Callable[[float], None] | None = None) -> None:
         """``then`` is called with the virtual time after each cycle; it may wait itself."""

@@ -15,12 +15,15 @@ from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
-from axisbus.machine.request import Request, shown
+from axisbus.machine.request import Request, override_of, shown
+from axisbus.machine.streaming.answering import Ramps, answering_of
+from axisbus.machine.streaming.controller import Controller, Function
 from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.points.joining import Allowed, allowed_of
 from axisbus.motion.snapshot import Snapshot
@@ -217,6 +220,17 @@ class Axis:
     def limits(self) -> Limits:
         """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
         return self._parameters.limits
+
+    @property
+    def override(self) -> float:
+        """The factor of ``set_override``, whichever program has set it; 1 before that. That of the cell multiplies it."""
+        return self.snapshot.override
+
+    @property
+    def total_override(self) -> float:
+        """By what the velocities of its commands are multiplied: its own override times that of the cell, at most 1.5."""
+        snapshot = self.snapshot
+        return min(snapshot.override * snapshot.cell_override, FASTER)
 
     @property
     def temperature(self) -> float:
@@ -459,6 +473,35 @@ class Axis:
         raw, rise = request.torque(torque), request.cyclic_slope(slope)
         return self._submit(name, c.CyclicTorque(raw, rise, request.timeout(timeout)))
 
+    def controller(
+        self,
+        function: Function,
+        *,
+        by: str = "velocity",
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        slope: float | None = None,
+        late: int = 0,
+    ) -> Controller:
+        """Let ``function`` lead the axis: it is given what was ``Measured`` in each cycle, and returns what is led to in the next.
+
+        ``by="velocity"``: it returns a velocity (unit/s, csv), ``"torque"``: a torque (N·m, cst); it is held to
+        ``max_velocity`` or ``max_torque``, and the ramps are those of ``cyclic_velocity`` and ``cyclic_torque``. It runs in a
+        thread of this program, and is called once the drive is in that mode. An exception, or no answer in time for the next
+        cycle, stops the axis (ErrorStop); ``late``: for how many cycles more the last answer holds. Does not block.
+
+        Raises:
+            ArgumentError, LimitError: as ``cyclic_velocity`` or ``cyclic_torque``.
+        """
+        if not callable(function):
+            raise ArgumentError(
+                f"{self.name}.controller: {told(function)} is no function",
+                remedy="give one that takes what was measured, and returns a velocity or a torque",
+            )
+        answering = answering_of(self._parameters, by, Ramps(acceleration, deceleration, slope), late)
+        units, period = self._parameters.units, self.scan_period
+        return Controller(self.name, units, period, self._commanding, function, answering, self.halt)
+
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of ``[axes.NAME.homing]``; ``timeout`` in seconds.
 
@@ -577,6 +620,44 @@ class Axis:
     def gear_out(self) -> Handle:
         """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
         return self._submit("gear_out()", c.GearOut())
+
+    def set_override(self, factor: float) -> Handle:
+        """Let the axis go at ``factor`` times the velocity of its commands: 0 (it holds) to 1.5 (MC_SetOverride). Does not block.
+
+        At any time, also in motion, and for what follows, until it is set again; ``cell.set_override`` multiplies it, and so does
+        that of a group. At 0 the axis comes to rest, its handle stays busy, and it goes on by itself when the factor rises. A line,
+        path or stream of a group goes as slowly as its slowest axis. It lifts no limit: 1.5 times a velocity is at most
+        ``max_velocity``; a trajectory of your own is only made faster where it tells in advance that it stays within the limits.
+        It scales no ramp, torque, halt, stop or homing; an axis that another one leads follows that.
+
+        The handle ends with a StateError where nothing says with which acceleration the axis may change its speed.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = override_of(f"{self.name}.set_override", factor)
+        return self._submit(f"set_override({found:g})", c.SetOverride(found))
+
+    def phase_by(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
+        """See its master ``shift`` units farther on than that is, while both go on (MC_PhasingRelative).
+
+        For an axis in step. All in units of the master: the shift is signed, and changes with at most ``velocity`` (per s) and
+        ``acceleration`` (per s²). What is still to come of a shift under way is added to it. The handle is done when all has been
+        shifted; does not block.
+
+        Raises:
+            ArgumentError: a value is not finite, or velocity or acceleration are not above 0.
+        """
+        name = f"phase_by({shown(shift)})"
+        request, of = self._request(name), "of its master"
+        return self._submit(
+            name,
+            c.PhaseBy(
+                request.finite("shift", shift, f"units {of}"),
+                request.positive("velocity", velocity, f"units {of} per s"),
+                request.positive("acceleration", acceleration, f"units {of} per s²"),
+            ),
+        )
 
     # -- touch probe -------------------------------------------------------------------------------------------------
 

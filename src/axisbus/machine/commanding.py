@@ -8,10 +8,8 @@ from collections import deque
 
 from axisbus.interruption import sheltered
 from axisbus.machine.handle import Handle
-from axisbus.motion.commands import Command
-from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.ticket import ENDED
-from axisbus.session import AxisSession, CommandEvent, Target
+from axisbus.session import AnyCommand, AxisSession, CommandEvent, Target
 
 
 class Commanding:
@@ -31,7 +29,7 @@ class Commanding:
         session.listen(self._hear)
 
     @sheltered
-    def submit(self, target: Target, command: Command | GroupCommand, name: str) -> Handle:
+    def submit(self, target: Target, command: AnyCommand, name: str) -> Handle:
         """Give a command, and return its handle: that of the same command where it waits already; does not block.
 
         Raises:
@@ -40,7 +38,7 @@ class Commanding:
         return self.give(Handle(name, self.session.waiter), target, command)
 
     @sheltered
-    def give(self, handle: Handle, target: Target, command: Command | GroupCommand) -> Handle:
+    def give(self, handle: Handle, target: Target, command: AnyCommand) -> Handle:
         """As ``submit``, with a handle of its own kind."""
         with self._lock:
             if not self._giving:
@@ -55,7 +53,7 @@ class Commanding:
         """Be usable in a forked child, where whoever had the lock does not run."""
         self._lock = threading.RLock()
 
-    def _submit(self, handle: Handle, target: Target, command: Command | GroupCommand) -> Handle:
+    def _submit(self, handle: Handle, target: Target, command: AnyCommand) -> Handle:
         number = next(self._numbers)
         self._given[number] = handle
         kept = 0

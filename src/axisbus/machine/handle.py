@@ -275,6 +275,8 @@ def _flatten(handles: tuple[Handle | Iterable[Handle], ...]) -> list[Handle]:
 class _Nobody:
     """Waits for nothing: for handles that the scan keeps for itself."""
 
+    realtime = False
+
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:  # noqa: ARG002  # the protocol's shape
         """Return whether it has ended already."""
         return done()

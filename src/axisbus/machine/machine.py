@@ -18,9 +18,12 @@ from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
+from axisbus.machine.handle import Handle
 from axisbus.machine.interrupts import interactive
 from axisbus.machine.opening import attached, opened, simulated
+from axisbus.machine.request import override_of
 from axisbus.machine.roster import Roster
+from axisbus.motion.group.commands import CellSetOverride
 from axisbus.session import LatenessReport, Program, Session
 
 if TYPE_CHECKING:  # who only looks at axes has no need of them
@@ -30,8 +33,10 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.bus.node.events import NodeEvent
     from axisbus.cia301.drops import Drop
     from axisbus.cia301.frame import Carried
+    from axisbus.cia401.point import Point
     from axisbus.core.owner import Owner
     from axisbus.core.stand_in import StandIn
+    from axisbus.machine.io import Io
     from axisbus.machine.node_access import NodeAccess
     from axisbus.machine.streaming.options import StreamWords
     from axisbus.machine.streaming.points import PointStream
@@ -58,6 +63,7 @@ class Machine:
         self._core = core
         self._commanding = Commanding(self.session)
         self._nodes: dict[int, NodeAccess] = {}
+        self._io: Io | None = None
         self._roster = Roster(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._recordings: list[Recording | Capture] = []
@@ -190,6 +196,45 @@ class Machine:
             ArgumentError: an axis is named twice.
         """
         return self._roster.group(names)
+
+    @property
+    def override(self) -> float:
+        """The factor of ``set_override``, whichever program has set it; 1 before that, and where there is no axis."""
+        return max((snapshot.cell_override for snapshot in self.session.snapshots.values()), default=1.0)
+
+    def set_override(self, factor: float) -> Handle:
+        """Multiply the velocities of all axes, also of those that come later, by ``factor``: 0 (all hold) to 1.5. Does not block.
+
+        As ``Axis.set_override``, which it multiplies; the product is at most 1.5. The handle ends with a StateError, and nothing is
+        changed, where nothing says with which acceleration one of the axes may change its speed.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = override_of("cell.set_override", factor)
+        return self._commanding.submit("", CellSetOverride(found), f"cell.set_override({found:g})")
+
+    @property
+    def io(self) -> Io:
+        """The named inputs and outputs: ``machine.io["lamp"]``; those of nodes that have not come up are there, and unknown."""
+        if self._io is None:
+            from axisbus.machine.io import Io  # most cells have none
+
+            self._io = Io(self._points(), self.session, self._commanding)
+        return self._io
+
+    def _points(self) -> dict[str, Point]:
+        from axisbus.cell.io.points import points_of
+        from axisbus.eds.dictionary import Dictionary
+
+        nodes = {node_id: parts.eds for node_id, parts in self._core.nodes.items()}
+        found = [
+            point
+            for node_id, eds in nodes.items()
+            for point in points_of(self.cell, node_id, Dictionary(eds, node_id))
+        ]
+        by_name = {point.name: point for point in found}
+        return {name: by_name[name] for name in self.cell.io if name in by_name}
 
     def stream(self, *names: str, **options: Unpack[StreamWords]) -> PointStream:
         """Let a group, or the axes named, follow points that this program gives at its own pace: ``group(*names).stream(...)``.
@@ -327,10 +372,11 @@ class Machine:
     ) -> Recording:
         """Record into an MCAP file, for a ``with`` block: each cycle of the axes, and what happens; ``axisbus plot`` draws it.
 
-        ``axes``: all, if None. ``objects``: read beside them by SDO, in turn, such as ``"x:6074"`` or ``"3:1001"``. The file grows
-        while it runs, and can be read however the program ends, up to its last second. What cannot be written in time is left out,
-        and a disk that takes no more ends the recording, never the motion; both are told. Where an error ends the block, the stop
-        of the axes is still recorded, until the machine is closed.
+        ``axes``: all, if None. ``objects``: recorded beside them, such as ``"x:6074"``, ``"3:1001"``, or an input or output by its
+        name: each frame of a PDO that carries one, else read by SDO, in turn. The file grows while it runs, and can be read however
+        the program ends, up to its last second. What cannot be written in time is left out, and a disk that takes no more ends the
+        recording, never the motion; both are told. Where an error ends the block, the stop of the axes is still recorded, until the
+        machine is closed.
 
         Raises:
             StateError, ArgumentError: no such axis, node or object.

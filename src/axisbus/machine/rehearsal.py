@@ -25,12 +25,11 @@ from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import NOBODY
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_motion
-from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
-from axisbus.session import AxisFacts, CommandEvent, LatenessReport, Observer, Target
+from axisbus.session import AnyCommand, AxisFacts, CommandEvent, LatenessReport, Observer, Target
 
 _AT_REST = Snapshot(
     0.0, AxisState.STANDSTILL, State.OPERATION_ENABLED, None, None, 0, 0.0, None, None, None, None, 0, False, True, None
@@ -97,7 +96,7 @@ class _Stage:
         self.snapshots[name] = snapshot if known else snapshot._replace(position=0)
         self._places[name] = None if snapshot.position is None else snapshot.position - snapshot.origin
 
-    def submit(self, number: int, target: Target, command: c.Command | GroupCommand, name: str) -> int:
+    def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """Judge a command.
 
         Raises:

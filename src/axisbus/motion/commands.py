@@ -104,6 +104,32 @@ class CyclicTorque:
 
 
 @dataclass(frozen=True, slots=True)
+class Control:
+    """A loop of the program's own: it answers each cycle by an ``Answer`` with a velocity in csv or a torque in cst.
+
+    ``by`` has the ramps to what is answered. ``number`` tells this loop from others; an answer may be of the values
+    that are ``late`` cycles (from 0 on) older than those of the cycle before.
+    """
+
+    number: int
+    by: CyclicVelocity | CyclicTorque
+    late: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the loop of ``Control`` ``number`` answers to the values of the cycle at ``cycle`` (s, monotonic).
+
+    ``value`` as in ``CyclicVelocity`` or ``CyclicTorque``; a ``failure`` instead is why it will not answer any more.
+    """
+
+    number: int
+    cycle: float
+    value: int
+    failure: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Home:
     """MC_Home."""
 
@@ -160,6 +186,25 @@ class ProbeAbort:
 
 
 @dataclass(frozen=True, slots=True)
+class SetOverride:
+    """MC_SetOverride: what the axis is led at, or its drive plans, goes at ``factor`` times its velocity, 0 (it holds) to 1.5."""
+
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseBy:
+    """MC_PhasingRelative: the slave sees its master ``shift`` units farther on, by ``velocity`` and ``acceleration`` at most.
+
+    All in units of the master, per s and per s²; both above 0.
+    """
+
+    shift: float
+    velocity: float
+    acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -195,6 +240,8 @@ Command = (
     | TorqueControl
     | CyclicVelocity
     | CyclicTorque
+    | Control
+    | Answer
     | Home
     | SetPosition
     | FollowTrajectory
@@ -202,6 +249,8 @@ Command = (
     | GearOut
     | Probe
     | ProbeAbort
+    | SetOverride
+    | PhaseBy
     | Shutdown
     | PolicyStop
     | HandOver

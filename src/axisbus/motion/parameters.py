@@ -151,7 +151,8 @@ class AxisParameters:
     ``objects`` are the indices that the drive's dictionary has (first-axis numbers). ``quick_stop_holds``: the drive stays enabled
     after a quick stop (605Ah 5 to 8). ``position_window`` is in increments, None for the derived one; so are ``standstill_window``
     and ``following_error`` (see ``pull_window`` and ``lag_allowed``). ``explain_fault`` turns 603Fh
-    and ``fault_objects`` into sentences (the make's table). ``virtual``: the core leads the axis alone, without node and drive.
+    and ``fault_objects`` into sentences (the make's table). ``virtual``: the axis has no drive, and the core leads it alone;
+    ``encoder`` names the input that only tells where it is, empty of any other.
     """
 
     name: str
@@ -181,6 +182,7 @@ class AxisParameters:
     node: int = 0
     eds: str = ""  # the file that says which objects the drive has
     virtual: bool = False
+    encoder: str = ""
     scan_period: float = 0.01
 
     @property

@@ -10,6 +10,7 @@ from axisbus.eds.model import Eds
 from axisbus.sim.dials import NodeDials
 from axisbus.sim.dictionary import CANNOT_STORE, DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
 from axisbus.sim.drive import Drive
+from axisbus.sim.io import IoModule, is_module
 from axisbus.sim.modes.catalogue import IMPLEMENTED
 from axisbus.sim.motor import MotorParams
 from axisbus.sim.node.guard import HeartbeatConsumer, LifeGuard
@@ -48,7 +49,7 @@ class Device:
         seed: int = 0,
         serial: int | None = None,
     ) -> None:
-        """Make a node from what its EDS says; ``axes`` (1 to 8) are counted by their controlwords where None.
+        """Make a node from what its EDS says; ``axes`` (to 8; 0: an I/O module) are counted by their controlwords where None.
 
         ``params`` is one motor for all axes or one for each. A ``node_id`` of 255 is a node that waits for one by LSS. ``serial``
         takes the place of the file's 1018h:4, so that several made from one file can be told apart.
@@ -71,8 +72,9 @@ class Device:
                 modes=modes,
                 seed=seed + number,
             )
-            for number, motor in enumerate(_motors(params, axes or count_axes(eds)))
+            for number, motor in enumerate(_motors(params, count_axes(eds) if axes is None else axes))
         ]
+        self.io = IoModule(self.dictionary)
         self.pdos = PdoTable(self.dictionary, self.dials)
         self.consumer = HeartbeatConsumer()
         self.life_guard = LifeGuard()
@@ -91,7 +93,7 @@ class Device:
 
     @property
     def drive(self) -> Drive:
-        """The first axis."""
+        """The first axis; an I/O module has none, and raises IndexError."""
         return self.drives[0]
 
     @property
@@ -211,6 +213,7 @@ class Device:
             self.nmt = NmtState.PRE_OPERATIONAL
         elif reaction == 2:
             self.nmt = NmtState.STOPPED
+        self.io.fail()
         for drive in self.drives:
             drive.connection_lost(code)
 
@@ -230,6 +233,7 @@ class Device:
             return
         before, self.nmt = self.nmt, RESULT[NmtCommand(command)]
         if self.nmt is NmtState.STOPPED and before is not NmtState.STOPPED:
+            self.io.fail()
             for drive in self.drives:
                 drive.connection_lost(NMT_LEFT)
 
@@ -332,11 +336,11 @@ class Device:
 
 
 def count_axes(eds: Eds) -> int:
-    """Return how many axes a file describes, by the controlwords at 6040h + n · 800h; at least one."""
+    """Return how many axes a file describes, by the controlwords at 6040h + n · 800h; at least one, and none of an I/O module."""
     count = 0
     while count < _MAX_AXES and 0x6040 + count * AXIS_SPAN in eds:
         count += 1
-    return max(1, count)
+    return count or int(not is_module(eds))
 
 
 def _motors(params: MotorParams | Sequence[MotorParams] | None, axes: int) -> list[MotorParams]:

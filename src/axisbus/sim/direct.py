@@ -18,6 +18,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
 from axisbus.sim.dials import CycleDials
+from axisbus.sim.direct_io import DirectIoPort
 from axisbus.sim.direct_port import DirectPort
 
 __all__ = ["CycleDials", "DirectCycle", "DirectPort"]
@@ -40,13 +41,17 @@ class DirectCycle:
         operational: bool = True,
         dials: CycleDials | None = None,
         devices: Sequence[Device] = (),
+        io: Sequence[DirectIoPort] = (),
     ) -> None:
-        """Drive ``ports`` and ``devices`` (nodes without an axis); ``heartbeat`` is the period of ours in s (0: none).
+        """Drive ``ports``, inputs and outputs (``io``) and ``devices`` (nodes without an axis).
+
+        ``heartbeat`` is the period of ours in s (0: none).
 
         ``operational`` boots all nodes at once and starts them, but for dead ones, which hear nothing; else they boot as time
         passes, and ``nmt`` starts them. Each of ``listeners`` is called with the time and every node's new emergency messages.
         """
         self.ports = list(ports)
+        self.io = list(io)
         self.dials = dials or CycleDials()
         self.devices: list[Device] = list(devices)
         self.listeners: list[Listener] = []
@@ -105,6 +110,8 @@ class DirectCycle:
             self._advance(self._now + blocked)
         for port in self.ports:
             port.commit(self._now)
+        for io in self.io:
+            io.commit()
 
     def sync(self) -> None:
         """Send SYNC: inputs are sampled, outputs take effect, cyclic targets are latched.
@@ -123,6 +130,9 @@ class DirectCycle:
             port.sample(now)
         for port in self.ports:
             port.latch()
+        for io in self.io:
+            io.sample(now)
+            io.latch()
         for device in self.devices:
             if device.operational and not device.dials.dead:
                 device.sync()
@@ -199,5 +209,7 @@ class DirectCycle:
         for port in self.ports:
             dead = port.device.dials.dead
             port.advance(now, () if dead else messages[port.device.node_id])
+        for io in self.io:
+            io.advance(now)
         for listener in self.listeners:
             listener(now, messages)

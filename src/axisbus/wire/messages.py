@@ -22,12 +22,10 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import Way
 from axisbus.errors import AxisbusError
-from axisbus.link import Stopped
-from axisbus.motion.commands import Command
-from axisbus.motion.group.commands import GroupCommand
+from axisbus.link import Stopped, Unsafe
 from axisbus.motion.moves.streamed import StreamHead
 from axisbus.motion.parameters import AxisParameters
-from axisbus.session import AxisFacts, CommandEvent, CommandSeen, LatenessReport, Program, Target
+from axisbus.session import AnyCommand, AxisFacts, CommandEvent, CommandSeen, LatenessReport, Program, Target
 from axisbus.wire.values import Codec
 
 
@@ -96,7 +94,7 @@ class Submit:
 
     number: int
     target: Target
-    command: Command | GroupCommand
+    command: AnyCommand
     name: str
     stream: int = 0
 
@@ -266,10 +264,15 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Rescued:
-    """The core is dead; ``why`` says how it ended, ``stopped`` how its warden left the axes that had been commanded."""
+    """The core is dead; ``why`` says how it ended, ``stopped`` how its warden left the axes that had been commanded.
+
+    Of the outputs that had been set, ``safe`` are seen in their safe state, and ``unsafe`` are not.
+    """
 
     why: str
     stopped: tuple[Stopped, ...]
+    unsafe: tuple[Unsafe, ...] = ()
+    safe: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from axisbus.errors import AxisbusError
+from axisbus.machine.handle import Handle
 from axisbus.motion.parameters import HoldsLoad
 from kit.campaign.facts import Asked, Facts
 from kit.campaign.mishaps import ENDS, MISHAPS
+from kit.campaign.outputs import Outputs
 from kit.campaign.rest import WAY, Rest
 from kit.campaign.travel import Travel
 from kit.campaign.truth import Truth
@@ -23,11 +25,19 @@ class Judge:
     def __init__(self, facts: Facts) -> None:
         self.facts = facts
         self._rest, self._travel, self._truth = Rest(facts), Travel(facts), Truth(facts)
+        self._outputs = Outputs(facts.cell) if facts.cell.machine.io else None
+        self._switched: list[Handle] = []
 
     def asked(self, asked: Asked) -> None:
         """A command was given."""
         self.facts.asked.append(asked)
         self._rest.asked(asked)
+
+    def switch(self, value: float) -> None:
+        """Set the outputs of a cell that has some, by a number from -1 to 1."""
+        if self._outputs is not None:
+            asked = {"lamp": value > 0.0, "clamp": abs(value) > 0.5}
+            self._switched += [self._outputs.ask(name, int(on)) for name, on in asked.items()]
 
     def happen(self, what: str, axis: str, value: float) -> None:
         """A mishap begins or ends."""
@@ -65,6 +75,8 @@ class Judge:
         for name in facts.names:
             facts.look(name)
         self._note_ends()
+        if self._outputs is not None:
+            self._outputs_hold(self._outputs)
         for name in facts.names:
             self._rest.look(name)
             self._travel.look(name)
@@ -100,6 +112,24 @@ class Judge:
             if name not in honest:
                 self._is_left(name, text)
         self._stays_left(honest, text)
+        if self._outputs is not None:
+            self._outputs_are_left(self._outputs, honest, text)
+
+    def _outputs_hold(self, outputs: Outputs) -> None:
+        self.facts.must(not outputs.wrong, "an output has what was asked for", "; ".join(outputs.wrong))
+
+    def _outputs_are_left(self, outputs: Outputs, honest: list[str], text: str) -> None:
+        self._outputs_hold(outputs)
+        for handle in self._switched:
+            self.facts.must(not handle.busy, "every handle ends", f"{handle!r} is busy")
+        for name in outputs.unsafe():
+            told = f"{name} could not be confirmed as safe" in text
+            self.facts.must(
+                told, "closed means safe", f"{name} is {outputs.shown(name)}; it was said {text!r}"
+            )
+        early = outputs.early.difference(honest)
+        early = {name for name in early if self.facts.core[name].touched}
+        self.facts.must(not early, "outputs become safe last", f"{early} had power; it was said {text!r}")
 
     def _is_left(self, name: str, text: str) -> None:
         facts = self.facts
@@ -127,6 +157,9 @@ class Judge:
         for asked in self.facts.asked:
             if not asked.handle.busy:
                 asked.handle.exception()
+        for handle in self._switched:
+            if not handle.busy:
+                handle.exception()
 
 
 def _with(facts: Facts) -> None:

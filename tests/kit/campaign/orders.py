@@ -9,12 +9,15 @@ from typing import NamedTuple
 from axisbus.machine.axis import Axis
 from axisbus.machine.cam import Cam
 from axisbus.machine.handle import Handle
+from axisbus.machine.streaming.controller import Measured
 from axisbus.motion.trajectory import Trapezoid
 from kit.cell import Cell
 from kit.plants import Ramp
 
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
-QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
+OVERRIDES = {"override", "axis_override", "cell_override"}
+QUIET = STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position"}  # nothing moves by these
+_LOOP = 5.0  # seconds of a controller
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
 
@@ -28,6 +31,28 @@ class Order(NamedTuple):
     give: Callable[[Cell, str, float], Handle]
     goal: float | None = None
     relative: bool = False
+
+
+def _controller(cell: Cell, name: str, value: float) -> Handle:
+    """A loop that follows a place; it fails where it gets lost, and after some seconds."""
+
+    def loop(seen: Measured) -> float:
+        if seen.position is None or (value < -0.7 and seen.position > 20.0) or cell.now > end:
+            raise ValueError("lost sight of it")
+        return 3.0 * (60.0 * value * math.sin(2.0 * seen.time) - seen.position)
+
+    end = cell.now + _LOOP
+    return cell[name].controller(loop).handle
+
+
+def _torque_controller(cell: Cell, name: str, value: float) -> Handle:
+    def loop(seen: Measured) -> float:
+        if cell.now > end:
+            raise ValueError("seen enough")
+        return 0.3 * value - 0.002 * (seen.velocity or 0.0)
+
+    end = cell.now + _LOOP
+    return cell[name].controller(loop, by="torque", slope=5.0).handle
 
 
 def demand_of(cell: Cell, name: str) -> float:
@@ -80,17 +105,28 @@ ORDERS: Mapping[str, Order] = {
     "torque": Order(lambda cell, name, value: cell[name].torque_control(0.3 * value)),
     "cyclic_velocity": Order(lambda cell, name, value: cell[name].cyclic_velocity(150.0 * value)),
     "cyclic_torque": Order(lambda cell, name, value: cell[name].cyclic_torque(0.3 * value, slope=5.0)),
+    "controller": Order(_controller),
+    "torque controller": Order(_torque_controller),
     "home": Order(lambda cell, name, _: cell[name].home()),
     "set_position": Order(lambda cell, name, value: cell[name].set_position(100.0 * value)),
     "move_waiting": Order(
         lambda cell, name, value: cell[name].move_absolute(60.0 * value, velocity=90.0, buffer=True)
     ),
     "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
+    "phase": Order(
+        lambda cell, name, value: cell[name].phase_by(20.0 * value, velocity=30.0, acceleration=200.0)
+    ),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
+    "axis_override": Order(lambda cell, name, value: cell[name].set_override(_override(value))),
     "follow": Order(_trapezoid, 200.0, relative=True),
     "follow_on": Order(lambda cell, name, _: cell[name].follow(Ramp(demand_of(cell, name)))),
 }
+
+
+def _override(value: float) -> float:
+    """Each fourth holds; the others are from 0.1 to 1.5."""
+    return 0.0 if value < -0.5 else 0.1 + 1.4 * abs(value)
 
 
 def _line(cell: Cell, value: float) -> tuple[float, ...]:
@@ -141,6 +177,7 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     ),
     "stream": _stream,
     "override": lambda cell, value: _group(cell).set_override(1.0 + 0.5 * value),
+    "cell_override": lambda cell, value: cell.machine.set_override(_override(value)),
     "resume": lambda cell, _: _group(cell).resume(),
     "move_direct": lambda cell, value: _group(cell).move_direct(_line(cell, value), velocity=100.0),
 }
@@ -154,6 +191,7 @@ MOTIONS = (
     "move_additive",
     "move_waiting",
     "gear",
+    "phase",
     "cam",
     "gear_out",
     "follow",
@@ -163,6 +201,8 @@ MOTIONS = (
     "cyclic_velocity",
     "cyclic_velocity",
     "cyclic_torque",
+    "controller",
+    "torque controller",
     "home",
 )
 AXIS_STOPS = ("halt", "halt", "stop", "stop", "quick_stop", "disable", "coast")

@@ -77,6 +77,7 @@ def happen(event: Event, judge: Judge) -> None:
     if event.what in MISHAPS or event.what in ENDS:
         judge.happen(event.what, event.axis, event.value)
         return
+    judge.switch(event.value)
     with suppress(AxisbusError):
         goals = dict(_goals(facts, event))
         handle = _give(facts.cell, event)

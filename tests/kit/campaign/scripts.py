@@ -22,6 +22,8 @@ def script(seed: int, episodes: int = 3) -> Script:
     """Return what happens in the campaign of a seed; every axis is enabled at its beginning."""
     chance = random.Random(seed)
     name = _scene(chance)
+    if name == "usual" and seed % 2:
+        name = "outputs"  # the same cell with a module beside it
     scene = scene_of(name)
     plant = chance.choice(scene.plants)
     events = [event for _ in range(episodes) for event in _episode(chance, scene.names)]

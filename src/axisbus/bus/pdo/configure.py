@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import replace
 
-from axisbus.bus.pdo.mapping import axis_objects
+from axisbus.bus.pdo.mapping import DevicePdos, axis_objects
 from axisbus.bus.pdo.plan import Change, Plan, PlannedPdo, Policy, Wanted, make_plan
 from axisbus.bus.pdo.read import Indices, read_number, read_pdo, read_pdos
 from axisbus.bus.sdo.client import SdoClient
@@ -59,13 +59,27 @@ def configure(
         BootError: a step failed in a way that no other plan avoids; the drive has back what it had, as far as it lets us.
         SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
     """
-    policy = policy or Policy()
+
+    def made(device: DevicePdos, policy: Policy) -> Plan:
+        return make_plan(
+            sdo.node_id, device, axis_objects(sdo.dictionary, device, axis), wanted, policy, axis
+        )
+
+    return negotiate(sdo, made, policy or Policy(), on_plan, also)
+
+
+def negotiate(
+    sdo: SdoClient,
+    made: Callable[[DevicePdos, Policy], Plan],
+    policy: Policy,
+    on_plan: Callable[[Plan], None] | None = None,
+    also: Collection[tuple[bool, int]] = (),
+) -> Plan:
+    """Bring the device to the plan that is ``made`` of its PDOs and a policy; it allows less after each refusal."""
     learnt: list[str] = []
     for _ in range(_ATTEMPTS):
         device = read_pdos(sdo, also)
-        plan = make_plan(
-            sdo.node_id, device, axis_objects(sdo.dictionary, device, axis), wanted, policy, axis
-        )
+        plan = made(device, policy)
         plan = replace(plan, notes=(*learnt, *plan.notes))
         if on_plan is not None:
             on_plan(plan)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.pdo import MappedObject, Pdo
 from axisbus.cia402 import dictionary as catalogue
 from axisbus.cia402.axes import own_index
@@ -60,6 +61,24 @@ def axis_objects(dictionary: Dictionary, device: DevicePdos, axis: int = 1) -> d
         if entry is not None:
             found[index] = entry
     return found
+
+
+def map_entry_of(dictionary: Dictionary, index: int, subindex: int = 0) -> MapEntry | None:
+    """Return an integer object as its EDS lets it be mapped; None where the EDS has none such."""
+    variable = None if dictionary.eds is None else dictionary.eds.get(index, subindex)
+    if variable is None:
+        return None
+    data_type = merged_type(variable.data_type, standard(index, subindex)[1])
+    if data_type.bits is None or not (data_type.integer or data_type is DataType.BOOLEAN):
+        return None
+    return MapEntry(
+        index,
+        subindex,
+        data_type.bits,
+        data_type.signed,
+        receive=variable.pdo_mapping and variable.access in _RECEIVES,
+        transmit=variable.pdo_mapping and variable.access in _TRANSMITS,
+    )
 
 
 def _entry(dictionary: Dictionary, index: int) -> MapEntry | None:

@@ -15,7 +15,7 @@ the reason in ``notes``; what must be synchronous and is not is ``impossible``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -176,8 +176,8 @@ def make_plan(
     wanted = wanted or Wanted()
     policy = policy or Policy()
     ids = CobIds(node_id, device, policy.taken, policy.spare)
-    outputs = _Side(True, _entries(OUTPUT_OBJECTS, wanted.outputs, objects, axis), policy)
-    inputs = _Side(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
+    outputs = Side(True, _entries(OUTPUT_OBJECTS, wanted.outputs, objects, axis), policy)
+    inputs = Side(False, _entries(INPUT_OBJECTS, wanted.inputs, objects, axis), policy)
     pdos = (*outputs.plan(device.rpdos, axis, ids), *inputs.plan(device.tpdos, axis, ids))
     sources_out = outputs.sources(wanted.outputs, pdos)
     sources_in = inputs.sources(wanted.inputs, pdos)
@@ -215,7 +215,7 @@ def _entries(
 
 
 @dataclass(frozen=True, slots=True)
-class _Side:
+class Side:
     """One direction: the wanted objects that the axis has, by the value's name."""
 
     receive: bool
@@ -223,19 +223,35 @@ class _Side:
     policy: Policy
 
     def plan(self, pdos: tuple[Pdo, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
+        """Plan the PDOs of an axis, out of all that the device has."""
         usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
-        kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
+        slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
+        chosen = self.chosen(usable, slots, layout, ids)
+        return (*chosen, *self._redundant(pdos, chosen))
+
+    def chosen(
+        self, usable: Sequence[Pdo], slots: Sequence[Pdo], layout: Sequence[Sequence[str]], ids: CobIds
+    ) -> list[PlannedPdo]:
+        """Plan by what ``usable`` PDOs map already, or by a ``layout`` over ``slots``, where that may be made and carries more."""
+        kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
         if self.policy.remap and self.policy.communication:
-            slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
             laid = choose.lay_out(slots, self._mappable(), layout, last=edge.CONTROLWORD)
             if len(laid.carried) > len(kept.carried):
                 kept = laid
         planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
-        chosen = [pdo for pdo in planned if pdo is not None]
-        return (*chosen, *self._redundant(pdos, chosen))
+        return [pdo for pdo in planned if pdo is not None]
 
-    def sources(self, wanted: tuple[str, ...], pdos: tuple[PlannedPdo, ...]) -> dict[str, Source]:
+    def travels(self, pdo: Pdo) -> bool:
+        """Whether it may be used: it is sent or taken without being asked for, or can be made so."""
+        return self._travels(pdo)
+
+    def reason(self, name: str) -> str:
+        """Return why no PDO carries a value that the device has."""
+        return self._reason(self.entries[name])
+
+    def sources(self, wanted: tuple[str, ...], pdos: Sequence[PlannedPdo]) -> dict[str, Source]:
+        """Return how each value travels by these PDOs."""
         found = {name: Source.SDO if name in self.entries else Source.NONE for name in wanted}
         for pdo in pdos:
             if pdo.receive is self.receive:

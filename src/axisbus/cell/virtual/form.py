@@ -10,7 +10,7 @@ from axisbus.cell import schema
 from axisbus.cell.model import AxisConfig
 from axisbus.units import INCREMENTS
 
-VIRTUAL = "virtual"
+VIRTUAL, ENCODER = "virtual", "encoder"
 # The keys of a virtual axis, and those of its tables.
 KEYS = frozenset(
     {
@@ -22,6 +22,8 @@ TABLES: Mapping[str, frozenset[str]] = {
     "defaults": frozenset({"velocity", "acceleration", "deceleration"}),
     "stop": frozenset({"deceleration", "halt_time", "quick_stop_time", "disable_time"}),
 }
+# Of an encoder's: it is where its input says, and nothing leads it.
+KEYS_OF_ENCODER = frozenset({VIRTUAL, ENCODER, "unit", "scale", "modulo"})
 
 # Increments per unit, where the file gives none. That is no guess about a drive: it is only how finely the core counts. It must be
 # finer than what follows it, and coarse enough for 607Ah and 60FFh, which hold 2³¹ increments to either side: ten thousand leave
@@ -36,6 +38,16 @@ class Foreign(NamedTuple):
 
     path: tuple[str, ...]
     remedy: str
+
+
+def is_virtual(table: Mapping[str, Any]) -> bool:
+    """Whether the table of an axis is that of one without a drive."""
+    return table.get(VIRTUAL) is True or ENCODER in table
+
+
+def keys_of(table: Mapping[str, Any]) -> tuple[frozenset[str], Mapping[str, frozenset[str]]]:
+    """Return the keys that the table of an axis without a drive may have, and those of its tables."""
+    return (KEYS_OF_ENCODER, {}) if ENCODER in table else (KEYS, TABLES)
 
 
 def resolution(unit: object) -> Fraction:
@@ -53,12 +65,13 @@ def quick_deceleration(axis: AxisConfig) -> float | None:
 
 def foreign(table: Mapping[str, Any]) -> Iterator[Foreign]:
     """Yield what stands in the table of a virtual axis and belongs to a drive."""
+    keys, tables = keys_of(table)
     for key in table:
-        if key in schema.AXIS and key not in KEYS:
+        if key in schema.AXIS and key not in keys:
             yield Foreign((key,), f"leave {key} out")
-        elif key in schema.AXIS_TABLES and key not in TABLES:
-            yield Foreign((key,), _LEAVE_TABLE[key])
-    for name, own in TABLES.items():
+        elif key in schema.AXIS_TABLES and key not in tables:
+            yield Foreign((key,), _LEAVE_TABLE.get(key, "leave it out: nothing leads an encoder"))
+    for name, own in tables.items():
         given, known = table.get(name), schema.AXIS_TABLES[name] or {}
         for key in given if isinstance(given, dict) else ():
             if key in known and key not in own:

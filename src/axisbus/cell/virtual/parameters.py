@@ -26,6 +26,7 @@ OBJECTS = SETTINGS | {
     objects.TARGET_POSITION,
     objects.TARGET_VELOCITY,
 }
+OBJECTS_OF_ENCODER = frozenset({objects.STATUSWORD, objects.POSITION_ACTUAL})
 MODES = frozenset(
     {
         ModeOfOperation.PROFILE_POSITION,
@@ -57,6 +58,28 @@ def virtual_parameters(cell: CellConfig, name: str) -> AxisParameters:
     )
 
 
+def encoder_parameters(cell: CellConfig, name: str) -> AxisParameters:
+    """Return the parameters of an axis that an input tells the place of: nothing leads it, and no mode is its."""
+    axis = cell.axes[name]
+    source = cell.io.get(axis.encoder or "")
+    return AxisParameters(
+        name=name,
+        node=0 if source is None else source.node,
+        units=units_of(axis),
+        homing=Homing(required=False),
+        objects=OBJECTS_OF_ENCODER,
+        modes=frozenset(),
+        scan_period=cell.bus.scan_period,
+        virtual=True,
+        encoder=axis.encoder or "",
+    )
+
+
 def all_virtual(cell: CellConfig) -> dict[str, AxisParameters]:
-    """Return the parameters of every virtual axis of a cell, by name."""
-    return {name: virtual_parameters(cell, name) for name, axis in cell.axes.items() if axis.virtual}
+    """Return the parameters of every axis without a drive, by name."""
+    made = {
+        name: (encoder_parameters if axis.encoder is not None else virtual_parameters)
+        for name, axis in cell.axes.items()
+        if axis.virtual
+    }
+    return {name: make(cell, name) for name, make in made.items()}

@@ -20,7 +20,9 @@ from axisbus.cli.shared.options import beside_option
 from axisbus.cli.shared.paths import PATH
 from axisbus.cli.shared.speech import in_commands
 from axisbus.cli.shared.terminal import coloured
+from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
+from axisbus.machine.io import Signal
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
 
@@ -69,7 +71,12 @@ def command(
             if not as_json and machine.dropped:
                 say(words(machine.dropped))
     if not as_json:
-        say_next(f"axisbus home {cell}, or axisbus move {cell} {next(iter(machine)).name}=...")
+        first = next(iter(machine), None)
+        say_next(
+            f"axisbus boot {cell}"
+            if first is None
+            else f"axisbus home {cell}, or axisbus move {cell} {first.name}=..."
+        )
     return OK
 
 
@@ -88,7 +95,7 @@ def look_on(machine: Machine, every: float, count: int | None, as_json: bool) ->
 
         def look() -> live.Seen:
             rows, news = _rows(machine, told, drops)
-            return live.Seen(rows, beside.lines(), news)
+            return live.Seen(rows, [*io_lines(machine), *beside.lines()], news)
 
         live.show(look, lambda: machine.sleep(every), count)
         return
@@ -108,6 +115,7 @@ def _look_as_json(machine: Machine, beside: BesideAxes) -> None:
         "bus_events": [str(event) for event in machine.bus_events],
         "dropped": [plain_drop(drop) for drop in machine.dropped],
         "machine": beside.values(),
+        "io": {name: value_of(signal) for name, signal in machine.io.items()},
     }
     say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
 
@@ -120,7 +128,7 @@ def _look(machine: Machine, told: set[str], drops: DropNews, beside: BesideAxes)
         )
         if row["error"]:
             say("         " + row["error"].replace("\n", "\n         "))
-    for line in [*beside.lines(), *_since(machine, told, drops)]:
+    for line in [*io_lines(machine), *beside.lines(), *_since(machine, told, drops)]:
         say(f"         {line}")
 
 
@@ -144,7 +152,32 @@ def _row(axis: Axis) -> dict[str, str]:
         "velocity": _number(seen["velocity"], axis.unit + "/s"),
         "age": _age(seen["age"]),
     }
-    return {key: str(value or "") for key, value in seen.items()} | numbers
+    texts = {key: str(value or "") for key, value in seen.items()} | numbers
+    if seen["override"] != 1.0:
+        texts["bits"] = ", ".join(text for text in (f"override {seen['override']:g}", texts["bits"]) if text)
+    return texts
+
+
+def io_lines(machine: Machine) -> list[str]:
+    """Return the inputs and outputs in one line, none where the cell names none."""
+    told = [f"{name} {_told_value(signal)}" for name, signal in machine.io.items()]
+    return [f"inputs and outputs: {', '.join(told)}"] if told else []
+
+
+def value_of(signal: Signal) -> bool | int | float | None:
+    """Return the value of an input or output, None where it is unknown."""
+    try:
+        return signal.value
+    except StaleError:
+        return None
+
+
+def _told_value(signal: Signal) -> str:
+    value = value_of(signal)
+    if value is None:
+        return "unknown"
+    text = {True: "on", False: "off"}[value] if isinstance(value, bool) else f"{value:g}"
+    return f"{text} {signal.unit}".strip()
 
 
 def _since(machine: Machine, told: set[str], drops: DropNews) -> list[str]:
@@ -254,6 +287,7 @@ def describe(axis: Axis) -> dict[str, object]:
         "bits": ""
         if snapshot.statusword is None
         else ", ".join(statusword.bit_words(snapshot.statusword, mode)),
+        "override": axis.total_override,
         "error": None if snapshot.error is None else in_commands(snapshot.error),
     }
 

@@ -12,21 +12,27 @@ from axisbus.boot.objects import DeviceObjects
 from axisbus.bus.link.controller import ControllerEvent
 from axisbus.bus.node.nmt import not_obeyed
 from axisbus.bus.pdo.eventtimer import EventTimer
+from axisbus.cell.io.points import points_of
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cia301.drops import Drop
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia401.point import Point, addresses
+from axisbus.cia401.port import IoPort
 from axisbus.cia402.port import INPUT_OBJECTS, OUTPUT_OBJECTS, Capabilities, Port, Source
 from axisbus.core.direct.node import DirectNode
+from axisbus.core.io.safe import make_safe
 from axisbus.core.node_parts import NodeParts
 from axisbus.core.stand_in import StandIn
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import NodeTimeout, SdoError
-from axisbus.link import Parting, Stopped
+from axisbus.link import Parting, Stopped, Unsafe
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.direct import DirectCycle, DirectPort
+from axisbus.sim.direct_io import DirectIoPort
 
 _EVENT_TIMER = 0.02
 _HEARTBEAT = (
@@ -35,11 +41,15 @@ _HEARTBEAT = (
 
 
 class DirectComms:
-    """What boot-up needs of a stand-in that is reached without a bus."""
+    """What boot-up needs of a stand-in that is reached without a bus; ``io`` are its inputs and outputs once they are in use."""
 
-    def __init__(self, device: Device, ports: Mapping[str, DirectPort]) -> None:
+    def __init__(
+        self, device: Device, ports: Mapping[str, DirectPort], io: DirectIoPort | None = None
+    ) -> None:
         self._device = device
         self._ports = ports
+        self._io = io
+        self.io: DirectIoPort | None = None
 
     @property
     def find_tries(self) -> int:
@@ -105,6 +115,11 @@ class DirectComms:
         """Return how the values of an axis travel."""
         return self._ports[axis.name].capabilities
 
+    def connect_io(self, points: Sequence[Point]) -> str:  # noqa: ARG002  # of the same points
+        """Use the port that the link has made for them."""
+        self.io = self._io
+        return "PDOs, in virtual time"
+
     def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:  # noqa: ARG002
         """None: without a bus there are no PDOs."""
         return ()
@@ -147,10 +162,17 @@ class DirectLink:
         self._ports = {
             name: _port(cell, axis, self._devices[axis.node]) for name, axis in cell.driven.items()
         }
+        self._io = {
+            node_id: _io_port(cell, points, self._devices[node_id])
+            for node_id, eds in dictionaries.items()
+            if (points := points_of(cell, node_id, Dictionary(eds, node_id)))
+        }
+        self._io_used: dict[int, DirectIoPort] = {}
         self._booted: dict[int, Booted] = {}
         self._parts: dict[int, NodeParts] = {}
         self.cycle = DirectCycle(
             list(self._ports.values()),
+            io=list(self._io.values()),
             master_id=cell.bus.master_id,
             heartbeat=cell.bus.heartbeat or 0.0,
             devices=[device for node_id, device in self._devices.items() if not any(cell.axes_of(node_id))],
@@ -163,7 +185,8 @@ class DirectLink:
         """As ``Link.boot``, at first or when it has appeared."""
         cell, eds, device = self._cell, self._dictionaries[node_id], self._devices[node_id]
         objects = DeviceObjects(device)
-        booted = NodeBoot(cell, node_id, eds, objects, DirectComms(device, self._ports)).run()
+        comms = DirectComms(device, self._ports, self._io.get(node_id))
+        booted = NodeBoot(cell, node_id, eds, objects, comms).run()
         node = DirectNode(device, self.cycle.now(), cell.bus.heartbeat or _HEARTBEAT)
         self._booted[node_id] = booted
         self._parts[node_id] = NodeParts(
@@ -178,6 +201,9 @@ class DirectLink:
             self.cycle.listeners.append(lambda now, emcys: node.listen(now, emcys[node_id]))
             for port in self._own(node_id).values():
                 port.know_state(self.cycle.now())
+            if comms.io is not None:
+                comms.io.know_state(self.cycle.now())
+                self._io_used[node_id] = comms.io
         return booted
 
     def begin(self) -> None:
@@ -186,6 +212,10 @@ class DirectLink:
     def ports(self, node_id: int) -> Mapping[str, Port]:
         """As ``Link.ports``."""
         return dict[str, Port](self._own(node_id))
+
+    def io(self, node_id: int) -> IoPort | None:
+        """As ``Link.io``."""
+        return self._io_used.get(node_id)
 
     def parts(self, node_id: int) -> NodeParts:
         """As ``Link.parts``."""
@@ -201,6 +231,11 @@ class DirectLink:
     def rescue(self, names: Collection[str]) -> list[Stopped]:
         """Without the scan no virtual time passes, so nothing more can be done or seen here."""
         return [Stopped(name, False, "NOT CONFIRMED as stopped: virtual time stands still") for name in names]
+
+    def make_safe(self, points: Collection[Point]) -> list[Unsafe]:
+        """As ``Link.make_safe``: SDO takes no time here."""
+        objects = {node_id: DeviceObjects(device) for node_id, device in self._devices.items()}
+        return make_safe(objects, points)
 
     def leave(self, how: Mapping[int, Parting]) -> None:
         """As ``Link.leave``."""
@@ -238,6 +273,12 @@ class DirectLink:
 
     def _own(self, node_id: int) -> dict[str, DirectPort]:
         return {axis.name: self._ports[axis.name] for axis in self._cell.axes_of(node_id)}
+
+
+def _io_port(cell: CellConfig, points: Sequence[Point], device: Device) -> DirectIoPort:
+    inputs, outputs = (addresses(points, output=output) for output in (False, True))
+    heartbeat = cell.bus.heartbeat or _HEARTBEAT
+    return DirectIoPort(device, inputs, outputs, sync=cell.bus.sync, heartbeat=heartbeat)
 
 
 def _port(cell: CellConfig, axis: AxisConfig, device: Device) -> DirectPort:

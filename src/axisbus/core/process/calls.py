@@ -159,14 +159,21 @@ def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
             observed="its process has ended, or its connection; nobody tells how the drives were left",
             remedy="make sure that every axis stands, then open the machine again",
         )
-    texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
+    danger = alarm(rescued.stopped)
     return ScanError(
         f"{what}, and the core of this machine is gone: {rescued.why}",
-        observed="\n            ".join(
-            ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
-        ),
-        remedy=join_remedies(alarm(rescued.stopped), "then open the machine again"),
+        observed="\n            ".join(_lines_of(rescued)),
+        remedy=join_remedies(danger, "then open the machine again" if danger else "open the machine again"),
     )
+
+
+def _lines_of(rescued: m.Rescued) -> list[str]:
+    """Return what its warden has done, line by line."""
+    texts = [f"{each.axis}: {each.text}" for each in rescued.stopped]
+    stopped = ["its warden stopped the drives:", *texts] if texts else ["no axis had been commanded"]
+    safe = [f"its warden made outputs safe: {', '.join(rescued.safe)}"] if rescued.safe else []
+    unsafe = [f"{each.output} NOT CONFIRMED as safe: {each.text}" for each in rescued.unsafe]
+    return [*stopped, *safe, *unsafe]
 
 
 def _log(line: m.Logged) -> None:

@@ -23,6 +23,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader
+from axisbus.wire.io_image import IoImage
 from axisbus.wire.stream import Stream
 
 if TYPE_CHECKING:
@@ -63,7 +64,8 @@ class RemoteCore:
         stream = Stream(process.line, m.CODEC.pack, "axisbus asks")
         self._calls = Calls(stream, self._soon(), self._later(), self._gone)
         image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
-        self.session = RemoteSession(self._calls, image, self._errors, {}, cell.bus.scan_period)
+        io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
+        self.session = RemoteSession(self._calls, image, io, self._errors, {}, cell.bus.scan_period)
         self._calls.start()
         self._warden_over = threading.Event()
         self._warden = self._watch_warden(process.warden)

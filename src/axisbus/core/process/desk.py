@@ -13,9 +13,9 @@ from axisbus.core.process.outlet import Reader
 from axisbus.core.process.streams import Streams
 from axisbus.errors import AxisbusError, OwnershipError, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import ForEach, GroupCommand
+from axisbus.motion.group.commands import ForEach
 from axisbus.motion.ticket import Status
-from axisbus.session import CommandEvent
+from axisbus.session import AnyCommand, CommandEvent
 from axisbus.wire import messages as m
 from axisbus.wire.stream import Stream
 
@@ -27,7 +27,7 @@ STOPS = (c.Halt, c.QuickStop)  # what everybody may command
 NUMBERS = 1 << 32  # of the commands of one client
 _ASKED = 64  # questions of one client that may wait for their answers
 
-Command = c.Command | GroupCommand
+Command = AnyCommand
 
 
 class Desk:

@@ -10,15 +10,20 @@ from contextlib import ExitStack, suppress
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
+from axisbus.cell.io.points import points_of
 from axisbus.cell.model import CellConfig
+from axisbus.cia401.point import Point
 from axisbus.core.files import read_once
+from axisbus.core.io.safe import make_safe
 from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.reach import reach
+from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
-from axisbus.link import Stopped
+from axisbus.link import Stopped, Unsafe
 from axisbus.wire import image, lifeline
+from axisbus.wire.io_image import IoImage
 from axisbus.wire.messages import CODEC, Rescued
 from axisbus.wire.stream import Stream
 
@@ -54,18 +59,34 @@ class Rescuer:
         """Whether the core, which is dead, has not left its drives as it ought to."""
         return self.runs or lifeline.stage_of(self._memory, self._at) is lifeline.Stage.LEAVING
 
-    def rescue(self, why: str) -> tuple[Stopped, ...]:
-        """Stop the drives, tell the program, and return how each was left; blocks. ``why``: how the core ended."""
+    def rescue(self, why: str) -> Rescued:
+        """Stop the drives, make outputs safe, tell the program, and return what was told; blocks. ``why``: how the core ended."""
         found = lifeline.found(self._memory, self._at)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
         stream = Stream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus warden")
-        stopped = self._stop(names, found.frames)
-        stream.send(Rescued(why, stopped))
+        rescued = self._stop(why, names, found.frames)
+        stream.send(rescued)
         stream.close(_FAREWELL)
-        return stopped
+        return rescued
 
-    def _stop(self, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> tuple[Stopped, ...]:
-        return tuple(stop(self._cell, self._dictionaries, self._open, names, frames)) if names else ()
+    def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
+        outputs = self._outputs()
+        if not names and not outputs:
+            return Rescued(why, ())
+        stopped, unsafe = stop(self._cell, self._dictionaries, self._open, names, frames, outputs)
+        doubtful = {each.output for each in unsafe}
+        safe = tuple(point.name for point in outputs if point.name not in doubtful)
+        return Rescued(why, tuple(stopped), tuple(unsafe), safe)
+
+    def _outputs(self) -> list[Point]:
+        """The outputs that had been set."""
+        readings = IoImage(self._memory, self._duty.axes, tuple(self._cell.io)).read()
+        points = [
+            point
+            for node_id, eds in self._dictionaries.items()
+            for point in points_of(self._cell, node_id, Dictionary(eds, node_id))
+        ]
+        return [point for point in points if (seen := readings.get(point.name)) is not None and seen.set]
 
     def _open(self) -> Channel:
         drives = self._duty.drives
@@ -78,19 +99,27 @@ def stop(
     open_channel: Callable[[], Channel],
     names: Sequence[str],
     frames: Sequence[tuple[int, bytes]],
-) -> list[Stopped]:
+    outputs: Sequence[Point] = (),
+) -> tuple[list[Stopped], list[Unsafe]]:
     """Stop the axes of these names, and return how each was left; blocks until they stand, at most about 6 s.
 
-    ``frames``: what stops them by PDO. Their nodes are left as they are: their own watch over our heartbeat is the last net.
+    Then ``outputs`` are led to their safe states; those of which that is not confirmed are returned too. ``frames``: what stops the
+    axes by PDO. Their nodes are left as they are: their own watch over our heartbeat is the last net.
     """
     try:
         channel = _opened(open_channel)
     except AxisbusError as error:
         text = f"NOT STOPPED by this computer: {error.message}; only its drive's own watchdog can stop it now"
-        return [Stopped(name, False, text) for name in names]
+        return [Stopped(name, False, text) for name in names], [
+            _out_of_reach(point, error) for point in outputs
+        ]
     with channel:
         _send(channel, cell, frames)
-        return _stop_by_sdo(channel, cell, dictionaries, names)
+        return _stop_by_sdo(channel, cell, dictionaries, names, outputs)
+
+
+def _out_of_reach(point: Point, error: AxisbusError) -> Unsafe:
+    return Unsafe(point.name, point.node, f"{point.object_text} of node {point.node}: {error.message}")
 
 
 def _opened(open_channel: Callable[[], Channel]) -> Channel:
@@ -114,8 +143,13 @@ def _send(channel: Channel, cell: CellConfig, frames: Sequence[tuple[int, bytes]
 
 
 def _stop_by_sdo(
-    channel: Channel, cell: CellConfig, dictionaries: Mapping[int, Eds], names: Sequence[str]
-) -> list[Stopped]:
+    channel: Channel,
+    cell: CellConfig,
+    dictionaries: Mapping[int, Eds],
+    names: Sequence[str],
+    outputs: Sequence[Point],
+) -> tuple[list[Stopped], list[Unsafe]]:
     with ExitStack() as stack:
         nodes = [stack.enter_context(Node(channel, node_id, eds)) for node_id, eds in dictionaries.items()]
-        return stop_nodes(cell, nodes, names)
+        stopped = stop_nodes(cell, nodes, names)
+        return stopped, make_safe({node.node_id: node.sdo for node in nodes}, outputs)

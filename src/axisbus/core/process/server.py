@@ -48,6 +48,7 @@ from axisbus.errors import AxisbusError, ScanError, StateError, in_a_line
 from axisbus.version import __version__
 from axisbus.wire import messages as m
 from axisbus.wire.image import ImageReader, size_of
+from axisbus.wire.io_image import IoImage
 from axisbus.wire.lifeline import Stage
 from axisbus.wire.stream import Stream
 from axisbus.wire.values import NotForCrossing
@@ -165,6 +166,8 @@ class Server:
         self._degree = ", ".join([OWN_PROCESS, *take_priority(), *take_processor()])
         reader = ImageReader(self._memory, names, lambda _: None)
         self._faults = Faults(cell, core.session, core.nodes, outlet, reader, self._degree)
+        if cell.io:
+            core.scan.io.note = IoImage(self._memory, self._axes, tuple(cell.io)).write
         core.session.observe(outlet.after_cycle)
         core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)

@@ -20,11 +20,11 @@ from axisbus.core.process.streams import Trajectories
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.interruption import sheltered
-from axisbus.motion.commands import Command
-from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.io.reading import Reading
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import ENDED, Status
 from axisbus.session import (
+    AnyCommand,
     AxisFacts,
     CommandEvent,
     CommandSeen,
@@ -37,6 +37,7 @@ from axisbus.session import (
 from axisbus.wire import messages as m
 from axisbus.wire.frames import unpacked
 from axisbus.wire.image import ImageReader
+from axisbus.wire.io_image import IoImage
 
 log = logging.getLogger("axisbus")
 _PATIENCE = 0.5  # seconds in which the text of an error must have followed its number
@@ -75,11 +76,18 @@ class RemoteSession:
     """Holds what the core has told last, who listens, and which commands are under way."""
 
     def __init__(
-        self, calls: Calls, image: ImageReader, errors: Errors, axes: Mapping[str, AxisFacts], period: float
+        self,
+        calls: Calls,
+        image: ImageReader,
+        io: IoImage,
+        errors: Errors,
+        axes: Mapping[str, AxisFacts],
+        period: float,
     ) -> None:
         """``axes``: those that are there; ``period``: of the scan, in seconds."""
         self._calls = calls
         self._image = image
+        self._io = io
         self._errors = errors
         self._axes = dict(axes)
         self._period = period
@@ -105,6 +113,11 @@ class RemoteSession:
     def snapshots(self) -> Mapping[str, Snapshot]:
         """As ``Session.snapshots``."""
         return self._image.read()
+
+    @property
+    def readings(self) -> Mapping[str, Reading]:
+        """As ``Session.readings``."""
+        return self._io.read()
 
     @property
     def dead(self) -> str | None:
@@ -197,7 +210,7 @@ class RemoteSession:
 
     # -- commands ------------------------------------------------------------------------------------------------------
 
-    def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> int:
+    def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """As ``Session.submit``; a command that is the same as one that waits ends as that one does."""
         if self._inherited:
             raise inherited(name)

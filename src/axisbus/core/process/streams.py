@@ -7,10 +7,9 @@ from collections.abc import Callable
 
 from axisbus.core.process.feeding import Feeder, Sampler
 from axisbus.errors import ArgumentError
-from axisbus.motion.commands import Command, FollowTrajectory
-from axisbus.motion.group.commands import GroupCommand
+from axisbus.motion.commands import FollowTrajectory
 from axisbus.motion.moves.streamed import Streamed, StreamHead
-from axisbus.session import Target
+from axisbus.session import AnyCommand, Target
 from axisbus.wire import messages as m
 
 _HEAD = 2.0  # seconds of a trajectory that are sent with its command
@@ -23,7 +22,7 @@ class Streams:
         self._send = send
         self._found: dict[int, weakref.ref[Streamed]] = {}
 
-    def take(self, submit: m.Submit) -> Command | GroupCommand:
+    def take(self, submit: m.Submit) -> AnyCommand:
         """Return the command, with the trajectory that its head begins; raises ArgumentError for a bad head."""
         command = submit.command
         if not isinstance(command, FollowTrajectory):
@@ -77,7 +76,7 @@ class Trajectories:
             lambda number, error: send(m.NoSamples(number, error)),
         )
 
-    def submit(self, number: int, target: Target, command: Command | GroupCommand, name: str) -> m.Submit:
+    def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> m.Submit:
         """Return the message of a command, with the head of the trajectory that it follows, which is fed from now on.
 
         Raises:

@@ -107,11 +107,13 @@ def _watch(core: int, rescuer: Rescuer, cell: str) -> None:
     """Wait for the end of the core, or make one; then stop its drives, if it has left any, and write down what came of it."""
     why = _end_of(core, rescuer)
     if rescuer.is_needed:
-        stopped = rescuer.rescue(why)
+        rescued = rescuer.rescue(why)
         with journal(cell):  # a disk may be slow
             log.error("the core was gone: %s; so its drives were stopped", why)
-            for each in stopped:
+            for each in rescued.stopped:
                 log.error("%s: %s", each.axis, each.text)
+            for output in rescued.unsafe:
+                log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
 
 
 def _end_of(core: int, rescuer: Rescuer) -> str:

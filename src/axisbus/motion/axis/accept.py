@@ -8,7 +8,7 @@ from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
+from axisbus.errors import AxisbusError, DriveFault, LimitError, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_cyclic, accept_motion
 from axisbus.motion.axis.core import AxisCore
@@ -18,6 +18,7 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.power import Coast, Reset
 from axisbus.motion.moves.takeover import Takeover
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
@@ -43,6 +44,12 @@ def accept(core: AxisCore, command: c.Command, ticket: Ticket, gate: Gate = OPEN
 
 
 def _enable(core: AxisCore, command: c.Enable, ticket: Ticket, gate: Gate) -> None:
+    if core.parameters.encoder:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} is an encoder, and has no drive",
+            observed=f"it is where [io.{core.parameters.encoder}] says",
+            remedy="let another axis follow it: gear_in or cam_in",
+        )
     if core.state is AxisState.ERRORSTOP or core.image.state is State.FAULT:
         raise accept_motion.refusal(core, ticket, AxisState.ERRORSTOP)
     accept_motion.require_no_stop(core, ticket)
@@ -229,6 +236,31 @@ def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket, rung
         core.finish(ticket)
 
 
+def _set_override(core: AxisCore, command: c.SetOverride, ticket: Ticket, __: Gate) -> None:
+    require_override(core, command.factor, ticket)
+    core.set_override(own=command.factor)
+    core.finish(ticket)
+
+
+def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
+    """Raise where ``factor`` is no override, or nothing says with which acceleration the axis is to change its speed.
+
+    Raises:
+        LimitError: it is not from 0 to 1.5.
+        StateError: no acceleration is known.
+    """
+    if not 0.0 <= factor <= FASTER:
+        raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
+    name = core.parameters.name
+    if core.parameters.encoder:
+        return  # nothing leads it
+    if factor != 1.0 and not core.parameters.path_deceleration:
+        raise StateError(
+            f"{ticket.name}: nothing says with which acceleration {name} is to change its speed",
+            remedy=f"set acceleration in [axes.{name}.defaults] of cell.toml",
+        )
+
+
 # -- touch probe -----------------------------------------------------------------------------------------------------
 
 
@@ -272,6 +304,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.TorqueControl: accept_motion.torque,
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,
+    c.Control: accept_cyclic.control,
+    c.Answer: accept_cyclic.answer,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,
@@ -279,6 +313,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.GearOut: accept_motion.uncouple,
     c.Probe: _probe,
     c.ProbeAbort: _probe_abort,
+    c.SetOverride: _set_override,
+    c.PhaseBy: accept_motion.phase_by,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,

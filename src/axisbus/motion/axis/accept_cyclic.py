@@ -18,13 +18,14 @@ from axisbus.motion.axis.accept_motion import (
     require_rest,
 )
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.cyclic.answered import TorqueAnswered, VelocityAnswered
 from axisbus.motion.cyclic.torque import TorqueLed
 from axisbus.motion.cyclic.velocity import VelocityLed
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.leading import Leading
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.ladder import Rung
-from axisbus.motion.ticket import Ticket
+from axisbus.motion.ticket import Status, Ticket
 
 _M = ModeOfOperation
 
@@ -40,6 +41,24 @@ def torque(core: AxisCore, command: c.CyclicTorque, ticket: Ticket, gate: Gate) 
     _lead(core, TorqueLed, command, ticket, gate)
 
 
+def control(core: AxisCore, command: c.Control, ticket: Ticket, gate: Gate) -> None:
+    """A loop of the program's own in one of the two modes."""
+    if isinstance(command.by, c.CyclicVelocity):
+        down = abs(command.by.deceleration * core.parameters.units.per_velocity)
+        _begin(core, VelocityAnswered, command, ticket, gate, down)
+    else:
+        _begin(core, TorqueAnswered, command, ticket, gate)
+
+
+def answer(core: AxisCore, command: c.Answer, ticket: Ticket, _: Gate) -> None:
+    """What a loop has answered; for one that has ended it is let go of, as its own ticket has told why."""
+    running = core.activity
+    if isinstance(running, VelocityAnswered | TorqueAnswered) and running.answers.take(command):
+        core.finish(ticket)
+    else:
+        ticket.finish(Status.ABORTED)
+
+
 def _lead(
     core: AxisCore,
     led: type[VelocityLed] | type[TorqueLed],
@@ -49,13 +68,26 @@ def _lead(
     down: float | None = None,
 ) -> None:
     """``command`` is one of ``led``; ``down``: see ``require_braking``."""
-    _require(core, led.mode, ticket)
-    running = core.activity
-    if isinstance(running, led):
-        require_braking(core, down, ticket)
-        running.aim(command)
-        core.go_on(ticket)
+    running: Any = core.activity
+    if type(running) is not led:
+        _begin(core, led, command, ticket, gate, down)
         return
+    _require(core, led.mode, ticket)
+    require_braking(core, down, ticket)
+    running.aim(command)
+    core.go_on(ticket)
+
+
+def _begin(
+    core: AxisCore,
+    led: Any,
+    command: Any,
+    ticket: Ticket,
+    gate: Gate,
+    down: float | None = None,
+) -> None:
+    """Let ``led`` lead the axis, from standstill or from where it is led in the same mode."""
+    _require(core, led.mode, ticket)
     before = _led(core)
     ramp: Any = before if isinstance(before, led.ramp) else None
     require_rest(core, ticket, ramp)

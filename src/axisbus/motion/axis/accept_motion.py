@@ -27,6 +27,7 @@ from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
+from axisbus.motion.override.anew import overridden
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.ticket import Ticket
@@ -62,12 +63,16 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
     require_braking(core, profile.down, ticket)
+    factor = core.override.factor
+    given = overridden(profile, factor, core.parameters)
     prepare = _prepare(
-        core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
+        core, _M.PROFILE_POSITION, profile_writes(given, core.parameters, _M.PROFILE_POSITION), gate
     )
     before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
-        PositionMove(target, profile, core.parameters, prepare, before), ticket, AxisState.DISCRETE_MOTION
+        PositionMove(target, profile, core.parameters, prepare, before, factor),
+        ticket,
+        AxisState.DISCRETE_MOTION,
     )
     core.aim(target)
 
@@ -246,6 +251,17 @@ def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
 
 def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
     """MC_GearOut, MC_CamOut."""
+    core.begin(LetGo(_coupled(core, ticket), core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
+
+
+def phase_by(core: AxisCore, command: c.PhaseBy, ticket: Ticket, _: Gate) -> None:
+    """MC_PhasingRelative."""
+    _coupled(core, ticket).phase_by(command, ticket.name)
+    core.go_on(ticket)
+
+
+def _coupled(core: AxisCore, ticket: Ticket) -> Coupled:
+    """Return by what the axis is led by another one; raise StateError where it is not."""
     require_motion(core, ticket)
     activity = core.activity
     if not isinstance(activity, Coupled) or not activity.is_led:
@@ -253,7 +269,7 @@ def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
             f"{ticket.name}: {core.parameters.name} is not led by another axis",
             remedy="couple it to a master first, by a gear or a cam",
         )
-    core.begin(LetGo(activity, core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
+    return activity
 
 
 def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:

@@ -42,6 +42,7 @@ from axisbus.motion.moves.arrival import Arrival
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.override.factor import Override
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
@@ -82,6 +83,7 @@ class AxisCore:
         if parameters.limits.velocity is not None and parameters.units.ratio_known:
             self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
         self.order = Order()
+        self.override = Override()
         self.history = History()
         self.supervision = Supervision(parameters, capabilities)
         self.stopping = Stopping(parameters)
@@ -275,6 +277,8 @@ class AxisCore:
             self.homed,
             image.operational,
             self.error,
+            self.override.own,
+            self.override.cell,
         )
         return _tuple(Snapshot, values)
 
@@ -451,6 +455,15 @@ class AxisCore:
     def aim(self, target: int | None) -> None:
         """Note where the motion that has begun leads, in increments of the drive; None: to no position."""
         self.last_target = target
+
+    def set_override(self, own: float | None = None, cell: float | None = None) -> None:
+        """Multiply velocities by another factor: of the axis, or of its cell; what is under way takes it up in its next cycle."""
+        if own is not None:
+            self.override.set_own(own)
+        if cell is not None:
+            self.override.set_cell(cell)
+        self.image.override = self.override.factor
+        self._cruise = None  # what goes on now needs the whole step
 
     def coast(self, coast: Activity, ticket: Ticket) -> None:
         """Let ``coast`` take the power away: from now on nothing of ours drives the motor."""

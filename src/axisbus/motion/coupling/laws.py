@@ -28,6 +28,10 @@ class Gear:
         """Return where the slave is due."""
         return Due(self.ratio * master, self.ratio, 0.0)
 
+    def place(self, master: float) -> float:
+        """Return that place alone: what is asked for in every cycle."""
+        return self.ratio * master
+
     def raised(self, _: float) -> float:
         """Return how far its turns have taken the slave: a gear counts none."""
         return 0.0
@@ -49,15 +53,24 @@ class CamLaw:
 
     def at(self, master: float) -> Due:
         """Return where the slave is due."""
+        part, s, inside = self._found(master)
+        if not inside:
+            return Due(part.at(s), 0.0, 0.0)
+        return Due(self.raised(master) + part.at(s), part.speed_at(s), part.bend_at(s))
+
+    def place(self, master: float) -> float:
+        """Return that place alone: what is asked for in every cycle."""
+        part, s, inside = self._found(master)
+        return part.at(s) + (self.raised(master) if inside else 0.0)
+
+    def _found(self, master: float) -> tuple[Part, float, bool]:
+        """Return the part that is due, where on it, and whether the master is within the cam."""
         along = master - self.first
         if self.lift is not None:
             along -= math.floor(along / self.period) * self.period
         within = min(max(along, 0.0), self.period)
         number = max(bisect_right(self.marks, within) - 1, 0)
-        part, s = self.parts[number], within - self.marks[number]
-        if within != along:
-            return Due(part.at(s), 0.0, 0.0)
-        return Due(self.raised(master) + part.at(s), part.speed_at(s), part.bend_at(s))
+        return self.parts[number], within - self.marks[number], within == along
 
     def raised(self, master: float) -> float:
         """Return how far the turns behind the master have taken the slave."""

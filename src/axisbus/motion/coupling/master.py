@@ -13,8 +13,6 @@ are debts, taken back little by little (``Debt``): the slave never jumps, and is
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.coupling.entries import By
@@ -22,14 +20,7 @@ from axisbus.motion.coupling.told import Debt, Told
 from axisbus.motion.states import AxisState
 
 _PATH, _TARGET, _TOLD = "path", "target", "told"
-
-
-class _Led(NamedTuple):
-    """By what kind of value a master is led, where to in the last cycle, and in the one before that."""
-
-    kind: str
-    place: float
-    before: float
+_UNKNOWN = frozenset({AxisState.ERRORSTOP, AxisState.HOMING})
 
 
 class Master:
@@ -44,7 +35,7 @@ class Master:
         self._period = period
         self._origin = core.image.origin  # what is counted anew meanwhile moves no slave
         self._kind: str | None = None
-        self._target: float | None = None  # the last one
+        self._target: int | None = None  # the last one, in increments
         self._debt = Debt(period)
         self._told = Told(core, by, period)
 
@@ -59,46 +50,59 @@ class Master:
         Raises:
             AxisbusError: it is lost: nobody knows where it will be.
         """
-        lost = self._lost()
-        if lost is not None:
-            raise lost
-        led = self._led() if self._by is By.COMMAND else None
-        if led is None:
-            self._take_told()
-        else:
-            self._take_led(led)
-
-    def _lost(self) -> AxisbusError | None:
         core, image = self.core, self.core.image
+        if core.state in _UNKNOWN or image.position is None or not image.operational:
+            raise self._lost()
+        before, self._target = self._target, self._leads_to()
+        path = core.leading_path
+        if self._by is not By.COMMAND or (path is None and self._target is None):
+            self._take_told()
+        elif path is not None:
+            place = path.last_step.position + self._moved
+            self._take_led(_PATH, place, path.last_step.velocity * self._period)
+        else:
+            assert self._target is not None
+            place = self._counted(self._target)
+            self._take_led(_TARGET, place, 0.0 if before is None else place - self._counted(before))
+
+    def _lost(self) -> AxisbusError:
+        core = self.core
         if core.state is AxisState.ERRORSTOP:
             observed = "" if core.error is None else core.error.message
             return StateError(f"{self.name} is in ErrorStop", observed=observed)
         if core.state is AxisState.HOMING:
             return StateError(f"{self.name} is being homed, and counts anew")
-        if image.position is None or not image.operational:
-            return NodeError(f"nobody knows where {self.name} is", node=core.parameters.node)
-        return None
+        return NodeError(f"nobody knows where {self.name} is", node=core.parameters.node)
 
-    def _led(self) -> _Led | None:
-        """Return where it is led to exactly; None where its drive leads itself."""
-        path, core, units = self.core.leading_path, self.core, self.core.parameters.units.position
-        target = core.image.position if core.parameters.virtual else core.image.led.target
-        before, self._target = self._target, None if target is None else units.to_units(target - self._origin)
-        if path is not None:
-            place = path.last_step.position + units.to_units(core.image.origin - self._origin)
-            return _Led(_PATH, place, place - path.last_step.velocity * self._period)
-        if self._target is None:
+    def _leads_to(self) -> int | None:
+        """Return the increment that this program leads it to; None where its drive leads itself, or nothing does."""
+        core = self.core
+        if core.parameters.encoder:
             return None
-        return _Led(_TARGET, self._target, self._target if before is None else before)
+        return core.image.position if core.parameters.virtual else core.image.led.target
 
-    def _take_led(self, led: _Led) -> None:
-        before, self._kind = self._kind, led.kind
+    @property
+    def _moved(self) -> float:
+        """How far its origin has been moved meanwhile, in its unit."""
+        origin = self.core.image.origin
+        return (
+            0.0
+            if origin == self._origin
+            else self.core.parameters.units.position.to_units(origin - self._origin)
+        )
+
+    def _counted(self, increment: int) -> float:
+        return self.core.parameters.units.position.to_units(increment - self._origin)
+
+    def _take_led(self, kind: str, place: float, went: float) -> None:
+        """``went``: how far it was led in the last cycle."""
+        before, self._kind = self._kind, kind
         if before is None:
-            self.place, self.velocity = led.place, (led.place - led.before) / self._period
+            self.place, self.velocity = place, went / self._period
             return
-        if led.kind != before:
-            self._debt.add(self.place - led.before - self._debt.value, self.velocity)
-        self._go_to(led.place)
+        if kind is not before:
+            self._debt.add(self.place - (place - went) - self._debt.value, self.velocity)
+        self._go_to(place)
 
     def _take_told(self) -> None:
         told, before = self._told, self._kind

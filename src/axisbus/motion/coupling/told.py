@@ -50,6 +50,8 @@ class Debt:
 
     def step(self) -> float:
         """Return what is left a cycle later."""
+        if self.value == 0.0 == self.rate:
+            return 0.0
         pull = self._pull
         self.rate -= (2.0 * pull * self.rate + pull * pull * self.value) * self._period
         self.value += self.rate * self._period
@@ -100,10 +102,10 @@ class Told:
         skipped = round((image.now + period - self._due_at) / period)
         self._due_at += skipped * period
         seen, stamp, source = self._seen()
-        # What comes with each SYNC and did not come is a frame that was lost; what comes by itself has not changed.
+        # What comes with each SYNC, or is asked for, and did not come is late or lost; what comes by itself has not changed.
         if stamp != self._stamp:
             self._correct(seen - origin, self._sampled(stamp, source))
-        elif source is not Source.SYNC_PDO:
+        elif source is Source.EVENT_PDO:
             self._correct(seen - origin, image.now - (_LATE - 1.0) * period)
         self._stamp = stamp
         return self.velocity * skipped * period

@@ -28,9 +28,9 @@ from axisbus.motion.group.commands import (
 )
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
-from axisbus.motion.group.travel import FASTER
 from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.moves.follow import Follow
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.points.commands import AddPoints, FollowPoints
 from axisbus.motion.points.stream import Stream
 from axisbus.motion.probing.search import Search
@@ -66,6 +66,8 @@ class GroupCore:
         """Once per cycle, before the axes."""
         for undertaking in list(self._under_way):  # what waits may begin meanwhile
             was_busy = undertaking.busy
+            if isinstance(undertaking.line, (Line, Stream)):
+                undertaking.line.travel.factor = self._factor_of(undertaking.line)
             undertaking.step(self._period)
             if isinstance(undertaking.line, Stream):
                 self._look_at_stream(undertaking.line, undertaking.busy)
@@ -163,15 +165,18 @@ class GroupCore:
         if not 0.0 <= command.factor <= FASTER:
             raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
         self._factor = command.factor
-        if self._line is not None:
-            self._line.travel.factor = command.factor
         ticket.finish(Status.DONE)
 
     def _go_along(self, line: Line | Stream, gate: Gate, ticket: Ticket) -> None:
-        line.travel.factor = self._factor
+        line.travel.factor = self._factor_of(line)
         undertaking = Undertaking(ticket, self.axes, gate, line)
         self._line = line
         self._undertake(undertaking, lambda: self._lead(line.follows, begin_follow, undertaking))
+
+    def _factor_of(self, line: Line | Stream) -> float:
+        """The override of a way: of the group, times the lowest of the axes that it leads: no axis alone is slowed."""
+        lowest = min(self.axes[name].override.factor for name in line.follows)
+        return min(self._factor * lowest, FASTER)
 
     def _lead(self, follows: Mapping[str, Follow], begin: Begin, undertaking: Undertaking) -> None:
         for name, follow in follows.items():

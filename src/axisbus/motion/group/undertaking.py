@@ -133,7 +133,7 @@ class Undertaking:
 
     def _call_off(self) -> None:
         """Nobody starts alone, and nobody goes on along a line that another has left."""
-        if self._called_off or (self.gate.is_open and self._line is None):
+        if self._called_off or not self._ticket.busy or (self.gate.is_open and self._line is None):
             return
         failure = None if self._line is None else self._line.gives_up
         cause = failure or self._dropped_out()

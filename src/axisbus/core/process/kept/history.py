@@ -1,4 +1,4 @@
-"""What simulated motors did, as lines of a file: it is there when everybody who might have looked is dead."""
+"""What simulated motors and modules did, as lines of a file: it is there when everybody who might have looked is dead."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from pathlib import Path
 from types import TracebackType
 
 from axisbus.core.stand_in import StandIn
+from axisbus.sim.drive import Drive
+from axisbus.sim.io import IoModule
 
-COLUMNS = ("time", "node", "axis", "position", "velocity", "stage")
+COLUMNS = ("time", "node", "axis", "position", "velocity", "stage", "outputs")
 
 
 class History:
-    """A CSV file under way: seconds of the monotonic clock, position and velocity in increments, the power stage by its number."""
+    """A CSV file under way: seconds of the monotonic clock, position and velocity in increments, the power stage by its number.
+
+    A module has a line too, in which only ``outputs`` stands: ``6200h:01=8 6200h:02=0``.
+    """
 
     def __init__(self, path: Path, stand_ins: Mapping[int, StandIn]) -> None:
         """``path`` is replaced."""
@@ -30,12 +35,24 @@ class History:
         self._file.close()
 
     def note(self) -> None:
-        """Write a line for each motor."""
+        """Write a line for each motor and each module."""
         for node_id, stand_in in self._stand_ins.items():
             with stand_in.lock:
-                rows = [(drive.axis.motor, drive.power.stage) for drive in stand_in.device.drives]
+                began = f"{time.monotonic():.4f},{node_id}"
+                device = stand_in.device
                 lines = [
-                    f"{time.monotonic():.4f},{node_id},{number},{motor.position:.1f},{motor.velocity:.1f},{int(stage)}\n"
-                    for number, (motor, stage) in enumerate(rows, start=1)
+                    _of_motor(began, number, drive) for number, drive in enumerate(device.drives, start=1)
                 ]
+                if not lines:
+                    lines = [_of_module(began, device.io)]
             self._file.writelines(lines)
+
+
+def _of_motor(began: str, number: int, drive: Drive) -> str:
+    motor = drive.axis.motor
+    return f"{began},{number},{motor.position:.1f},{motor.velocity:.1f},{int(drive.power.stage)},\n"
+
+
+def _of_module(began: str, io: IoModule) -> str:
+    outputs = " ".join(f"{index:04X}h:{sub:02X}={value}" for (index, sub), value in io.outputs.items())
+    return f"{began},,,,,{outputs}\n"

@@ -1,0 +1,107 @@
+"""What a module is told about its outputs at boot: what becomes of them without us, and which bits of a drive's act.
+
+Each object is read, changed only in the bits of the cell's own outputs, written, and read back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from axisbus.boot.objects import Objects, read_int
+from axisbus.cia301 import objects as o301
+from axisbus.cia401.objects import (
+    DRIVE_OUTPUTS,
+    ERROR_OBJECTS,
+    MASK,
+    NO_CHANGE,
+    OUTPUTS,
+    PRE_OPERATIONAL,
+)
+from axisbus.cia401.point import Address, Point
+from axisbus.cia402.axes import first_axis
+from axisbus.errors import BootError, SdoAbort
+
+_STEP = "inputs and outputs"
+
+
+def prepare(
+    objects: Objects, points: Sequence[Point], *, alone: bool, given: Collection[Address] = ()
+) -> list[str]:
+    """Set error modes, error values and masks of the outputs; return lines that say what a module does without us.
+
+    ``alone``: no axis is on the node, so that its error behaviour is ours to set. ``given``: objects that the cell file writes
+    itself; a number that it gives a whole output, or a node, is left as it is. Blocks.
+
+    Raises:
+        BootError: an object is refused, or reads back something else.
+    """
+    outputs = [point for point in points if point.output]
+    behaviour = (o301.ERROR_BEHAVIOR, 1)
+    if alone and outputs and behaviour not in given and read_int(objects, *behaviour) == NO_CHANGE:
+        _write(objects, behaviour, PRE_OPERATIONAL)
+    return [_prepare(objects, point, given) for point in outputs]
+
+
+def _prepare(objects: Objects, point: Point, given: Collection[Address]) -> str:
+    if (first_axis(point.index), point.subindex) == (DRIVE_OUTPUTS, OUTPUTS):
+        _open_mask(objects, point)
+        return f"{point.name}: {point.object_text}; what the drive does with it without us is in its manual"
+    row = ERROR_OBJECTS.get(point.index)
+    if row is None:
+        return f"{point.name}: {point.object_text}; nothing says what the module does with it without us"
+    mode, value = (row.mode, point.subindex), (row.value, point.subindex)
+    modes, values = (read_int(objects, *address) for address in (mode, value))
+    if modes is None or values is None:
+        lacks = f"{row.mode:04X}h and {row.value:04X}h"
+        return (
+            f"{point.name}: {point.object_text}; the module has no {lacks} that say what it does without us"
+        )
+    own = not row.by_bit and value in given
+    if not own:
+        _write(
+            objects, value, point.into(values, point.safe)
+        )  # first: what is switched on then is right already
+    _write(objects, mode, modes | point.mask if row.by_bit else 1)
+    if own:
+        return f"{point.name}: {point.object_text}; without us the module does what the cell file writes into {_both(value)}"
+    return f"{point.name}: {point.object_text}; without us the module makes it {point.shown(point.safe):g} ({_both(mode, value)})"
+
+
+def _open_mask(objects: Objects, point: Point) -> None:
+    """Let the drive obey these bits of its outputs; one without a mask obeys all (CiA 402-2, 60FEh).
+
+    A bit that did not act may hold anything: it is made safe first, so that opening a machine switches nothing on.
+    """
+    mask, word = read_int(objects, point.index, MASK), read_int(objects, *point.address)
+    if mask is None or mask & point.mask == point.mask:
+        return
+    if word is not None:
+        _write(objects, point.address, point.into(word, point.safe))
+    _write(objects, (point.index, MASK), mask | point.mask)
+
+
+def _write(objects: Objects, address: Address, value: int) -> None:
+    name = f"{address[0]:04X}h:{address[1]:02X}"
+    try:
+        objects.write_unchecked(*address, value)
+        after = read_int(objects, *address)
+    except SdoAbort as error:
+        raise _failed(objects, address, f"{name} does not take {value}", error.observed) from error
+    if after != value:
+        raise _failed(objects, address, f"{name} took {value} without an error", f"it reads back {after}")
+
+
+def _failed(objects: Objects, address: Address, what: str, observed: str) -> BootError:
+    return BootError(
+        f"node {objects.node_id}: {what}, so its outputs have no safe state without us",
+        node=objects.node_id,
+        step=_STEP,
+        index=address[0],
+        subindex=address[1],
+        observed=observed,
+        remedy="look into the manual of the module for what this object takes; take the output out of the cell file if it must be",
+    )
+
+
+def _both(*addresses: Address) -> str:
+    return ", ".join(f"{index:04X}h:{sub:02X}" for index, sub in addresses)

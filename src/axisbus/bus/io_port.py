@@ -1,0 +1,221 @@
+"""The inputs and outputs of one node on the bus: the newest TPDOs in, RPDOs out (``cia401.port.IoPort``)."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+
+from axisbus.bus.node.node import Node
+from axisbus.bus.pdo import freshness
+from axisbus.bus.pdo.io_plan import name_of
+from axisbus.bus.pdo.plan import Plan, PlannedPdo
+from axisbus.bus.pdo.prime import prime_outputs
+from axisbus.bus.pdo.read import read_number
+from axisbus.bus.pdo.rpdo import Frame, RpdoImage
+from axisbus.bus.pdo.rpdo_pace import REPEAT, RpdoPace
+from axisbus.cia301.drops import Fault
+from axisbus.cia301.nmt import NmtState
+from axisbus.cia301.pdo import PdoCodec
+from axisbus.cia401.objects import ERROR_OBJECTS
+from axisbus.cia401.point import Address
+from axisbus.cia401.port import MAY_HEAR, IoInputs, Known
+from axisbus.cia402.port import Sample
+from axisbus.errors import SdoAbort
+
+
+class _Slot:
+    """The newest frame of one TPDO; one pair, replaced as a whole, so that no reader sees half of it."""
+
+    def __init__(self, pdo: PlannedPdo, node: Node, places: dict[Address, int]) -> None:
+        codec = PdoCodec(pdo.target.mapping, pdo.signed)
+        self.cob_id = pdo.target.cob_id
+        self._node = node
+        self._size, self._unpack = codec.size, codec.unpack_from
+        self._latest: tuple[bytes, float] = (b"", -math.inf)
+        self._places = [
+            (position, places[mapped.index, mapped.subindex])
+            for position, mapped in enumerate(pdo.target.mapping)
+            if (mapped.index, mapped.subindex) in places
+        ]
+
+    @property
+    def stamp(self) -> float:
+        """When the newest frame came."""
+        return self._latest[1]
+
+    def on_frame(self, data: bytes, stamp: float) -> None:
+        """Store a frame; one that is too short is dropped, and its values grow old."""
+        if len(data) < self._size:
+            self._node.channel.drops.note(Fault.SHORT_PDO, self._node.node_id, stamp, self.cob_id, data)
+            return
+        self._latest = data, stamp
+
+    def read_into(self, samples: list[Sample | None]) -> None:
+        """Put its values where they are newer."""
+        data, stamp = self._latest
+        if data:
+            values = self._unpack(data)
+            for position, place in self._places:
+                before = samples[place]
+                if before is None or before.stamp < stamp:
+                    samples[place] = Sample(values[position], stamp)
+
+
+class CanIoPort:
+    """Holds the images of its RPDOs and the samples of its TPDOs; ``read``, ``write`` and the frames belong to the scan's thread.
+
+    A node that has rebooted has lost its PDO configuration: nothing is sent to it any more. One that may have done so while nobody
+    could hear it, because in its first word after a bus-off it is not operational, counts as such.
+    """
+
+    asks = False
+
+    def __init__(
+        self,
+        node: Node,
+        plan: Plan,
+        inputs: Sequence[Address],
+        outputs: Sequence[Address],
+        scan_period: float,
+    ) -> None:
+        """Listen to the TPDOs of ``plan``, which holds in the node. Sends nothing."""
+        self.node, self.plan = node, plan
+        self.inputs, self.outputs = tuple(inputs), tuple(outputs)
+        self.found: tuple[int, ...] = ()
+        self.alone: tuple[int, ...] = ()
+        received = [pdo for pdo in plan.active if not pdo.receive]
+        places = {address: place for place, address in enumerate(self.inputs)}
+        self.max_age = tuple(_age(address, received, scan_period) for address in self.inputs)
+        self.sources = tuple(plan.inputs[name_of(address)] for address in self.inputs)
+        self._slots = [_Slot(pdo, node, places) for pdo in received]
+        sent = [pdo for pdo in plan.active if pdo.receive]
+        self._images = [RpdoImage(pdo) for pdo in sent]
+        self._paces = [
+            RpdoPace([pdo], [image], scan_period, REPEAT)
+            for pdo, image in zip(sent, self._images, strict=True)
+        ]
+        self._samples: list[Sample | None] = [None] * len(self.inputs)
+        self._frames: list[Frame] = []
+        self._now = -math.inf
+        self._bootups, self._offs = node.nmt.bootups, node.channel.offs
+        self._returning = self._doubtful = False
+        self._was_known = self._may_hear = False
+        for slot in self._slots:
+            node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
+
+    def prime(self) -> None:
+        """Read by SDO what its RPDOs would otherwise overwrite, and inputs whose TPDO comes only when they change; blocks.
+
+        Raises:
+            BootError: an RPDO holds an object that cannot be read.
+            SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+        """
+        prime_outputs(self.node.sdo, self.plan, self._images, {})
+        self.found = tuple(self._image_value(address) for address in self.outputs)
+        self.alone = tuple(map(self._word_alone, self.outputs, self.found))
+        for place, address in enumerate(self.inputs):
+            if self.max_age[place] == math.inf:  # of any other, the first is on its way
+                with suppress(SdoAbort):
+                    self._samples[place] = Sample(int(self.node.sdo.read(*address)), time.monotonic())
+
+    def read(self, now: float) -> IoInputs:
+        """Return the newest values; does not block."""
+        self._now = now
+        known = self._reachable(now)
+        if known is Known.YES and not self._was_known:
+            for pace in self._paces:
+                pace.forget()  # what was sent before, it has not taken
+        self._was_known, self._may_hear = known is Known.YES, known in MAY_HEAR
+        if known is not Known.RESTARTED:
+            for slot in self._slots:
+                slot.read_into(self._samples)
+        return IoInputs(known, tuple(self._samples), self._heard())
+
+    def write(self, words: tuple[int | None, ...]) -> None:
+        """Take a value for each output; an RPDO goes out once something in it was set. Does not block."""
+        if not self._may_hear:
+            self._frames = []
+            return
+        given = {address: word for address, word in zip(self.outputs, words, strict=True) if word is not None}
+        frames: list[Frame] = []
+        for image, pace in zip(self._images, self._paces, strict=True):
+            named = {
+                name: given[mapped.index, mapped.subindex]
+                for name, mapped in zip(image.names, image.mapping, strict=True)
+                if name is not None and (mapped.index, mapped.subindex) in given
+            }
+            if named:
+                frames += pace.frames(named, None, None, self._now)
+        self._frames = frames
+
+    # -- for the cycle -------------------------------------------------------------------------------------------------
+
+    def take_frames(self) -> list[Frame]:
+        """Return the frames given since the last call."""
+        frames, self._frames = self._frames, []
+        return frames
+
+    def drop_frames(self) -> None:
+        """Forget them: the bus carries none, and later they would be of long ago."""
+        self._frames = []
+        for pace in self._paces:
+            pace.forget()
+
+    def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002
+        """None: inputs come by themselves."""
+        return []
+
+    def stop_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
+        """None: outputs become safe once the axes stand, which takes longer than this."""
+        return (), ()
+
+    def close(self) -> None:
+        """Stop listening; harmless when repeated."""
+        for slot in self._slots:
+            self.node.channel.unsubscribe(slot.cob_id, slot.on_frame)
+
+    # -- details -------------------------------------------------------------------------------------------------------
+
+    def _reachable(self, now: float) -> Known:
+        nmt, channel = self.node.nmt, self.node.channel
+        off = channel.off is not None or channel.offs != self._offs
+        if off:
+            self._returning, self._offs = True, channel.offs
+        elif self._returning and nmt.state is not NmtState.UNKNOWN:
+            self._returning = False
+            self._doubtful |= nmt.assumed or nmt.state is not NmtState.OPERATIONAL
+        if self._doubtful or nmt.bootups != self._bootups:
+            return Known.RESTARTED
+        if off:
+            return Known.BUS_OFF
+        if now > nmt.deadline:
+            return Known.SILENT
+        return Known.YES if nmt.state is NmtState.OPERATIONAL else Known.NOT_OPERATIONAL
+
+    def _heard(self) -> float:
+        """When it last gave a sign of life; infinite where nothing makes it give one."""
+        nmt = self.node.nmt
+        if nmt.watched is None and not any(map(math.isfinite, self.max_age)):
+            return math.inf
+        return max([nmt.stamp or -math.inf, *(slot.stamp for slot in self._slots)])
+
+    def _word_alone(self, address: Address, found: int) -> int:
+        row = ERROR_OBJECTS.get(address[0])
+        if row is None:
+            return found
+        mode, value = (read_number(self.node.sdo, index, address[1]) for index in (row.mode, row.value))
+        return found if mode is None or value is None else row.word(mode, value, found)
+
+    def _image_value(self, address: Address) -> int:
+        found = (image.value(*address) for image in self._images)
+        return next(value for value in found if value is not None)
+
+
+def _age(address: Address, pdos: Sequence[PlannedPdo], scan_period: float) -> float:
+    """The age by the PDO that comes most often among those that carry an object."""
+    carriers = [
+        pdo for pdo in pdos if any((entry.index, entry.subindex) == address for entry in pdo.target.mapping)
+    ]
+    return min((freshness.pdo_age(pdo, scan_period) for pdo in carriers), default=math.inf)

@@ -1,0 +1,30 @@
+"""Bringing the PDOs of a node's inputs and outputs to their plan."""
+
+from __future__ import annotations
+
+from axisbus.bus.pdo.configure import negotiate
+from axisbus.bus.pdo.io_plan import IoObjects, Used, make_io_plan
+from axisbus.bus.pdo.plan import Plan, Policy
+from axisbus.bus.sdo.client import SdoClient
+from axisbus.errors import BootError
+
+
+def configure_io(sdo: SdoClient, objects: IoObjects, policy: Policy, used: Used, also: Used = ()) -> Plan:
+    """Plan them and bring the node there, which should be pre-operational, as ``configure`` does; blocks for some dozen transfers.
+
+    Raises:
+        BootError: an object is in no PDO, or as ``configure``.
+        SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
+    """
+    plan = negotiate(
+        sdo, lambda device, less: make_io_plan(sdo.node_id, device, objects, less, used), policy, also=also
+    )
+    if plan.impossible:
+        raise BootError(
+            f"node {sdo.node_id}: {'; '.join(plan.impossible)}",
+            node=sdo.node_id,
+            step="PDO configuration",
+            observed="; ".join(plan.notes) or "it has no more PDOs that could carry it",
+            remedy="map it in [nodes.N.pdo], or let boot change the mapping; inputs and outputs never travel by SDO",
+        )
+    return plan

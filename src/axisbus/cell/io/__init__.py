@@ -1,0 +1,1 @@
+"""Named inputs and outputs of a cell, looked up in the files of its nodes."""

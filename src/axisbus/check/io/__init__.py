@@ -1,0 +1,1 @@
+"""What can be wrong with named inputs and outputs."""

@@ -1,0 +1,266 @@
+"""Whether named inputs and outputs can be what their tables say: object, bit, safe state, PDO, and what the module does alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from axisbus.bus.pdo.mapping import MapEntry
+from axisbus.cell import pdo_tables
+from axisbus.cell.io import points as io_points
+from axisbus.cell.model import IoConfig, NodeConfig
+from axisbus.cell.pdo_plan import io_plan, used_by_axes
+from axisbus.cell.writes import known_writes
+from axisbus.check.case import Case, Check, Found
+from axisbus.cia401.objects import DRIVE_OUTPUTS, ERROR_OBJECTS, OUTPUTS
+from axisbus.cia401.point import Point
+from axisbus.cia402.axes import PROFILE_AREA, first_axis
+from axisbus.eds.dictionary import Dictionary
+from axisbus.errors import ArgumentError
+
+_OF_NUMBERS = ("scale", "offset", "unit")
+_COMMUNICATION = range(0x2000)
+
+
+def have_nodes(case: Case) -> Found:
+    """Check that the node of each is there."""
+    for config in case.cell.io.values():
+        if config.at.sound("node") and config.node not in case.cell.nodes:
+            known = ", ".join(map(str, case.cell.nodes)) or "none"
+            yield case.error(
+                config.at.of("node"),
+                f"[io.{config.name}] is on node {config.node}, which the cell does not have",
+                f"nodes of the cell: {known}",
+                f"add [nodes.{config.node}] with its eds, or correct node",
+            )
+
+
+def objects(case: Case) -> Found:
+    """Check object, bit, and what an output must say."""
+    for config, node, dictionary in _all(case):
+        entry = io_points.entry_of(config, dictionary)
+        if entry is None:
+            yield from _no_object(case, config, node, dictionary)
+        elif not (entry.receive or entry.transmit):
+            yield case.error(
+                config.at.of("object"),
+                f"[io.{config.name}]: {_name(entry)} can be mapped into no PDO",
+                f"{node.file} does not let it be mapped (PDOMapping, AccessType)",
+                "inputs and outputs travel by PDO alone: name an object that can",
+            )
+        else:
+            yield from _bit(case, config, entry)
+            yield from _safe(case, config, entry)
+            yield from _ours(case, config, entry)
+
+
+def encoders(case: Case) -> Found:
+    """Check that the input of each encoder is one that counts."""
+    for axis in case.cell.axes.values():
+        if axis.encoder is None:
+            continue
+        config = case.cell.io.get(axis.encoder)
+        what, remedy = _no_count(case, config)
+        if what:
+            observed = f"inputs and outputs of the cell: {', '.join(case.cell.io) or 'none'}"
+            yield case.error(
+                axis.at.of("encoder"),
+                f"axis {axis.name}: encoder = {axis.encoder!r} {what}",
+                observed,
+                remedy,
+            )
+
+
+def _no_count(case: Case, config: IoConfig | None) -> tuple[str, str]:
+    """Return why an input does not count, and what to do; empty texts where it does."""
+    if config is None:
+        return (
+            "names no [io] of the cell",
+            "add it: [io.NAME] with node and object, the position value of the encoder",
+        )
+    if config.bit is not None:
+        return "is one bit", "name an input that is a number: the position value of the encoder"
+    if any(point.name == config.name and point.output for _, _, point in _points(case)):
+        return "is an output", "name an input: the position value of the encoder"
+    return "", ""
+
+
+def apart(case: Case) -> Found:
+    """Check that no two outputs are the same bits."""
+    points = [point for _, _, point in _points(case) if point.output]
+    for one, other in combinations(points, 2):
+        if (one.node, one.address) == (other.node, other.address) and one.mask & other.mask:
+            yield case.error(
+                case.cell.io[other.name].at.line,
+                f"[io.{one.name}] and [io.{other.name}] are the same output: {other.object_text} of node {other.node}",
+                remedy="give one of them another bit, or leave one out",
+            )
+
+
+def travel(case: Case) -> Found:
+    """Check that every object finds a PDO that no axis has."""
+    for node, eds, dictionary in case.nodes:
+        if not any(case.cell.io_of(node.node_id)):
+            continue
+        device = pdo_tables.device_pdos(node, eds)
+        used = used_by_axes(case.cell, node, dictionary, device)
+        for text in io_plan(case.cell, node, dictionary, device, used).impossible:
+            config = next(each for each in case.cell.io_of(node.node_id) if _is_of(each, text, dictionary))
+            yield case.error(
+                config.at.of("object"),
+                f"[io.{config.name}]: {text}",
+                "PDOs of an axis are not shared with outputs: its controlword keeps their order to itself",
+                "free a PDO of the node, let boot change its mapping (remap), or map it in a [nodes.N.pdo] table of its own",
+            )
+
+
+def alone(case: Case) -> Found:
+    """Tell which outputs nobody takes to their safe state when we are gone all at once."""
+    for config, node, point in _points(case):
+        if not point.output or not case.cell.bus.at.sound("heartbeat"):
+            continue
+        why = _not_alone(case, node, point)
+        if why:
+            yield case.warning(
+                config.at.line,
+                f"[io.{config.name}]: where the bus or this computer fails, the module itself does not take it to its safe state",
+                why,
+                "what must not stay on needs hardware that switches it off",
+            )
+
+
+def numbers_alone(case: Case) -> Found:
+    """Warn of a safe number that modules of different makers understand differently (6444h has 32 bits for outputs of 16)."""
+    for config, node, point in _points(case):
+        row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
+        if not point.output or point.safe == 0 or row is None or row.by_bit:
+            continue
+        value = eds.get(row.value, point.subindex)
+        given = {write.address for write in known_writes(node.objects, Dictionary(eds, node.node_id))}
+        if value is None or value.data_type.bits == point.width or (row.value, point.subindex) in given:
+            continue
+        name = f"{row.value:04X}h:{point.subindex:02X}"
+        yield case.warning(
+            config.at.of("safe"),
+            f"[io.{config.name}]: makers differ in what a module without us makes of {name}",
+            f"boot writes {point.safe}; it is wider than the output ({point.object_text}), and some take its upper half",
+            f"write what its manual says as '{row.value:04X}:{point.subindex:02X}' in [nodes.{node.node_id}.objects],"
+            " which boot then leaves as it is; or choose a safe state of 0 digits",
+        )
+
+
+def _not_alone(case: Case, node: NodeConfig, point: Point) -> str:
+    if case.cell.bus.heartbeat is None:
+        return "without heartbeat in [bus] no module notices that its master is gone"
+    row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
+    if row is None:
+        return f"for {point.object_text} there is no object that says what becomes of it in an error"
+    lacks = [index for index in (row.mode, row.value) if eds.get(index, point.subindex) is None]
+    if lacks:
+        return f"{node.file} has no {', '.join(f'{index:04X}h:{point.subindex:02X}' for index in lacks)}"
+    return ""
+
+
+def _all(case: Case) -> Iterator[tuple[IoConfig, NodeConfig, Dictionary]]:
+    dictionaries = {node.node_id: (node, dictionary) for node, _, dictionary in case.nodes}
+    for config in case.cell.io.values():
+        if config.at.sound("node", "object") and config.node in dictionaries:
+            yield config, *dictionaries[config.node]
+
+
+def _points(case: Case) -> Iterator[tuple[IoConfig, NodeConfig, Point]]:
+    for config, node, dictionary in _all(case):
+        point = io_points.point_of(config, dictionary)
+        if point is not None:
+            yield config, node, point
+
+
+def _no_object(case: Case, config: IoConfig, node: NodeConfig, dictionary: Dictionary) -> Found:
+    message = f"[io.{config.name}]: {config.object!r} is no input or output of node {node.node_id}"
+    try:
+        entry = dictionary.resolve(config.object)
+    except ArgumentError as error:
+        yield case.error(config.at.of("object"), message, error.message, error.remedy)
+        return
+    where = f"{entry.index:04X}h:{entry.subindex:02X}"
+    has = dictionary.has(entry.index, entry.subindex)
+    observed = f"{where} is no integer" if has else f"{node.file} has no {where}"
+    remedy = f"sub-indices are written so: {entry.index:04X}h:01" if not entry.subindex else "correct object"
+    yield case.error(config.at.of("object"), message, observed, remedy)
+
+
+def _bit(case: Case, config: IoConfig, entry: MapEntry) -> Found:
+    if config.bit is None or not config.at.sound("bit"):
+        return
+    if config.bit >= entry.bits:
+        yield case.error(
+            config.at.of("bit"),
+            f"[io.{config.name}]: {_name(entry)} has no bit {config.bit}",
+            f"it has {entry.bits}, counted from 0",
+            f"write bit = 0 to {entry.bits - 1}",
+        )
+    for key in _OF_NUMBERS:
+        if config.at.gives(key):
+            yield case.error(
+                config.at.of(key),
+                f"[io.{config.name}]: {key} is for numbers, and this is one bit",
+                remedy=f"leave {key} or bit out",
+            )
+
+
+def _safe(case: Case, config: IoConfig, entry: MapEntry) -> Found:
+    if not config.at.sound("safe", "bit", "scale", "offset") or (config.bit or 0) >= entry.bits:
+        return
+    if not entry.receive:
+        if config.at.gives("safe"):
+            yield case.error(
+                config.at.of("safe"),
+                f"[io.{config.name}]: {_name(entry)} is an input, which has no safe state",
+                remedy="leave safe out, or name an output",
+            )
+        return
+    if config.safe is None:
+        yield case.error(
+            config.at.line,
+            f"[io.{config.name}] does not say what its safe state is",
+            f"{_name(entry)} is an output; what it becomes when node, program or master are lost is never guessed",
+            "add safe = 0, or what else is safe on your machine",
+        )
+        return
+    try:
+        io_points.safe_of(config, io_points.unsafe_point(config, entry))
+    except ArgumentError as error:
+        yield case.error(
+            config.at.of("safe"), f"[io.{config.name}]: safe: {error.message}", error.observed, error.remedy
+        )
+
+
+def _ours(case: Case, config: IoConfig, entry: MapEntry) -> Found:
+    """An output must be one: no parameter of the communication, and nothing that an axis lives on."""
+    if not entry.receive:
+        return
+    why = ""
+    if entry.index in _COMMUNICATION:
+        why = "it belongs to the communication of the node"
+    elif any(case.cell.axes_of(config.node)) and entry.index in PROFILE_AREA:
+        digital = (first_axis(entry.index), entry.subindex) == (DRIVE_OUTPUTS, OUTPUTS)
+        why = "" if digital else "the node is a drive, and this belongs to its axis"
+    if why:
+        yield case.error(
+            config.at.of("object"),
+            f"[io.{config.name}]: {_name(entry)} is no output",
+            why,
+            "of a drive that is 60FEh:01, of a module 6200h, 6300h, 6320h or 6410h to 6412h; or an object of the maker's",
+        )
+
+
+def _name(entry: MapEntry) -> str:
+    return f"{entry.index:04X}h:{entry.subindex:02X}"
+
+
+def _is_of(config: IoConfig, text: str, dictionary: Dictionary) -> bool:
+    entry = io_points.entry_of(config, dictionary)
+    return entry is not None and text.startswith(_name(entry))
+
+
+CHECKS: tuple[Check, ...] = (have_nodes, objects, encoders, apart, travel, alone, numbers_alone)

@@ -1,0 +1,117 @@
+"""One named input or output: where it is in its node, and what its raw value means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from axisbus.errors import ArgumentError
+
+Value = bool | int | float
+Address = tuple[int, int]  # index and sub-index
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """An input or output of a node: one ``bit`` of an object of ``width`` bits, or (None) all of it as a number.
+
+    ``safe`` is the raw value that an output gets when the node, the program or we are lost; of an input it means nothing. A number
+    is ``raw / scale + offset`` in ``unit``; without ``scale`` it is the raw integer.
+    """
+
+    name: str
+    node: int
+    index: int
+    subindex: int
+    width: int
+    signed: bool
+    output: bool
+    bit: int | None = None
+    safe: int = 0
+    scale: Fraction | None = None
+    offset: float = 0.0
+    unit: str = ""
+
+    @property
+    def address(self) -> Address:
+        """Index and sub-index of its object."""
+        return self.index, self.subindex
+
+    @property
+    def object_text(self) -> str:
+        """Its object and bit, such as ``6200h:01 bit 3``."""
+        where = f"{self.index:04X}h:{self.subindex:02X}"
+        return where if self.bit is None else f"{where} bit {self.bit}"
+
+    @property
+    def range(self) -> tuple[int, int]:
+        """The lowest and the highest raw value."""
+        if self.bit is not None:
+            return 0, 1
+        half = 1 << self.width - 1
+        return (-half, half - 1) if self.signed else (0, 2 * half - 1)
+
+    @property
+    def mask(self) -> int:
+        """The bits of its object that are its own."""
+        return (1 << self.width) - 1 if self.bit is None else 1 << self.bit
+
+    def of(self, word: int) -> int:
+        """Return its raw value in the value of its object."""
+        return word if self.bit is None else word >> self.bit & 1
+
+    def into(self, word: int, raw: int) -> int:
+        """Return the value of its object with its raw value in it; the other bits stay."""
+        if self.bit is None:
+            return raw
+        made = word & ((1 << self.width) - 1) & ~(1 << self.bit) | raw << self.bit
+        return made - (1 << self.width) if self.signed and made >> self.width - 1 == 1 else made
+
+    def shown(self, raw: int) -> Value:
+        """Return what a raw value means: True or False of a bit, else a number in ``unit``."""
+        if self.bit is not None:
+            return bool(raw)
+        return raw if self.scale is None else float(raw / self.scale) + self.offset
+
+    def raw(self, value: Value) -> int:
+        """Return the raw value that means ``value``, the nearest that there is.
+
+        Raises:
+            ArgumentError: it is no such value, or the object cannot hold it.
+        """
+        raw = self._bit(value) if self.bit is not None else self._number(value)
+        low, high = self.range
+        if not low <= raw <= high:
+            raise ArgumentError(
+                f"{self.name} cannot be {value!r}{self._in_unit}",
+                observed=f"{self.object_text} holds {self.shown(low):g} to {self.shown(high):g}{self._in_unit}",
+                remedy="give a value within that",
+            )
+        return raw
+
+    @property
+    def _in_unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+    def _bit(self, value: Value) -> int:
+        if isinstance(value, bool) or (isinstance(value, int) and value in (0, 1)):
+            return int(value)
+        raise ArgumentError(
+            f"{self.name} cannot be {value!r}", observed="it is one bit", remedy="give True or False"
+        )
+
+    def _number(self, value: Value) -> int:
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not number or (self.scale is None and value != int(value)):
+            expected = "a number" if self.scale is not None else "an integer: it has no scale"
+            raise ArgumentError(
+                f"{self.name} cannot be {value!r}", observed=f"it is {expected}", remedy=f"give {expected}"
+            )
+        return int(value) if self.scale is None else round((value - self.offset) * self.scale)
+
+
+def addresses(points: Iterable[Point], *, output: bool) -> tuple[Address, ...]:
+    """Return the objects of the outputs, or of the inputs, each once, in their order."""
+    return tuple(sorted({point.address for point in points if point.output is output}))

@@ -1,0 +1,1 @@
+"""The named inputs and outputs of a core's nodes, in its cycle and without it."""

@@ -1,0 +1,74 @@
+"""Leading outputs to their safe states without the scan, by SDO: it is heard where PDOs are not, and what came of it is read back.
+
+An output is set in what its object holds now, so that bits which are not its own stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from itertools import groupby
+
+from axisbus.boot.objects import Objects
+from axisbus.bus.parallel import in_parallel
+from axisbus.cia401.point import Address, Point
+from axisbus.errors import AxisbusError, SdoTimeout, in_a_line
+from axisbus.link import Unsafe
+
+
+def make_safe(objects: Mapping[int, Objects], points: Collection[Point]) -> list[Unsafe]:
+    """Lead ``points`` to their safe states, all nodes at a time; return those not confirmed. Raises nothing of a bus; blocks."""
+    nodes = sorted({point.node for point in points})
+    own = [[point for point in points if point.node == node] for node in nodes]
+    found = in_parallel(lambda node, mine: _of_node(objects[node], mine), nodes, own)
+    return [unsafe for each in found for unsafe in each]
+
+
+def _of_node(objects: Objects, points: list[Point]) -> list[Unsafe]:
+    """One object after the other; once the node does not answer, no more is asked of it."""
+    ordered, found = sorted(points, key=_address), list[Unsafe]()
+    for address, mine in groupby(ordered, _address):
+        try:
+            found += _of_object(objects, address, list(mine))
+        except SdoTimeout as error:
+            rest = ordered[next(at for at, point in enumerate(ordered) if point.address == address) :]
+            return [*found, *(_unsafe(point, in_a_line(error)) for point in rest)]
+    return found
+
+
+def _address(point: Point) -> Address:
+    return point.address
+
+
+def _of_object(objects: Objects, address: Address, points: list[Point]) -> list[Unsafe]:
+    try:
+        before = _read(objects, address)
+        wanted = _with(points, before)
+        if before == wanted:
+            return []
+        objects.write_unchecked(*address, wanted)
+        after = _read(objects, address)
+    except SdoTimeout:
+        raise
+    except AxisbusError as error:
+        return [_unsafe(point, in_a_line(error)) for point in points]
+    return [
+        _unsafe(point, f"written {point.safe}, and it reads back {point.of(after)}")
+        for point in points
+        if point.of(after) != point.safe
+    ]
+
+
+def _with(points: Iterable[Point], word: int) -> int:
+    for point in points:
+        word = point.into(word, point.safe)
+    return word
+
+
+def _read(objects: Objects, address: Address) -> int:
+    value = objects.read(*address)
+    assert isinstance(value, int)
+    return int(value)
+
+
+def _unsafe(point: Point, text: str) -> Unsafe:
+    return Unsafe(point.name, point.node, f"{point.object_text} of node {point.node}: {text}")

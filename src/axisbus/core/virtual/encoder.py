@@ -1,0 +1,78 @@
+"""An axis that an input tells the place of, as a ``cia402.port.Port``: an encoder, which others follow and nothing leads."""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.cia301 import abort
+from axisbus.cia301.nmt import NmtState
+from axisbus.cia401.port import Known
+from axisbus.cia402.port import (
+    INPUT_OBJECTS,
+    OUTPUT_OBJECTS,
+    Capabilities,
+    Inputs,
+    Outputs,
+    Sample,
+    SdoReply,
+    Source,
+)
+from axisbus.cia402.state import State
+from axisbus.core.io.board import Board
+from axisbus.core.virtual.stage import STATUSWORDS
+from axisbus.units import wrap
+
+_OPERATIONAL = int(NmtState.OPERATIONAL)
+_OFF = STATUSWORDS[State.SWITCH_ON_DISABLED]
+_AGE = 0.1  # seconds, of the statusword, which is of this very cycle
+
+
+class EncoderPort:
+    """Holds how far it has counted: its input begins anew at the end of its width, and this does not.
+
+    Whether a count is fresh is known by the input: what it calls unknown is not told here.
+    """
+
+    def __init__(self, board: Board, name: str) -> None:
+        """``name`` of the input, on this board as soon as its node has come up."""
+        self._board = board
+        self._name = name
+        self._replies: tuple[SdoReply, ...] = ()
+        self._count: int | None = None
+        inputs = dict.fromkeys(INPUT_OBJECTS, Source.NONE) | {
+            "statusword": Source.SYNC_PDO,
+            "position": board.source_of(name),
+        }
+        outputs = dict.fromkeys(OUTPUT_OBJECTS, Source.NONE)
+        ages = dict.fromkeys(inputs, _AGE) | {"position": math.inf}
+        self.capabilities = Capabilities(inputs, outputs, remappable=False, max_age=ages)
+
+    def read(self, now: float) -> Inputs:
+        """Return where it is by the newest count."""
+        replies, self._replies = self._replies, ()
+        return Inputs(
+            now,
+            operational=True,
+            statusword=Sample(_OFF, now),
+            mode=None,
+            position=self._position(),
+            velocity=None,
+            torque=None,
+            demand=None,
+            sdo=replies,
+            nmt=_OPERATIONAL,
+        )
+
+    def write(self, outputs: Outputs) -> None:
+        """Answer that there is nothing to be written or read."""
+        self._replies = tuple(SdoReply(each.id, None, abort.OBJECT_MISSING) for each in outputs.sdo or ())
+
+    def _position(self) -> Sample | None:
+        reading = self._board.readings.get(self._name)
+        if reading is None or reading.known is not Known.YES or reading.value is None:
+            return None
+        if self._count is None:
+            self._count = reading.value
+        half = 1 << self._board.width_of(self._name) - 1
+        self._count += (reading.value - self._count + half) % (2 * half) - half
+        return Sample(wrap(self._count), reading.stamp)

@@ -1,0 +1,180 @@
+"""Named inputs and outputs as a user sees them: values that are never passed off as fresh, and commands for outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from axisbus.cia401.point import Point, Value
+from axisbus.cia401.port import Known
+from axisbus.errors import ArgumentError, MotionTimeout, StaleError, StateError
+from axisbus.machine.handle import Handle
+from axisbus.motion.io.commands import SetOutputs
+from axisbus.motion.io.reading import Reading
+from axisbus.session import IO
+
+if TYPE_CHECKING:
+    from axisbus.machine.commanding import Commanding
+    from axisbus.session import Session
+
+_SLICE = 0.005  # seconds between two looks, in real time
+
+
+class Signal:
+    """One input or output of ``[io.NAME]``. A bit is True or False, a number is in its ``unit``."""
+
+    def __init__(self, point: Point, session: Session, commanding: Commanding) -> None:
+        self.name = point.name
+        self._point = point
+        self._session = session
+        self._commanding = commanding
+
+    def __repr__(self) -> str:
+        try:
+            return f"<Signal {self.name}: {self.value}{self._in_unit}>"
+        except StaleError:
+            return f"<Signal {self.name}: unknown>"
+
+    @property
+    def unit(self) -> str:
+        """The unit of a number; empty where it has none."""
+        return self._point.unit
+
+    @property
+    def is_output(self) -> bool:
+        """Whether it can be set."""
+        return self._point.output
+
+    @property
+    def safe(self) -> Value | None:
+        """What an output becomes when its node, the program or the master is lost, and at the end; None for an input."""
+        return self._point.shown(self._point.safe) if self._point.output else None
+
+    @property
+    def value(self) -> Value:
+        """An input as it came last, an output as it was sent last; before it was first set, as it was found at boot.
+
+        Raises:
+            StaleError: it is unknown, with the reason: its node is lost, it is too old, the scan has ended.
+        """
+        return self._shown(self._known())
+
+    @property
+    def age(self) -> float:
+        """How long before the last cycle ``value`` had come or had been sent, in seconds; raises as ``value``."""
+        reading = self._known()
+        return max(0.0, reading.now - reading.stamp)
+
+    def set(self, value: Value) -> Handle:
+        """Set an output; does not block. The handle is done once the frame with it, and the SYNC at which it acts, have been sent,
+        and its node was heard after that; it fails with NodeError where the node is lost instead.
+
+        Where the node has no heartbeat and no inputs, done is sent. Whether what is wired to it follows is seen by an input. It
+        stays so until it is set again, its node is lost (then it is safe, and must be set again), or the machine is left.
+
+        Raises:
+            ArgumentError: it is an input, or cannot have this value.
+        """
+        return set_outputs(self._commanding, {self: value})
+
+    def wait(self, value: Value | Callable[[Value], bool] = True, timeout: float | None = None) -> Value:
+        """Block until it has ``value``, or until a function of its value says so; return the value.
+
+        It is looked at in each cycle at most, in real time every 5 ms; what comes and goes in between is not seen.
+
+        Raises:
+            MotionTimeout: it has not after ``timeout`` seconds.
+            StaleError: it is unknown, or becomes so.
+        """
+        done: Callable[[Value], bool] = value if callable(value) else (lambda found: found == value)
+        reading = self._known()
+        until = math.inf if timeout is None else reading.now + timeout
+        while not done(found := self._shown(reading)):
+            if reading.now >= until:
+                raise self._not_in_time(value, found, timeout)
+            self._session.waiter.wait(lambda: False, _SLICE)
+            reading = self._known()
+        return found
+
+    @property
+    def point(self) -> Point:
+        """Where it is, and what its raw value means."""
+        return self._point
+
+    @property
+    def _in_unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+    def _shown(self, reading: Reading) -> Value:
+        return self._point.shown(reading.value or 0)
+
+    def _known(self) -> Reading:
+        silent = self._session.silent
+        reading = self._session.readings.get(self.name)
+        known = Known.NOT_BOOTED if reading is None else reading.known
+        if silent is None and reading is not None and known is Known.YES:
+            return reading
+        raise StaleError(
+            f"{self.name} ({self._point.object_text} of node {self._point.node}) is unknown",
+            observed=silent or known.value,
+            remedy="look at the node's supply and cable, and at what the machine's events say of it",
+        )
+
+    def _not_in_time(
+        self, value: Value | Callable[[Value], bool], found: Value, timeout: float | None
+    ) -> MotionTimeout:
+        wanted = "what was waited for" if callable(value) else f"{value}{self._in_unit}"
+        return MotionTimeout(
+            f"{self.name} did not become {wanted} within {timeout:g} s",
+            observed=f"it is {found}{self._in_unit}",
+            remedy="look at what is wired to it, and at whether what should cause it has happened",
+        )
+
+
+class Io(Mapping[str, Signal]):
+    """The inputs and outputs of a machine by name, in the order of cell.toml."""
+
+    def __init__(self, points: Mapping[str, Point], session: Session, commanding: Commanding) -> None:
+        self._signals = {name: Signal(point, session, commanding) for name, point in points.items()}
+        self._commanding = commanding
+
+    def __getitem__(self, name: str) -> Signal:
+        """Return an input or output; raises StateError where the cell names none such."""
+        if name not in self._signals:
+            raise StateError(
+                f"the cell has no input or output {name!r}",
+                observed=f"it has {', '.join(self._signals) or 'none'}",
+                remedy=f"add [io.{name}], or correct the name",
+            )
+        return self._signals[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._signals
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._signals)
+
+    def __len__(self) -> int:
+        return len(self._signals)
+
+    def set(self, values: Mapping[str, Value]) -> Handle:
+        """Set several outputs at once, in one cycle, all or none of them; else as ``Signal.set``."""
+        if not values:
+            raise ArgumentError("no output is named", remedy="give a value for each output to be set")
+        return set_outputs(self._commanding, {self[name]: value for name, value in values.items()})
+
+
+def set_outputs(commanding: Commanding, values: Mapping[Signal, Value]) -> Handle:
+    """Give a command that sets outputs; raises ArgumentError where one cannot be set so."""
+    given = tuple((signal.name, _raw(signal, value)) for signal, value in values.items())
+    name = ", ".join(f"{signal.name} = {value}" for signal, value in values.items())
+    return commanding.submit(IO, SetOutputs(given), name)
+
+
+def _raw(signal: Signal, value: Value) -> int:
+    if not signal.is_output:
+        raise ArgumentError(
+            f"{signal.name} cannot be set", observed="it is an input", remedy="name an output of the cell"
+        )
+    return signal.point.raw(value)

@@ -1,0 +1,67 @@
+"""What a controller is asked for, checked: what it answers with, its ramps, and how late it may be."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from typing import NamedTuple
+
+from axisbus.cia402.modes import ModeOfOperation
+from axisbus.errors import ArgumentError
+from axisbus.machine.request import Request
+from axisbus.motion.commands import Control, CyclicTorque
+from axisbus.motion.numbers import told
+from axisbus.motion.parameters import AxisParameters
+
+_LATEST = 1000  # cycles
+_WAYS = ("velocity", "torque")
+
+
+class Answering(NamedTuple):
+    """How answers are led to in ``mode``; ``limit`` of their magnitude (None: none), and ``raw``, which checks one."""
+
+    command: Control
+    mode: ModeOfOperation
+    limit: float | None
+    raw: Callable[[float], int]
+
+
+class Ramps(NamedTuple):
+    """What the call gives: unit/s² or N·m/s, None: the defaults of the axis."""
+
+    acceleration: float | None
+    deceleration: float | None
+    slope: float | None
+
+
+def answering_of(parameters: AxisParameters, by: object, ramps: Ramps, late: object) -> Answering:
+    """Return how an axis is led by a controller.
+
+    Raises:
+        ArgumentError, LimitError: a value is none that a controller can have, or one is missing.
+    """
+    request = Request(parameters, "controller")
+    if by not in _WAYS:
+        raise ArgumentError(
+            f"{request.text}: by {told(by)} is not known",
+            remedy='give "velocity" (unit/s, in csv) or "torque" (N·m, in cst)',
+        )
+    if not isinstance(late, int) or isinstance(late, bool) or not 0 <= late <= _LATEST:
+        raise ArgumentError(f"{request.text}: late {told(late)} is no count of cycles from 0 to {_LATEST}")
+    number = secrets.randbits(48)
+    if by == "velocity":
+        up, down = ramps.acceleration, ramps.deceleration
+        begin = request.cyclic_velocity(0.0, up, down)
+        return Answering(
+            Control(number, begin, late),
+            ModeOfOperation.CYCLIC_SYNC_VELOCITY,
+            parameters.limits.velocity,
+            lambda value: request.cyclic_velocity(value, up, down).velocity,
+        )
+    push = CyclicTorque(request.torque(0.0), request.cyclic_slope(ramps.slope))
+    return Answering(
+        Control(number, push, late),
+        ModeOfOperation.CYCLIC_SYNC_TORQUE,
+        parameters.limits.torque,
+        request.torque,
+    )

@@ -1,0 +1,175 @@
+"""A loop of the program's own: it is given the values of each cycle, and its answer leads an axis in the next.
+
+Theory of operation
+-------------------
+Nothing of it runs in the core. A thread of the program looks for the image of the next cycle when that is due, calls the function,
+and sends what it returns as a command of its own. The core holds the answers against its cycles (``motion.cyclic.answered``): it
+stops the axis where one is missing, whatever keeps the program from giving it. In virtual time, where nothing runs beside the one
+who lets it pass, the function is called after each cycle.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+from axisbus.core.lateness import Lateness
+from axisbus.machine.commanding import Commanding
+from axisbus.machine.handle import Handle
+from axisbus.machine.streaming.answering import Answering
+from axisbus.motion.commands import Answer
+from axisbus.motion.parameters import Units
+from axisbus.motion.snapshot import Snapshot
+from axisbus.session import LatenessReport
+
+_LOOKS = 40  # for the next image in a scan period
+_LEAST, _MOST = 0.00005, 0.0005  # seconds between two looks
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a loop is given: ``time`` of the cycle (s, monotonic), ``dt`` since the one before that it was given (s).
+
+    ``position``, ``velocity`` and ``torque`` as those of the axis, of one cycle; None where unknown.
+    """
+
+    time: float
+    dt: float
+    position: float | None
+    velocity: float | None
+    torque: float | None
+
+
+Function = Callable[[Measured], float]
+
+
+class Controller:
+    """A loop under way; made by ``Axis.controller``, for a ``with`` block or until ``stop()``.
+
+    ``handle`` is that of the loop: it ends by whatever takes the axis over or stops it, with an error where the function raised or
+    answered too late. ``error`` is what the function has raised. ``limited`` counts the answers that were held to the limit.
+    """
+
+    handle: Handle
+    limited: int
+    error: BaseException | None
+
+    def __init__(
+        self,
+        name: str,
+        units: Units,
+        period: float,
+        commanding: Commanding,
+        function: Function,
+        answering: Answering,
+        halt: Callable[[], Handle],
+    ) -> None:
+        """``name`` of the axis, ``period`` of the scan in seconds; ``halt`` halts the axis."""
+        self._name, self._units, self._period = name, units, period
+        self._commanding, self._session = commanding, commanding.session
+        self._function, self._answering, self._halt = function, answering, halt
+        self._text = f"{name}.controller"
+        self._took = Lateness()
+        self._last = self._session.snapshots[name].now
+        self.limited = 0
+        self.error = None
+        self.handle = commanding.submit(name, answering.command, self._text)
+        if self._session.waiter.realtime:
+            threading.Thread(target=self._run, name=f"axisbus {self._text}", daemon=True).start()
+        else:
+            self._session.observe(self._observe)
+
+    def __repr__(self) -> str:
+        return f"<Controller of {self._name}: {self.handle.status.value}; {self.lateness}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Halt the axis, and wait until it stands; what has ended the loop before that is raised."""
+        failure = self.handle.exception()
+        halted = self.stop()
+        if error is None and failure is not None:
+            raise failure
+        if error is None:
+            halted.wait()
+
+    @property
+    def lateness(self) -> LatenessReport:
+        """How many answers were given, and how long after the beginning of their cycle: within a scan period is in time."""
+        return self._took.report()
+
+    def stop(self) -> Handle:
+        """Halt the axis, which ends the loop; return the handle of the halt. Does not block; harmless when repeated."""
+        return self._halt()
+
+    # -- cycle by cycle --------------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while self.handle.busy:
+            snapshot = self._next()
+            if snapshot is not None:
+                self._answer(snapshot)
+
+    def _next(self) -> Snapshot | None:
+        """Wait for the image of the next cycle; None where it does not come within some of them."""
+        look = min(max(self._period / _LOOKS, _LEAST), _MOST)
+        time.sleep(max(0.0, self._last + self._period - time.monotonic()))
+        for _ in range(_LOOKS):
+            snapshot = self._session.snapshots[self._name]
+            if snapshot.now > self._last:
+                return snapshot
+            time.sleep(look)
+        return None
+
+    def _observe(self, _now: float, snapshots: Mapping[str, Snapshot]) -> None:
+        if self.handle.busy:
+            self._answer(snapshots[self._name])
+        else:
+            self._session.forget(self._observe)
+
+    def _answer(self, snapshot: Snapshot) -> None:
+        """Call the function, once the drive is in the mode, and send what it returns."""
+        dt, self._last = snapshot.now - self._last, snapshot.now
+        if snapshot.mode != self._answering.mode or self.error is not None:
+            return
+        number = self._answering.command.number
+        try:
+            answer = Answer(number, snapshot.now, self._raw(self._function(self._measured(snapshot, dt))))
+        except BaseException as error:  # noqa: BLE001  # whatever it is, the axis must be stopped
+            self.error = error
+            answer = Answer(number, snapshot.now, 0, f"{type(error).__name__}: {error}")
+        given = self._commanding.submit(self._name, answer, f"{self._text}, an answer")
+        given.add_done_callback(lambda: _looked_at(given))
+        if self._session.waiter.realtime:
+            self._took.note(time.monotonic() - snapshot.now)
+
+    def _measured(self, snapshot: Snapshot, dt: float) -> Measured:
+        units = self._units
+        position = velocity = torque = None
+        if snapshot.position is not None:
+            position = units.position.to_units(snapshot.position - snapshot.origin)
+            position = position if units.modulo is None else position % units.modulo
+        if snapshot.velocity is not None:
+            velocity = units.velocity.to_units(snapshot.velocity)
+        if snapshot.torque is not None:
+            torque = units.torque(snapshot.torque)
+        return Measured(snapshot.now, dt, position, velocity, torque)
+
+    def _raw(self, value: float) -> int:
+        limit = self._answering.limit
+        if limit is not None and abs(value) > limit:
+            self.limited += 1
+            value = min(max(value, -limit), limit)
+        return self._answering.raw(value)
+
+
+def _looked_at(answer: Handle) -> None:
+    """Look at how an answer has ended: why it was not taken is what has ended the loop, and its handle tells that."""
+    answer.exception()

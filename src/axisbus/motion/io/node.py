@@ -1,0 +1,192 @@
+"""The inputs and outputs of one node, cycle by cycle: a pure step from what came to what is sent.
+
+Theory of operation
+-------------------
+An output belongs to the node until it is set: the value found at boot stays, and an RPDO is sent only once something in it was set.
+From then on it is ours, until it has been led to its safe state.
+
+- **Lost is lost.** Once its node is not operational, or not heard, what was set is no longer what the output has: the module has
+  done what its error objects say. So its value becomes the safe one, which is what it gets when the node is back. Nothing comes on
+  again by itself; it has to be set again. The safe value is sent meanwhile, too: a node that is not heard may hear us.
+- **Done is sent, to a node that lives.** A command ends well once the frame with it, and the SYNC at which it takes effect, have
+  left, and the node was heard after that. One whose node is lost instead fails when that is known, however long it was sent before.
+  Whether an output follows is known only by an input.
+- **Fresh or unknown.** A sample that came before the node was lost says nothing about now; one beyond its age neither.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from axisbus.cia401.point import Point
+from axisbus.cia401.port import MAY_HEAR, IoInputs, IoPort, Known
+from axisbus.cia402.port import Sample
+from axisbus.errors import AxisbusError, NodeError
+from axisbus.motion.io.reading import Reading
+from axisbus.motion.ticket import Status, Ticket
+
+_REMEDY = "look at its supply and cable; when it is back its outputs get their safe values, until they are set again"
+
+
+class NodeIo:
+    """Holds what its outputs are to be, which were set, and the commands that wait for their frame to leave."""
+
+    def __init__(self, node_id: int, points: Sequence[Point], port: IoPort) -> None:
+        """``port`` has the objects of all ``points``, and what its outputs had at boot."""
+        self.points = {point.name: point for point in points}
+        self._node_id = node_id
+        self._outputs = {address: place for place, address in enumerate(port.outputs)}
+        self._inputs = {address: place for place, address in enumerate(port.inputs)}
+        self._max_age = port.max_age
+        self._words = list(port.found)
+        self._alone = self._with_safe(list(port.alone))
+        self._set: set[str] = set()
+        self._used: set[int] = set()  # outputs, by place, of which something was set
+        self._known = Known.NOT_YET
+        self._unknown_until = -math.inf  # when it was last not operational
+        self._given: list[Ticket] = []
+        self._under_way: list[Ticket] = []
+        self._acting: list[tuple[float, Ticket]] = []  # in effect since when at the latest
+        self._new = False  # whether what the outputs are to be now has not been sent yet
+        self._leaves = False  # whether it was sent in the cycle before, and waits for SYNC
+        self._begun = math.inf  # when the first cycle was
+        self._sent = -math.inf
+        self.changed = False  # whether a command has ended in this cycle
+
+    # -- commands ----------------------------------------------------------------------------------------------------
+
+    def refusal(self, name: str, what: str) -> AxisbusError | None:
+        """Return why an output cannot be set now; None where it can."""
+        if self._known is Known.YES:
+            return None
+        return NodeError(
+            f"{what} was not sent: {name} is out of reach",
+            node=self._node_id,
+            observed=self._known.value,
+            remedy=_REMEDY,
+        )
+
+    def set(self, values: Mapping[str, int], ticket: Ticket) -> None:
+        """Take raw values for outputs of this node; ``ticket`` ends once they act, and the node has been heard since."""
+        for name, raw in values.items():
+            self._put(self.points[name], raw)
+            self._set.add(name)
+        self._given.append(ticket)
+
+    def make_safe(self) -> None:
+        """Lead every output that was set to its safe state."""
+        for name in self._set:
+            self._put(self.points[name], self.points[name].safe)
+
+    @property
+    def ours(self) -> list[Point]:
+        """The outputs that were set."""
+        return [self.points[name] for name in sorted(self._set)]
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing is on its way: all has been sent, or cannot be now."""
+        return self._known is not Known.YES or not (self._new or self._leaves)
+
+    def abandon(self, error: AxisbusError) -> None:
+        """End every command: no cycle will come."""
+        for ticket in (*self._given, *self._take_sent()):
+            ticket.finish(Status.ERROR, error)
+        self._given = []
+
+    def _lost(self, what: str) -> AxisbusError:
+        return NodeError(
+            f"{what} is not confirmed: its node was lost before it was heard again",
+            node=self._node_id,
+            observed=self._known.value,
+            remedy=_REMEDY,
+        )
+
+    # -- the cycle -----------------------------------------------------------------------------------------------------
+
+    def step(self, now: float, inputs: IoInputs) -> tuple[int | None, ...]:
+        """Return the value of each output of the port, None of one that was never set."""
+        self.changed = False
+        self._known = inputs.known
+        self._begun = min(self._begun, now)
+        if inputs.known is not Known.YES:
+            self._lose(now)
+            return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
+        self._acting += [(now, ticket) for ticket in self._under_way]  # it has left, and SYNC after it
+        self._end_confirmed(inputs.heard)
+        self._under_way, self._given = self._given, []
+        self._leaves, self._new = self._new, False
+        self._sent = now
+        return self._to_send()
+
+    def readings(self, now: float, inputs: IoInputs) -> dict[str, Reading]:
+        """Return what is known of every point, after ``step``."""
+        return {
+            name: self._output(point, now) if point.output else self._input(point, now, inputs)
+            for name, point in self.points.items()
+        }
+
+    def _to_send(self) -> tuple[int | None, ...]:
+        return tuple(word if place in self._used else None for place, word in enumerate(self._words))
+
+    def _end_confirmed(self, heard: float) -> None:
+        while self._acting and self._acting[0][0] <= heard:
+            self._acting.pop(0)[1].finish(Status.DONE)
+            self.changed = True
+
+    def _take_sent(self) -> list[Ticket]:
+        """Return the commands that were sent and have not ended, which are nobody's any more."""
+        sent = [*(ticket for _, ticket in self._acting), *self._under_way]
+        self._acting, self._under_way = [], []
+        return sent
+
+    def _lose(self, now: float) -> None:
+        self._unknown_until = now
+        self._leaves = False
+        self._words = list(self._alone)  # what was never set, too, must not come back by a frame of ours
+        self._new = bool(self._used)
+        self.changed = bool(self._given or self._under_way or self._acting)
+        for ticket in self._given:
+            ticket.finish(Status.ERROR, self.refusal("its node", ticket.name))
+        for ticket in self._take_sent():
+            ticket.finish(Status.ERROR, self._lost(ticket.name))
+        self._given = []
+
+    def _with_safe(self, words: list[int]) -> list[int]:
+        for point in (point for point in self.points.values() if point.output):
+            place = self._outputs[point.address]
+            words[place] = point.into(words[place], point.safe)
+        return words
+
+    def _put(self, point: Point, raw: int) -> None:
+        place = self._outputs[point.address]
+        self._words[place] = point.into(self._words[place], raw)
+        self._used.add(place)
+        self._new = True
+
+    def _of(self, point: Point) -> int:
+        return point.of(self._words[self._outputs[point.address]])
+
+    def _output(self, point: Point, now: float) -> Reading:
+        """Of one that was never sent, what it had at boot is known as long as its node was there ever since."""
+        is_set, sent, known = point.name in self._set, self._outputs[point.address] in self._used, self._known
+        stamp = self._sent if sent else self._begun
+        if known is Known.YES and not sent and self._unknown_until > -math.inf:
+            known = Known.UNSET
+        return Reading(now, known, self._of(point) if known is Known.YES else None, stamp, is_set)
+
+    def _input(self, point: Point, now: float, inputs: IoInputs) -> Reading:
+        place = self._inputs[point.address]
+        sample = inputs.samples[place]
+        known = self._freshness(sample, self._max_age[place], now)
+        stamp = -math.inf if sample is None else sample.stamp
+        value = point.of(sample.value) if known is Known.YES and sample is not None else None
+        return Reading(now, known, value, stamp)
+
+    def _freshness(self, sample: Sample | None, age: float, now: float) -> Known:
+        if self._known is not Known.YES:
+            return self._known
+        if sample is None or sample.stamp <= self._unknown_until:
+            return Known.NOT_YET
+        return Known.YES if now - sample.stamp <= age else Known.OLD

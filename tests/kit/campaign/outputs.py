@@ -1,0 +1,75 @@
+"""Rules of outputs: none has what nobody asked for since its module was lost, and on the way out they become safe last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from axisbus.errors import StaleError
+from axisbus.machine.handle import Handle
+from kit.cell import Cell
+from kit.probe import OFF
+
+NODE = 5
+OUTPUTS = {
+    "lamp": (0x6200, 1, 3, 0),
+    "clamp": (0x6200, 1, 7, 1),
+    "fan": (0x6200, 2, 0, 0),
+}  # object, bit, safe
+TOML = f'[nodes.{NODE}]\neds = "builtin:generic-cia401"\non_lost = "tell"\n' + "".join(
+    f'[io.{name}]\nnode = {NODE}\nobject = "{index:04X}h:{sub:02X}"\nbit = {bit}\nsafe = {safe}\n'
+    for name, (index, sub, bit, safe) in OUTPUTS.items()
+)
+
+
+class Outputs:
+    """Holds what each output of the module may be now, which were set, and what did not hold."""
+
+    def __init__(self, cell: Cell) -> None:
+        """The cell has ``TOML`` in it."""
+        self.cell = cell
+        self.device = cell.machine.stand_in(NODE).device
+        self.set: set[str] = set()
+        self.wrong: list[str] = []
+        self.early: set[str] = set()  # axes that had power when outputs became safe on the way out
+        self._allowed = {
+            name: {0, safe} for name, (*_, safe) in OUTPUTS.items()
+        }  # a module may be safe by itself
+        self._before = {name: self.shown(name) for name in OUTPUTS}
+        cell.each_cycle(lambda now, _: self._look(now))
+
+    def shown(self, name: str) -> int:
+        """What the plant sees."""
+        index, sub, bit, _ = OUTPUTS[name]
+        return self.device.io.get(index, sub) >> bit & 1
+
+    def knows(self, name: str) -> int | None:
+        """What the machine says, None where it says that it does not know."""
+        try:
+            return int(self.cell.machine.io[name].value)
+        except StaleError:
+            return None
+
+    def ask(self, name: str, value: int) -> Handle:
+        """Set an output."""
+        self._allowed[name] |= {value}
+        self.set.add(name)
+        return self.cell.machine.io[name].set(bool(value))
+
+    def unsafe(self) -> list[str]:
+        """The outputs that were set and are not safe."""
+        return [name for name in sorted(self.set) if self.shown(name) != OUTPUTS[name][3]]
+
+    def _look(self, now: float) -> None:
+        leaving = self.cell.machine._core.scan.leaving_because is not None
+        for name in OUTPUTS:
+            shown, before = self.shown(name), self._before[name]
+            if shown not in self._allowed[name]:
+                self.wrong.append(f"{name} is {shown} at {now:.3f} s")
+            if self.knows(name) is None:  # what it has is left to the module, and then is safe
+                self._allowed[name] = {OUTPUTS[name][3], shown}
+            elif leaving and shown != before and shown == OUTPUTS[name][3]:
+                self.early |= set(self._energised())
+            self._before[name] = shown
+
+    def _energised(self) -> Sequence[str]:
+        return [axis.name for axis in self.cell.machine if self.cell.stage(axis.name) not in OFF]

@@ -1,0 +1,236 @@
+"""A loop of the program's own leads an axis: it is given each cycle's values, and the axis stops where it does not answer."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from axisbus.errors import ArgumentError, CommandError, Interrupted, LimitError, StateError
+from axisbus.machine.streaming.controller import Measured
+from axisbus.motion.commands import Answer, Control, CyclicTorque, CyclicVelocity
+from axisbus.motion.cyclic.answered import Answers
+from axisbus.motion.states import AxisState
+from kit.cell import Cell
+from kit.probe import ENABLED, OFF, QUICK_STOP
+
+RATED = "rated_torque = 10.0\n"
+RAMP = 500.0  # deg/s², the default
+CSV, CST = 9, 10
+
+
+def to(place: float):
+    """A loop that goes to a place."""
+    return lambda seen: 5.0 * (place - seen.position)
+
+
+def opened(story, axis: str = "") -> Cell:
+    return story.simulated("x", axis=RATED + axis).enabled()
+
+
+def test_a_loop_of_velocities_leads_the_axis_to_its_place(story):
+    cell = opened(story)
+    seen: list[Measured] = []
+
+    def loop(measured: Measured) -> float:
+        seen.append(measured)
+        return to(90.0)(measured)
+
+    moment = cell.moment()
+    controller = cell.x.controller(loop)
+    cell.run(3.0)
+    assert cell.x.position == pytest.approx(90.0, abs=0.2)
+    assert controller.handle.busy
+    assert cell.drive().mode_display == CSV
+    assert cell.x.state is AxisState.CONTINUOUS_MOTION
+    assert cell.hardest_change(since=moment) <= 1.05 * RAMP
+    steps = [after.time - before.time for before, after in pairwise(seen)]
+    assert steps == pytest.approx([cell.machine.cell.bus.scan_period] * len(steps))
+    assert [one.dt for one in seen[1:]] == pytest.approx(steps)
+
+
+def test_a_loop_of_torques_holds_a_place_and_knows_the_torque(story):
+    cell = opened(story)
+    seen: list[Measured] = []
+
+    def loop(measured: Measured) -> float:
+        seen.append(measured)
+        return 0.05 * (30.0 - measured.position) - 0.01 * measured.velocity
+
+    cell.x.controller(loop, by="torque", slope=200.0)
+    cell.run(6.0)
+    assert cell.drive().mode_display == CST
+    assert cell.where("x") == pytest.approx(30.0, abs=6.0)  # what friction leaves
+    assert max(abs(one.torque) for one in seen) > 0.1
+
+
+def test_what_it_answers_beyond_a_limit_is_held_to_it_and_counted(story):
+    cell = opened(story)
+    most = cell.x.limits.velocity
+    controller = cell.x.controller(lambda _: 1e6)
+    cell.until(lambda: cell.speed() > 0.9 * most)
+    cell.run(0.5)
+    assert cell.speed() == pytest.approx(most, rel=0.02)
+    assert controller.limited > 10
+    assert controller.handle.busy
+
+
+@pytest.mark.parametrize("by", ["velocity", "torque"])
+@pytest.mark.parametrize("answer", [None, float("nan"), "fast", 1 / 3])
+def test_an_answer_that_is_none_stops_the_axis_and_says_why(story, by, answer):
+    cell = opened(story)
+    calls = iter(range(10_000))
+
+    def loop(_: Measured) -> float:
+        if next(calls) < 100:
+            return 50.0 if by == "velocity" else 0.3
+        if answer == 1 / 3:
+            raise ValueError("no plan")
+        return answer
+
+    controller = cell.x.controller(loop, by=by, slope=5.0)
+    cell.until(lambda: not controller.handle.busy, 5)
+    assert cell.speed() > 20.0
+    error = controller.handle.exception()
+    assert isinstance(error, CommandError)
+    assert "its controller has failed" in error.message
+    assert type(controller.error).__name__ in error.message
+    cell.must_stand(within=1.5, stages=ENABLED)
+    assert cell.x.state is AxisState.ERRORSTOP
+    before = next(calls)
+    cell.run(1.0)
+    assert next(calls) == before + 1  # nobody calls it any more
+
+
+def test_the_end_of_a_block_halts_the_axis(story):
+    cell = opened(story)
+    with cell.x.controller(lambda _: 80.0) as controller:
+        cell.run(1.0)
+        cell.must_move()
+    cell.must_stand(within=1.5, stages=ENABLED)
+    assert isinstance(controller.handle.exception(), Interrupted)
+    assert cell.x.state is AxisState.STANDSTILL
+
+
+def test_the_end_of_a_block_raises_what_has_ended_the_loop(story):
+    cell = opened(story)
+    calls = []
+
+    def loop(_: Measured) -> float:
+        calls.append(1)
+        if len(calls) > 50:
+            raise ZeroDivisionError("no way")
+        return 50.0
+
+    with pytest.raises(CommandError, match="ZeroDivisionError: no way"), cell.x.controller(loop):
+        cell.run(2.0)
+    cell.must_stand(within=1.5, stages=ENABLED)
+
+
+@pytest.mark.parametrize("stop", ["halt", "stop", "quick_stop", "disable", "cyclic_velocity", "controller"])
+def test_whatever_takes_the_axis_over_ends_the_loop_and_nothing_jumps(story, stop):
+    cell = opened(story)
+    moment = cell.moment()
+    controller = cell.x.controller(lambda _: 80.0)
+    cell.run(1.0)
+    cell.must_move()
+    given = {"cyclic_velocity": (20.0,), "controller": (lambda _: 20.0,)}.get(stop, ())
+    getattr(cell.x, stop)(*given)
+    cell.until(lambda: not controller.handle.busy)
+    assert isinstance(controller.handle.exception(), Interrupted)
+    if given:
+        cell.run(1.0)
+        assert cell.speed() == pytest.approx(20.0, rel=0.02)
+        assert cell.hardest_change(since=moment) <= 1.05 * RAMP
+    else:
+        cell.must_stand(
+            within=1.5, stages={"disable": OFF, "quick_stop": (*OFF, QUICK_STOP)}.get(stop, ENABLED)
+        )
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.5, 1.5])
+def test_an_override_scales_what_it_answers(story, factor):
+    cell = opened(story)
+    cell.x.controller(lambda _: 60.0)
+    cell.run(1.0)
+    cell.x.set_override(factor).wait(1)
+    cell.run(1.0)
+    assert cell.speed() == pytest.approx(60.0 * factor, abs=1.0)
+
+
+def test_it_begins_from_what_leads_the_axis_already(story):
+    cell = opened(story)
+    cell.x.cyclic_velocity(80.0).wait(5)
+    moment = cell.moment()
+    cell.x.controller(lambda _: 80.0)
+    cell.run(1.0)
+    assert cell.hardest_change(since=moment) <= 0.1 * RAMP
+
+
+def test_an_axis_that_is_off_or_moves_otherwise_is_not_taken(story):
+    cell = story.simulated("x", axis=RATED)
+    with pytest.raises(StateError):
+        cell.x.controller(to(1.0)).handle.wait(1)
+    cell.enabled()
+    cell.x.move_velocity(30.0).wait(5)
+    with pytest.raises(StateError):
+        cell.x.controller(to(1.0)).handle.wait(1)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"by": "position"}, "is not known"),
+        ({"late": -1}, "no count of cycles"),
+        ({"late": True}, "no count of cycles"),
+        ({"by": "torque", "slope": 0.0}, "slope"),
+        ({"acceleration": -1.0}, "acceleration"),
+    ],
+)
+def test_what_a_controller_cannot_be_is_said(story, options, words):
+    cell = opened(story)
+    with pytest.raises((ArgumentError, LimitError), match=words):
+        cell.x.controller(to(1.0), **options)
+    with pytest.raises(ArgumentError, match="is no function"):
+        cell.x.controller(3.0)
+
+
+# -- how late an answer may be -------------------------------------------------------------------------------------------
+
+
+def answers(late: int = 0) -> Answers:
+    return Answers(Control(7, CyclicVelocity(0, 1.0, 1.0), late), "x")
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_an_answer_holds_for_the_next_cycle_and_for_as_many_more_as_are_allowed(late):
+    loop = answers(late)
+    assert loop.due(1.0) is None
+    assert loop.take(Answer(7, 1.0, 50))
+    for number in range(late + 1):
+        assert loop.due(1.01 + 0.01 * number) == 50
+    with pytest.raises(CommandError, match="answered too late"):
+        loop.due(1.01 + 0.01 * (late + 1))
+
+
+def test_cycles_that_the_core_has_skipped_count_as_one():
+    loop = answers()
+    loop.due(1.0)
+    loop.take(Answer(7, 1.0, 50))
+    assert loop.due(1.3) == 50
+
+
+def test_an_older_answer_and_one_of_another_loop_change_nothing():
+    loop = answers(5)
+    loop.due(1.0)
+    assert loop.take(Answer(7, 1.0, 50))
+    assert loop.take(Answer(7, 0.9, 10))
+    assert not loop.take(Answer(8, 1.0, 20))
+    assert loop.due(1.01) == 50
+
+
+def test_a_loop_that_never_answers_is_not_waited_for():
+    loop = Answers(Control(7, CyclicTorque(0, 5), 1000), "x")
+    assert [loop.due(0.1 * number) for number in range(10)] == [None] * 10
+    with pytest.raises(CommandError, match="did not begin to answer"):
+        loop.due(1.2)

@@ -1,0 +1,211 @@
+"""Inputs and outputs over a bus, wherever the core runs: mapped, seen, set, and safe when the core or the program is killed."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from axisbus.core.process.kept.journal import path_of
+from axisbus.errors import ArgumentError, AxisbusError, BootError, NodeError, StaleError
+from axisbus.machine.machine import Machine
+from axisbus.record.load import load
+from kit.cell import cell_text
+from kit.probe import OFF
+
+IO = """
+[nodes.5]
+eds = "builtin:generic-cia401"
+{node}
+[io.part]
+node = 5
+object = "6000h:01"
+bit = 2
+[io.lamp]
+node = 5
+object = "6200h:01"
+bit = 3
+safe = 0
+[io.clamp]
+node = 5
+object = "6200h:01"
+bit = 7
+safe = 1
+[io.valve]
+node = 5
+object = "6411h:02"
+safe = 0
+[io.relay]
+node = 1
+object = "60FEh:01"
+bit = 16
+safe = 0
+"""
+BOTH = pytest.mark.parametrize("process", ["thread", "own"])
+
+
+def opened(folder: Path, process: str = "thread", node: str = "", bus: str = "") -> Machine:
+    path = folder / "cell.toml"
+    path.write_text(cell_text("x", bus=f'process = "{process}"\n{bus}', more=IO.format(node=node)))
+    return Machine.open(path)
+
+
+def until(happened, limit: float = 5.0) -> None:
+    end = time.monotonic() + limit
+    while not happened():
+        assert time.monotonic() < end, "it has not happened"
+        time.sleep(0.005)
+
+
+@BOTH
+@pytest.mark.parametrize("bus", ["", "sync = false"], ids=["SYNC", "events"])
+def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus):
+    with opened(tmp_path, process, bus=bus) as cell:
+        wired, io = cell.stand_in(5).device.io, cell.io
+        wired.set_bit(0x6000, 1, 2, True)
+        assert io["part"].wait(True, timeout=2.0) is True
+        io.set({"lamp": True, "valve": -1234, "relay": True}).wait(2)
+        until(lambda: (wired.get(0x6200, 1), wired.get(0x6411, 2)) == (8, -1234))
+        until(lambda: cell.stand_in(1).device.io.get(0x60FE, 1) == 1 << 16)
+        cell["x"].enable().wait(5)
+        cell["x"].move_relative(10.0).wait(5)
+        assert io["lamp"].value is True
+        cell.close()
+        assert (wired.get(0x6200, 1), wired.get(0x6411, 2)) == (0x00, 0)
+        assert cell.stand_in(1).device.io.get(0x60FE, 1) == 0
+
+
+@BOTH
+def test_they_are_in_a_recording_by_their_names(tmp_path, process):
+    pytest.importorskip("mcap")
+    path = tmp_path / "io.mcap"
+    with opened(tmp_path, process) as cell:
+        wired = cell.stand_in(5).device.io
+        with cell.recording(path, objects=["part", "lamp", "valve"]):
+            cell.io.set({"lamp": True, "valve": 700}).wait(2)
+            wired.set_bit(0x6000, 1, 2, True)
+            cell.io["part"].wait(True, timeout=2.0)
+            cell.sleep(0.3)
+        with pytest.raises(ArgumentError, match="input or output"):
+            cell.recording(path, objects=["lamps"])
+    objects = load(path).objects
+    seen = {name: list(dict.fromkeys(track.columns["value"])) for name, track in objects.items()}
+    assert seen["part"] == [False, True]
+    assert seen["lamp"][-1] is True
+    assert seen["valve"][-1] == 700
+
+
+def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
+    with opened(tmp_path, node='on_lost = "tell"') as cell:
+        device, io = cell.stand_in(5).device, cell.io
+        io.set({"lamp": True, "clamp": False}).wait(2)
+        until(lambda: device.io.get(0x6200, 1) == 8)
+        device.dials.dead = True
+        with pytest.raises(StaleError, match="part"):
+            io["part"].wait(True, timeout=3.0)
+        with pytest.raises(StaleError, match="lamp"):
+            io["lamp"].wait(False, timeout=3.0)
+        with pytest.raises(NodeError, match="lamp = True was not sent"):
+            io["lamp"].set(True).wait(2)
+        until(lambda: device.io.get(0x6200, 1) == 0x80)  # by itself: nobody has reached it
+        device.dials.dead = False
+
+
+def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path):
+    path = tmp_path / "cell.toml"
+    path.write_text(cell_text("x", bus='process = "thread"', more=IO.format(node="")))
+    eds = (Path(__file__).parents[2] / "eds" / "generic-cia401.eds").read_text()
+    head, section, tail = eds.partition("[6207sub1]")
+    (tmp_path / "module.eds").write_text(head + section + tail.replace("AccessType=rw", "AccessType=ro", 1))
+    path.write_text(path.read_text().replace("builtin:generic-cia401", "module.eds"))
+    with pytest.raises(BootError, match=r"6207h:01 does not take 0, so its outputs have no safe state"):
+        Machine.open(path)
+
+
+def test_a_killed_core_leaves_safe_outputs(tmp_path):
+    machine = opened(tmp_path, "own")
+    wired, drive = machine.stand_in(5).device.io, machine.stand_in(1).device.io
+    machine["x"].enable().wait(5)
+    machine["x"].move_velocity(50.0).wait(5)
+    machine.io.set({"lamp": True, "clamp": False, "relay": True}).wait(2)
+    until(lambda: wired.get(0x6200, 1) == 8 and drive.get(0x60FE, 1) == 1 << 16)
+    os.kill(machine._core.process, signal.SIGKILL)
+    until(
+        lambda: wired.get(0x6200, 1) == 0x80 and drive.get(0x60FE, 1) == 0, limit=8.0
+    )  # the drive's: by the warden alone
+    until(lambda: machine.session.ended, limit=8.0)
+    with pytest.raises(StaleError):
+        _ = machine.io["lamp"].value
+    with pytest.raises(AxisbusError) as told:
+        machine.close()
+    assert "x: stands" in str(told.value)
+    assert "its warden made outputs safe: relay, lamp, clamp" in str(told.value)
+    assert "NOT CONFIRMED" not in str(told.value)
+
+
+PROGRAM = """
+import os, signal, sys, time
+from axisbus import Machine
+cell = Machine.open(sys.argv[1])
+cell["x"].enable().wait(5)
+cell["x"].move_velocity(90.0).wait(5)
+cell.io.set({"lamp": True, "clamp": False}).wait(2)
+time.sleep(0.2)
+print("set", flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_program_leaves_safe_outputs_once_its_axis_is_off(tmp_path):
+    """The plant is read from what the simulated devices write by themselves; their own watch over us is too slow to help."""
+    path = tmp_path / "cell.toml"
+    bus = 'process = "own"\noptions = { history = "plant.csv" }'
+    path.write_text(cell_text("x", heartbeat="1s", bus=bus, more=IO.format(node="")))
+    ran = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(path)], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert ran.stdout.strip() == "set", ran.stderr
+    until(lambda: "the core ended" in told_by(path), limit=10.0)
+    assert "leaving: the program is gone" in told_by(path)
+    assert "went wrong" not in told_by(path)  # each output was read back
+    outputs, stages = plant(tmp_path / "plant.csv")
+    lamp_on = [at for at, word in outputs if word == 8]
+    driven = [at for at, stage in stages if stage not in OFF]
+    assert lamp_on
+    assert driven
+    assert outputs[-1][1] == 0x80
+    assert max(lamp_on) > max(driven) - 0.005  # to within a line of the file
+
+
+def plant(path: Path) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
+    """The first digital outputs, and the power stage of the axis, each with its times."""
+    with path.open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["outputs"] is not None]
+    modules = [(float(row["time"]), row["outputs"].split()[0]) for row in rows if row["outputs"]]
+    outputs = [(at, int(text.removeprefix("6200h:01="))) for at, text in modules]
+    return outputs, [(float(row["time"]), int(row["stage"])) for row in rows if row["stage"]]
+
+
+def told_by(path: Path) -> str:
+    """What the core's journal says."""
+    return path_of(str(path)).read_text()
+
+
+def test_a_dead_module_faults_nobody_else_on_the_way_out(tmp_path):
+    """It is asked for longer than the drive waits for our heartbeat, which goes on meanwhile."""
+    cell = opened(tmp_path, node='on_lost = "tell"')
+    cell.io.set({"lamp": True, "valve": 5}).wait(2)
+    cell.stand_in(5).device.dials.dead = True
+    drive = cell.stand_in(1).device
+    began = time.monotonic()
+    with pytest.raises(ExceptionGroup) as told:
+        cell.close()
+    assert time.monotonic() - began < 4.0
+    assert sorted(error.message.split()[0] for error in told.value.exceptions) == ["lamp", "valve"]
+    assert list(drive.errors.entries) == []
