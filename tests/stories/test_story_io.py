@@ -210,6 +210,12 @@ def test_what_the_cell_file_gives_a_whole_output_without_us_stays(story):
     assert any("what the cell file writes into 6444h:01" in line for line in report.io)
 
 
+def test_a_module_may_not_stay_operational_without_us(story):
+    """It would take its outputs back from the first frame that comes again."""
+    cell = story.simulated(text=cell_text("x", more=IO.format(node='[nodes.5.objects]\n"1029:01" = 1')))
+    assert cell.machine.stand_in(5).device.read(0x1029, 1) == 0
+
+
 # -- lost --------------------------------------------------------------------------------------------------------------
 
 
