@@ -96,6 +96,21 @@ def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
     assert "60FEh:01 is in no PDO: the mapping is fixed and does not hold it" in problem.message
 
 
+@pytest.mark.parametrize(
+    "more", ['map = ["6000:02"]', 'map = ["6000:01"]\ntransmission = 253\nrtr = "100ms"']
+)
+def test_an_input_that_would_never_come_is_refused(tmp_path, more):
+    """Its PDOs are spoken for, or come only when somebody asks, which nobody does for inputs."""
+    others = '[nodes.5.pdo.tpdo2]\nmap = ["6401:01"]\n'
+    problem = only(
+        tmp_path,
+        '[io.part]\nnode = 5\nobject = "6000:01"\nbit = 0\n',
+        node=f"[nodes.5.pdo.tpdo1]\n{more}\n{others}",
+    )
+    assert "[io.part]: 6000h:01 is in no PDO" in problem.message
+    assert "nobody asks for an input" in problem.observed
+
+
 def test_what_nobody_makes_safe_when_we_are_gone_is_warned_of(tmp_path):
     relay = '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'
     (problem,) = found(tmp_path, relay)
