@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.core.process.kept.journal import path_of
 from axisbus.errors import AxisbusError, BootError, NodeError, StaleError
 from axisbus.machine.machine import Machine
@@ -94,6 +95,33 @@ def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):
             io["lamp"].set(True).wait(2)
         until(lambda: device.io.get(0x6200, 1) == 0x80)  # by itself: nobody has reached it
         device.dials.dead = False
+
+
+def test_after_a_loss_no_frame_brings_back_what_shares_it(tmp_path):
+    """The RPDO of the module holds its second byte, too, which nobody has named, and which was found on at boot."""
+    with opened(tmp_path, node='on_lost = "tell"\n[nodes.5.objects]\n"6200:02" = 0x55') as cell:
+        device, lamp = cell.stand_in(5).device, cell.io["lamp"]
+        lamp.set(True).wait(2)
+        until(lambda: device.io.get(0x6200, 1) == 8)
+        assert device.io.get(0x6200, 2) == 0x55
+        device.dials.dead = True
+        with pytest.raises(StaleError, match="lamp"):
+            lamp.wait(False, timeout=3.0)
+        until(lambda: device.io.get(0x6200, 2) == 0)  # by itself
+        device.dials.dead = False
+        until(lambda: cell.node(5).nmt is NmtState.PRE_OPERATIONAL)
+        cell.node(5).command(NmtCommand.START)
+        until(lambda: _is_known(lamp))
+        lamp.set(True).wait(2)
+        assert device.io.get(0x6200, 1) == 0x88
+        assert device.io.get(0x6200, 2) == 0
+
+
+def _is_known(signal) -> bool:
+    try:
+        return signal.value is not None
+    except StaleError:
+        return False
 
 
 def test_a_module_that_does_not_take_its_error_value_does_not_come_up(tmp_path):
