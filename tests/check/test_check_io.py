@@ -111,6 +111,20 @@ def test_an_input_that_would_never_come_is_refused(tmp_path, more):
     assert "nobody asks for an input" in problem.observed
 
 
+@pytest.mark.parametrize(
+    ("first", "module", "bus", "node"),
+    [('on_lost = "tell"', "", "", 1), ("", 'on_lost = "stop"', 'on_lost_node = "report"', 5)],
+)
+def test_an_on_lost_that_decides_nothing_is_told(tmp_path, first, module, bus, node):
+    path = tmp_path / "cell.toml"
+    text = cell_text("x", bus=bus, more=f"{MODULE}{module}\n[io.lamp]\n{LAMP}")
+    path.write_text(text.replace("[nodes.1]\n", f"[nodes.1]\n{first}\n"), encoding="utf-8")
+    (problem,) = [each for each in check(path) if "on_lost" in each.message]
+    assert problem.message == f"on_lost of [nodes.{node}] decides nothing"
+    path.write_text(path.read_text().replace(first or bus, ""), encoding="utf-8")
+    assert not [each for each in check(path) if "on_lost" in each.message]
+
+
 def test_what_nobody_makes_safe_when_we_are_gone_is_warned_of(tmp_path):
     relay = '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'
     (problem,) = found(tmp_path, relay)
