@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from itertools import pairwise
 
 import pytest
@@ -11,8 +12,10 @@ from hypothesis import strategies as st
 
 from axisbus import Cam
 from axisbus.errors import ArgumentError
+from axisbus.motion.commands import PhaseBy
 from axisbus.motion.coupling.blend import Blend
 from axisbus.motion.coupling.laws import CamLaw, Due, Gear
+from axisbus.motion.coupling.phase import Phase
 from axisbus.wire.messages import CODEC
 
 SAME = settings(deadline=None, derandomize=True)
@@ -141,3 +144,23 @@ def test_a_cam_is_read_from_a_file(tmp_path):
     assert (cam.at(90.0), cam.master_span, cam.lift) == (20.0, (0.0, 360.0), 0.0)
     with pytest.raises(ArgumentError, match="cannot be read as a cam"):
         Cam.read(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_shift_never_changes_harder_or_faster_than_it_may_however_often_it_is_changed(seed):
+    chance, period = random.Random(seed), 0.004
+    phase, places, total = Phase(period), [0.0, 0.0], 0.0
+    for _ in range(12):
+        shift = chance.uniform(-20.0, 20.0)
+        total += shift
+        phase.change(PhaseBy(shift, 15.0, 60.0))
+        for _ in range(chance.randint(1, 400)):
+            phase.step()
+            places.append(phase.value)
+    while not phase.over:
+        phase.step()
+        places.append(phase.value)
+    assert phase.value == pytest.approx(total)
+    speeds = [(after - before) / period for before, after in pairwise(places)]
+    assert max(map(abs, speeds)) <= 15.0 * (1.0 + 1e-9)
+    assert max(abs(after - before) / period for before, after in pairwise(speeds)) <= 60.0 * (1.0 + 1e-6)

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import struct
+from fractions import Fraction
 
 import pytest
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.pdo import Carried
+from axisbus.cia401.point import Point
 from axisbus.record.mapped import MappedObjects, Place
+from axisbus.record.wanted import WantedObject
 from axisbus.wire.frames import FrameQueue, unpacked
 
 
-def place(shift: int, bits: int, kind: DataType | None, label: str = "x", can_id: int = 0x181) -> Place:
-    return Place(label, Carried(can_id, "TPDO1", shift, bits), kind)
+def place(
+    shift: int, bits: int, kind: DataType | None, label: str = "x", can_id: int = 0x181, **point
+) -> Place:
+    wanted = WantedObject(
+        label, 1, 0x2000, 0, label, kind, Point("x", 1, 0x2000, 0, bits, **point) if point else None
+    )
+    return Place(wanted, Carried(can_id, "TPDO1", shift, bits))
 
 
 @pytest.mark.parametrize(
@@ -28,6 +36,13 @@ def place(shift: int, bits: int, kind: DataType | None, label: str = "x", can_id
         (place(0, 32, DataType.REAL32), struct.pack("<f", 1.5).hex(" "), 1.5),
         (place(0, 64, DataType.UNSIGNED64), "01 00 00 00 00 00 00 80", 0x8000_0000_0000_0001),
         (place(0, 16, DataType.UNSIGNED16), "37", None),
+        (place(8, 8, DataType.UNSIGNED8, signed=False, output=False, bit=2), "00 04", True),
+        (place(8, 8, DataType.UNSIGNED8, signed=False, output=True, bit=3), "00 04", False),
+        (
+            place(0, 16, DataType.INTEGER16, signed=True, output=False, scale=Fraction(100), offset=1.0),
+            "9c ff",
+            0.0,
+        ),
     ],
 )
 def test_a_value_is_read_out_of_a_frame(where, data, value):

@@ -14,6 +14,7 @@ from axisbus.motion.axis.cruise import Cruise
 from axisbus.motion.coupling.coupled import Coupled
 from axisbus.motion.coupling.told import Debt
 from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
 from kit.cell import SCALE, Cell
 from kit.probe import ENABLED
 from kit.virtual import Trail, virtual
@@ -22,6 +23,7 @@ AXIS = "max_acceleration = 2000.0"
 ALONE = 'on_lost_node = "report"'  # else the fault policy stops the slave before its joint does
 CYCLE = 0.01  # seconds
 INCREMENT = 1.0 / SCALE
+STEP = INCREMENT / CYCLE**2  # deg/s²: what rounding to increments makes of an acceleration
 LOBE = [(0.0, 0.0), (90.0, 20.0), (180.0, 0.0), (270.0, -10.0), (360.0, 0.0)]
 
 
@@ -70,6 +72,73 @@ def test_a_gear_follows_a_profile_move_of_its_master_without_a_jolt(story):
     assert cell.where("y") == pytest.approx(90.0, abs=2.0 * INCREMENT)
     assert off(cell, lambda x: 1.5 * x, since, late=2 * CYCLE) < 3.0
     assert cell.hardest_change("y") < 1500.0
+
+
+# Shifted.
+
+
+def shifting(story) -> Cell:
+    """A cell whose x goes on at 30 deg/s, with y in step."""
+    cell = two(story)
+    cell.end_of(cell["y"].gear_in(cell["x"], 2.0))
+    cell["x"].follow(Trapezoid(0.0, 180.0, 30.0, 60.0))
+    cell.run(1.5)
+    return cell
+
+
+def test_a_slave_may_see_its_master_shifted_while_both_go_on(story):
+    cell = shifting(story)
+    moment = cell.moment()
+    phase = cell["y"].phase_by(10.0, velocity=20.0, acceleration=100.0)
+    cell.run(0.3)
+    assert phase.busy
+    assert cell.end_of(phase) is None
+    assert cell["y"].state is AxisState.SYNCHRONIZED_MOTION
+    since = cell.moment()
+    cell.run(1.0)
+    assert off(cell, lambda x: 2.0 * (x + 10.0), since) <= 3.0 * INCREMENT
+    assert cell.hardest_change("y", since=moment) < 2.0 * 100.0 + STEP
+    cell.run(6.0)
+    assert cell.where("y") == pytest.approx(380.0, abs=2.0 * INCREMENT)
+
+
+def test_shifts_add_up_and_the_one_before_ends_as_replaced(story):
+    cell = shifting(story)
+    moment = cell.moment()
+    first = cell["y"].phase_by(-8.0, velocity=10.0, acceleration=50.0)
+    cell.run(0.4)
+    assert cell.end_of(cell["y"].phase_by(20.0, velocity=10.0, acceleration=50.0)) is None
+    assert isinstance(first.exception(), Interrupted)
+    since = cell.moment()
+    cell.run(0.8)
+    assert off(cell, lambda x: 2.0 * (x + 12.0), since) <= 3.0 * INCREMENT
+    assert cell.hardest_change("y", since=moment) < 2.0 * 50.0 + STEP
+
+
+@pytest.mark.parametrize("stop", ["halt", "stop", "gear_out"])
+def test_what_ends_a_gear_ends_a_shift_that_is_under_way(story, stop):
+    cell = shifting(story)
+    phase = cell["y"].phase_by(30.0, velocity=10.0, acceleration=50.0)
+    cell.run(0.3)
+    cell.end_of(getattr(cell["y"], stop)())
+    assert isinstance(phase.exception(), Interrupted)
+    assert cell.hardest_change("y") < 2100.0
+    if stop != "gear_out":
+        must_brake(cell, "y")
+
+
+def test_a_shift_is_refused_where_nothing_is_in_step(story):
+    cell = two(story)
+    error = cell.failure_of(cell["y"].phase_by(1.0, velocity=1.0, acceleration=1.0))
+    assert isinstance(error, StateError)
+    cell["x"].follow([(0.0, 0.0), (6.0, 180.0)])
+    cell["y"].gear_in(cell["x"], 1.0, at=(90.0, 40.0), over=40.0)
+    cell.run(0.3)
+    error = cell.failure_of(cell["y"].phase_by(1.0, velocity=1.0, acceleration=1.0))
+    assert isinstance(error, StateError)
+    assert "not in step" in error.message
+    with pytest.raises(ArgumentError):
+        cell["y"].phase_by(1.0, velocity=0.0, acceleration=1.0)
 
 
 def test_a_gear_takes_up_the_speed_of_a_master_that_turns(story):

@@ -14,8 +14,9 @@ import pytest
 
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.core.process.kept.journal import path_of
-from axisbus.errors import AxisbusError, BootError, NodeError, StaleError
+from axisbus.errors import ArgumentError, AxisbusError, BootError, NodeError, StaleError
 from axisbus.machine.machine import Machine
+from axisbus.record.load import load
 from kit.cell import cell_text
 from kit.probe import OFF
 
@@ -79,6 +80,26 @@ def test_they_are_seen_and_set_over_the_bus(tmp_path, process, bus):
         cell.close()
         assert (wired.get(0x6200, 1), wired.get(0x6411, 2)) == (0x00, 0)
         assert cell.stand_in(1).device.io.get(0x60FE, 1) == 0
+
+
+@BOTH
+def test_they_are_in_a_recording_by_their_names(tmp_path, process):
+    pytest.importorskip("mcap")
+    path = tmp_path / "io.mcap"
+    with opened(tmp_path, process) as cell:
+        wired = cell.stand_in(5).device.io
+        with cell.recording(path, objects=["part", "lamp", "valve"]):
+            cell.io.set({"lamp": True, "valve": 700}).wait(2)
+            wired.set_bit(0x6000, 1, 2, True)
+            cell.io["part"].wait(True, timeout=2.0)
+            cell.sleep(0.3)
+        with pytest.raises(ArgumentError, match="input or output"):
+            cell.recording(path, objects=["lamps"])
+    objects = load(path).objects
+    seen = {name: list(dict.fromkeys(track.columns["value"])) for name, track in objects.items()}
+    assert seen["part"] == [False, True]
+    assert seen["lamp"][-1] is True
+    assert seen["valve"][-1] == 700
 
 
 def test_a_lost_module_is_unknown_and_comes_back_safe(tmp_path):

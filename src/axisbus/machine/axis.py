@@ -608,6 +608,27 @@ class Axis:
         """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
         return self._submit("gear_out()", c.GearOut())
 
+    def phase_by(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
+        """See its master ``shift`` units farther on than that is, while both go on (MC_PhasingRelative).
+
+        For an axis in step. All in units of the master: the shift is signed, and changes with at most ``velocity`` (per s) and
+        ``acceleration`` (per s²). What is still to come of a shift under way is added to it. The handle is done when all has been
+        shifted; does not block.
+
+        Raises:
+            ArgumentError: a value is not finite, or velocity or acceleration are not above 0.
+        """
+        name = f"phase_by({shown(shift)})"
+        request, of = self._request(name), "of its master"
+        return self._submit(
+            name,
+            c.PhaseBy(
+                request.finite("shift", shift, f"units {of}"),
+                request.positive("velocity", velocity, f"units {of} per s"),
+                request.positive("acceleration", acceleration, f"units {of} per s²"),
+            ),
+        )
+
     # -- how a command is made ----------------------------------------------------------------------------------------
 
     def _submit(self, name: str, command: c.Command) -> Handle:

@@ -352,10 +352,11 @@ class Machine:
     ) -> Recording:
         """Record into an MCAP file, for a ``with`` block: each cycle of the axes, and what happens; ``axisbus plot`` draws it.
 
-        ``axes``: all, if None. ``objects``: read beside them by SDO, in turn, such as ``"x:6074"`` or ``"3:1001"``. The file grows
-        while it runs, and can be read however the program ends, up to its last second. What cannot be written in time is left out,
-        and a disk that takes no more ends the recording, never the motion; both are told. Where an error ends the block, the stop
-        of the axes is still recorded, until the machine is closed.
+        ``axes``: all, if None. ``objects``: recorded beside them, such as ``"x:6074"``, ``"3:1001"``, or an input or output by its
+        name: each frame of a PDO that carries one, else read by SDO, in turn. The file grows while it runs, and can be read however
+        the program ends, up to its last second. What cannot be written in time is left out, and a disk that takes no more ends the
+        recording, never the motion; both are told. Where an error ends the block, the stop of the axes is still recorded, until the
+        machine is closed.
 
         Raises:
             StateError, ArgumentError: no such axis, node or object.

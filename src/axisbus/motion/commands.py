@@ -162,6 +162,18 @@ class GearOut:
 
 
 @dataclass(frozen=True, slots=True)
+class PhaseBy:
+    """MC_PhasingRelative: the slave sees its master ``shift`` units farther on, by ``velocity`` and ``acceleration`` at most.
+
+    All in units of the master, per s and per s²; both above 0.
+    """
+
+    shift: float
+    velocity: float
+    acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -204,6 +216,7 @@ Command = (
     | FollowTrajectory
     | Buffered
     | GearOut
+    | PhaseBy
     | Shutdown
     | PolicyStop
     | HandOver

@@ -6,9 +6,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from axisbus.cia301.datatypes import DataType, Value, decode
+from axisbus.cia301.datatypes import Value, decode
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.pdo import Carried
+from axisbus.record.wanted import WantedObject
 from axisbus.session import Session
 
 _MOST = 100_000  # values that wait to be written
@@ -18,9 +19,13 @@ _MOST = 100_000  # values that wait to be written
 class Place:
     """Where an object is that a PDO carries, and what its bits mean."""
 
-    label: str
+    wanted: WantedObject
     carried: Carried
-    data_type: DataType | None
+
+    @property
+    def label(self) -> str:
+        """What it was asked for by."""
+        return self.wanted.label
 
     def value(self, data: bytes) -> Value | None:
         """Return the value in a frame, None where it is too short."""
@@ -28,9 +33,9 @@ class Place:
         if len(data) * 8 < shift + bits:
             return None
         raw = int.from_bytes(data, "little") >> shift & ((1 << bits) - 1)
-        return (
-            raw if self.data_type is None else decode(raw.to_bytes((bits + 7) // 8, "little"), self.data_type)
-        )
+        data_type = self.wanted.data_type
+        value = raw if data_type is None else decode(raw.to_bytes((bits + 7) // 8, "little"), data_type)
+        return self.wanted.means(value)
 
 
 class MappedObjects:

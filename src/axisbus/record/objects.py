@@ -42,7 +42,7 @@ class ObjectReads:
         except SdoError:
             value = None
         self._counts[one.label] += value is not None
-        return one.label, value
+        return one.label, one.means(value)
 
     @property
     def reads(self) -> Mapping[str, int]:

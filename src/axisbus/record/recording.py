@@ -220,4 +220,4 @@ def clock_of(session: AxisSession) -> float:
 def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[Place]:
     """Return where those are that a PDO carries."""
     found = [(one, machine.node(one.node).carrier(one.index, one.subindex)) for one in wanted]
-    return [Place(one.label, carried, one.data_type) for one, carried in found if carried is not None]
+    return [Place(one, carried) for one, carried in found if carried is not None]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from axisbus.cell.io.points import points_of
 from axisbus.cell.model import CellConfig
-from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.datatypes import DataType, Value
+from axisbus.cia401.point import Point
 from axisbus.cia402.axes import own_index
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError, StateError
@@ -14,7 +16,10 @@ from axisbus.record.happenings import Watched
 
 @dataclass(frozen=True, slots=True)
 class WantedObject:
-    """One object of a node; ``label`` is what it was asked for by, the index the device's own."""
+    """One object of a node; ``label`` is what it was asked for by, the index the device's own.
+
+    ``point``: the input or output that is wanted of it, by its name.
+    """
 
     label: str
     node: int
@@ -22,23 +27,45 @@ class WantedObject:
     subindex: int
     name: str
     data_type: DataType | None
+    point: Point | None = None
+
+    def means(self, value: Value | None) -> Value | None:
+        """Return what a value of the object means: of an input or output True or False, or a number in its unit."""
+        if self.point is None or not isinstance(value, int):
+            return value
+        return self.point.shown(self.point.of(value))
 
 
 def wanted_object(machine: Watched, text: str) -> WantedObject:
-    """Return the object that ``x:6074``, ``x:6099:01`` or ``3:1001`` means: of an axis or a node, by index or name.
+    """Return the object that ``x:6074``, ``x:6099:01`` or ``3:1001`` means, of an axis or a node, by index or name; or ``lamp``.
 
     Raises:
-        ArgumentError, StateError: no such object, axis or node.
+        ArgumentError, StateError: no such object, axis, node, input or output.
     """
+    if text in machine.cell.io:
+        return _point(machine, text)
     where, colon, key = text.partition(":")
     if not colon or not key:
         raise ArgumentError(
-            f"{text!r} names no object to record", remedy="write it as x:6074, x:6099:01 or 3:1001"
+            f"{text!r} names no object to record",
+            remedy="write it as x:6074, x:6099:01 or 3:1001, or as the name of an input or output",
         )
     node_id, drive_axis = _place(machine.cell, where)
     entry = Dictionary(machine.node(node_id).eds, node_id).resolve(key)
     index = own_index(entry.index, drive_axis)
     return WantedObject(text, node_id, index, entry.subindex, entry.name, entry.data_type)
+
+
+def _point(machine: Watched, name: str) -> WantedObject:
+    """Return the object of an input or output."""
+    node_id = machine.cell.io[name].node
+    dictionary = Dictionary(machine.node(node_id).eds, node_id)
+    point = next(each for each in points_of(machine.cell, node_id, dictionary) if each.name == name)
+    entry = dictionary.resolve(f"{point.index:04X}:{point.subindex:02X}")
+    unit = f" ({point.unit})" if point.unit else ""
+    return WantedObject(
+        name, node_id, *point.address, f"{point.object_text} of node {node_id}{unit}", entry.data_type, point
+    )
 
 
 def _place(cell: CellConfig, where: str) -> tuple[int, int]:

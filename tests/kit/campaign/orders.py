@@ -112,6 +112,9 @@ ORDERS: Mapping[str, Order] = {
         lambda cell, name, value: cell[name].move_absolute(60.0 * value, velocity=90.0, buffer=True)
     ),
     "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
+    "phase": Order(
+        lambda cell, name, value: cell[name].phase_by(20.0 * value, velocity=30.0, acceleration=200.0)
+    ),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
     "follow": Order(_trapezoid, 200.0, relative=True),
@@ -180,6 +183,7 @@ MOTIONS = (
     "move_additive",
     "move_waiting",
     "gear",
+    "phase",
     "cam",
     "gear_out",
     "follow",

@@ -33,7 +33,8 @@ _LOOK = 0.2  # seconds
 @click.option(
     "--objects",
     metavar="AXIS:OBJECT,...",
-    help="Record these too: x:6074, x:6099:01, 3:1001 (3: a node). Each frame of a PDO that carries one, else by SDO, in turn.",
+    help="Record these too: x:6074, x:6099:01, 3:1001 (3: a node), lamp (an input or output). Each frame of a PDO that carries "
+    "one, else by SDO, in turn.",
 )
 @click.option(
     "--when",

@@ -264,6 +264,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
     c.GearOut: accept_motion.uncouple,
+    c.PhaseBy: accept_motion.phase_by,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,

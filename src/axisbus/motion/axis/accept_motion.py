@@ -246,6 +246,17 @@ def begin_coupled(core: AxisCore, coupled: Follow, ticket: Ticket) -> None:
 
 def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
     """MC_GearOut, MC_CamOut."""
+    core.begin(LetGo(_coupled(core, ticket), core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
+
+
+def phase_by(core: AxisCore, command: c.PhaseBy, ticket: Ticket, _: Gate) -> None:
+    """MC_PhasingRelative."""
+    _coupled(core, ticket).phase_by(command, ticket.name)
+    core.go_on(ticket)
+
+
+def _coupled(core: AxisCore, ticket: Ticket) -> Coupled:
+    """Return by what the axis is led by another one; raise StateError where it is not."""
     require_motion(core, ticket)
     activity = core.activity
     if not isinstance(activity, Coupled) or not activity.is_led:
@@ -253,7 +264,7 @@ def uncouple(core: AxisCore, _: c.GearOut, ticket: Ticket, __: Gate) -> None:
             f"{ticket.name}: {core.parameters.name} is not led by another axis",
             remedy="couple it to a master first, by a gear or a cam",
         )
-    core.begin(LetGo(activity, core.parameters), ticket, AxisState.CONTINUOUS_MOTION)
+    return activity
 
 
 def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> None:

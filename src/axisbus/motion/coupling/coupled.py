@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from axisbus.errors import AxisbusError, LimitError
+from axisbus.errors import AxisbusError, LimitError, StateError
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
+from axisbus.motion.commands import PhaseBy
 from axisbus.motion.coupling.master import Master
+from axisbus.motion.coupling.phase import Phase
 from axisbus.motion.group.gate import OPEN
 from axisbus.motion.moves.follow import Follow, Foreseen
 from axisbus.motion.moves.profile import braking_distance
@@ -26,6 +28,7 @@ class Leader(Protocol):
     failure: AxisbusError | None
     in_step: bool
     master: Master
+    phase: Phase
     place: float
 
     def take_up(self, place: float, velocity: float) -> None:
@@ -101,7 +104,7 @@ class Coupled(Follow):
         return self._running and not self.clock.braking
 
     def step(self, image: Image, order: Order) -> bool:
-        """Return True when the axis is in step with its master."""
+        """Return True when the axis is in step with its master, and nothing changes how it sees that."""
         if not self.clock.braking and self._leader.failure is not None:
             self._stepped = True
             raise self._leader.failure
@@ -109,8 +112,22 @@ class Coupled(Follow):
             self._is_taken_up = True
             self._leader.take_up(*self.last_step)
         super().step(image, order)
-        self._is_in_step = self._leader.in_step
+        self._is_in_step = self._leader.in_step and self._leader.phase.over
         return self._is_in_step
+
+    def phase_by(self, command: PhaseBy, name: str) -> None:
+        """See the master shifted from now on, little by little.
+
+        Raises:
+            StateError: the axis is not in step with it yet.
+        """
+        if not self._leader.in_step:
+            raise StateError(
+                f"{name}: {self._parameters.name} is not in step with {self._leader.master.name} yet",
+                remedy="wait until it is: the handle of gear_in or cam_in is done then",
+            )
+        self._leader.phase.change(command)
+        self._is_in_step = False
 
     def foresee(self) -> Foreseen | None:
         """Return the next target, as ``Follow`` does, as long as the axis is in step and nothing is in its way."""

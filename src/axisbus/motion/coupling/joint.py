@@ -26,6 +26,7 @@ from axisbus.motion.coupling.coupled import Coupled
 from axisbus.motion.coupling.entries import AtPlace, AtSpeed
 from axisbus.motion.coupling.laws import Due
 from axisbus.motion.coupling.master import Master
+from axisbus.motion.coupling.phase import Phase
 from axisbus.motion.group.commands import Couple
 from axisbus.motion.moves.follow import Follow
 
@@ -43,6 +44,7 @@ class Joint:
         self.planned = False  # it leads the slave
         self.failure: AxisbusError | None = None
         self.place = 0.0
+        self.phase = Phase(period)
         self.master = Master(master, command.by, period)
         self.follow = Coupled(self, slave.parameters, before)
         self._slave = slave.parameters
@@ -154,7 +156,8 @@ class Joint:
         self._lead, self.in_step, self._since = self._in_step, True, 0.0
 
     def _in_step(self) -> float:
-        due = self._law.place(self.master.place) + self._base
+        self.phase.step()
+        due = self._law.place(self.master.place + self.phase.value) + self._base
         if self._fade is None:
             return due
         self._since += self._period

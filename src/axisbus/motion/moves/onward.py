@@ -62,6 +62,16 @@ class Onward:
             t -= time
         return self.end
 
+    def speed(self, t: float) -> float:
+        """Return the speed at ``t`` seconds (unit/s, signed); before, that of the start, after, 0."""
+        if t <= 0:
+            return self.start.velocity
+        for time, _, speed, rate in self.pieces:
+            if t < time:
+                return speed + rate * t
+            t -= time
+        return 0.0
+
     def _plan(self) -> list[tuple[float, float, float, float]]:
         """Return the pieces: seconds, and where they begin, how fast, and with what acceleration."""
         position, speed = self.start.position, self.start.velocity
