@@ -37,6 +37,7 @@ TABLES = {
     "HOMING": schema.HOMING,
     "STOP": schema.STOP,
     "GROUP": schema.GROUP,
+    "KINEMATICS": schema.KINEMATICS,
 }
 # What a schema cannot know: which of two numbers is the larger, the bounds of a time, and of a ratio.
 BEYOND = re.compile(

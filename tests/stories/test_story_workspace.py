@@ -131,3 +131,15 @@ def test_what_leads_nowhere_is_refused_before_anything_moves(story, ask, error, 
         ask(xy)
     cell.run(0.2)
     assert cell.top_speed("x", since) == 0.0
+
+
+def test_lines_of_a_named_group_go_through_its_workspace(story):
+    arm = '[groups.arm]\naxes = ["x", "y"]\n[groups.arm.kinematics]\nkind = "scara"\nupper = 200.0\nfore = 150.0\n'
+    cell = story.simulated("xy", axis="max_acceleration = 2000.0", more=arm).enabled()
+    group = cell.machine.group("arm")
+    group.move_direct((10.0, 60.0)).wait(10)
+    x, y = group.place
+    group.move_linear((x, y + 60.0), velocity=100.0, acceleration=400.0).wait(10)
+    assert group.place == pytest.approx((x, y + 60.0), abs=0.2)
+    plain = cell.machine.group("x", "y")
+    assert plain.place == pytest.approx((cell.where("x"), cell.where("y")), abs=0.1)

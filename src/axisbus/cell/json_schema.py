@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from axisbus.cell import entries, schema, words
+from axisbus.cell.groups.kinematics import KINDS
 from axisbus.cell.schema import Keys
 from axisbus.cell.virtual import form
 from axisbus.units import INCREMENTS
@@ -29,7 +30,7 @@ def schema_of_cells() -> Json:
         "bus": _bus(),
         "nodes": _many("nodes", _NODE_ID, _node()),
         "axes": _many("axes", _NAME, _axis()),
-        "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP)),
+        "groups": _many("groups", _NAME, _table(schema.GROUP, words.GROUP, kinematics=_kinematics())),
         "io": _many("io", _NAME, _table(schema.IO, words.IO)),
     }
     return {
@@ -85,6 +86,22 @@ def _virtual() -> Json:
     for name, keys in form.TABLES.items():
         own[name] = {"propertyNames": {"enum": sorted(keys)}}
     return {"properties": own, "additionalProperties": False}
+
+
+def _kinematics() -> Json:
+    """Each kind with what it needs, and nothing of another."""
+    table = _table(schema.KINEMATICS, words.KINEMATICS, "groups.kinematics")
+    each = [
+        {
+            "if": {"properties": {"kind": {"const": name}}, "required": ["kind"]},
+            "then": {
+                "required": list(kind.needs),
+                "propertyNames": {"enum": ["kind", *kind.needs, *kind.may]},
+            },
+        }
+        for name, kind in KINDS.items()
+    ]
+    return {**table, "allOf": each}
 
 
 def _table(keys: Keys, about: Mapping[str, str], name: str = "", **tables: Json) -> Json:

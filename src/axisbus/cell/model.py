@@ -283,15 +283,31 @@ class AxisConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class KinematicsConfig:
+    """``[groups.NAME.kinematics]``: lengths in one unit, ``middle`` in degrees; None: not given (see ``cell.groups``)."""
+
+    kind: str = ""
+    upper: float | None = None
+    fore: float | None = None
+    base: float | None = None
+    plate: float | None = None
+    left: bool | None = None
+    middle: float | None = None
+    at: Place = Place()
+
+
+@dataclass(frozen=True, slots=True)
 class GroupConfig:
     """``[groups.NAME]``: its axes, in the order in which ``move_linear`` takes their positions.
 
     ``on_fault`` says how the failure of one stops the others: on their ``path``, ``each`` by its own ramp, or by ``quick`` stop.
+    ``kinematics``: how the axes make a place, where it is one of a workspace that ``move_linear`` takes.
     """
 
     name: str
     axes: tuple[str, ...] = ()
     on_fault: str = "path"
+    kinematics: KinematicsConfig | None = None
     at: Place = Place()
 
 

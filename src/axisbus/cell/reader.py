@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axisbus.cell import entries, schema, toml
+from axisbus.cell.groups import kinematics
 from axisbus.cell.model import (
     INCREMENTS,
     AxisConfig,
@@ -22,6 +23,7 @@ from axisbus.cell.model import (
     GroupConfig,
     HomingConfig,
     IoConfig,
+    KinematicsConfig,
     NodeConfig,
     ObjectSetting,
     PdoConfig,
@@ -310,8 +312,22 @@ class _Reading(Tables):
                 where = f"[axes.{name}] is at line {self._document.line(('axes', name))}"
                 remedy = "axes and groups share one name space: rename one of them"
                 self._error(path, f"{name!r} names both an axis and a group", where, remedy)
-            found.append(GroupConfig(name, **self._fields(path, self._table(path, raw), schema.GROUP)))
+            table = self._table(path, raw)
+            fields = self._fields(path, table, schema.GROUP, schema.GROUP_TABLES)
+            made = self._kinematics(path, table, len(fields.get("axes", ())))
+            found.append(GroupConfig(name, **fields, kinematics=made))
         return found
+
+    def _kinematics(self, path: KeyPath, table: Fields, axes: int) -> KinematicsConfig | None:
+        if "kinematics" not in table:
+            return None
+        config = KinematicsConfig(**self._sub(path, table, "kinematics", schema.KINEMATICS))
+        if not config.kind:
+            return None
+        for key, message, remedy in kinematics.wrong(config, axes):
+            at = (*path, "kinematics", key) if key else (*path, "kinematics")
+            self._error(at, message, remedy=remedy)
+        return config
 
 
 def _node_id(key: str) -> int | None:

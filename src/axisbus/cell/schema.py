@@ -139,6 +139,16 @@ GROUP: Keys = {
     "on_fault": Key(v.words("path", "each", "quick")),
 }
 
+KINEMATICS: Keys = {
+    "kind": Key(v.words("corexy", "scara", "delta"), 'kind = "corexy", "scara" or "delta"'),
+    "upper": _positive,
+    "fore": _positive,
+    "base": _number,
+    "plate": _number,
+    "left": _flag,
+    "middle": _number,
+}
+
 IO: Keys = {
     "node": Key(v.integer(1, 127), "node = 5, the number of its [nodes.N]"),
     "object": Key(v.text, 'object = "6200h:01", the input or output object; [nodes.N] has its EDS'),
@@ -159,3 +169,4 @@ AXIS_TABLES: Mapping[str, Keys | None] = {
     "stop": STOP,
     "objects": None,
 }
+GROUP_TABLES: Mapping[str, Keys | None] = {"kinematics": KINEMATICS}

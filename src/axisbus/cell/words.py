@@ -12,6 +12,7 @@ TABLES: Mapping[str, str] = {
     "nodes.pdo": "PDOs to configure: rpdo1 to rpdo512, tpdo1 to tpdo512.",
     "nodes.program": "The program (firmware) that the node must have (1F52h, 1F56h).",
     "axes": "One table for each axis: [axes.x].",
+    "groups.kinematics": "How the axes make a place in a workspace, in which lines, paths and circles of the group then are.",
     "axes.defaults": "Used by commands that leave them out.",
     "axes.homing": "How the axis finds its zero (CiA 402-2, hm).",
     "axes.stop": "What halt, quick stop, disable, fault and a lost link do; written to the drive and read back.",
@@ -133,6 +134,16 @@ STOP: Mapping[str, str] = {
 GROUP: Mapping[str, str] = {
     "axes": "In this order move_linear takes their positions.",
     "on_fault": 'How a fault of one stops the others: on their "path" (default), "each" by its own ramp, or by "quick" stop.',
+}
+
+KINEMATICS: Mapping[str, str] = {
+    "kind": 'What the axes make together: "corexy", "scara" or "delta".',
+    "upper": "Length of the upper arm, or of each of them.",
+    "fore": "Length of the forearm, or of each of them, in the same unit.",
+    "base": "Of a delta: how far the upper joints are from the middle.",
+    "plate": "Of a delta: how far the lower joints are from the middle of the plate.",
+    "left": "Of a SCARA: whether the elbow is bent to positive angles (default true).",
+    "middle": "Of a SCARA: the shoulder's positions are those within half a turn of this (default 0 degrees).",
 }
 
 IO: Mapping[str, str] = {

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from axisbus.cell.groups.kinematics import kinematics_of
 from axisbus.cell.model import CellConfig
 from axisbus.core.pickup import absent_axis
 from axisbus.errors import ArgumentError, StateError
@@ -95,10 +96,9 @@ class Roster:
         """Make the groups of the cell whose axes are all there."""
         for name, group in self._cell.groups.items():
             if name not in self._groups and all(axis in self.axes for axis in group.axes):
-                self._groups[name] = self._make_group(name, group.axes)
-
-    def _make_group(self, name: str, axes: Iterable[str]) -> Group:
-        return Group(name, {axis: self.axes[axis] for axis in axes}, self._commanding)
+                axes = {axis: self.axes[axis] for axis in group.axes}
+                made = kinematics_of(group.kinematics)
+                self._groups[name] = Group(name, axes, self._commanding, kinematics=made)
 
 
 def _require_different(names: tuple[str, ...]) -> None:

@@ -1,0 +1,1 @@
+"""What a cell file may say of the axes of a group together."""
