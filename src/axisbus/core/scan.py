@@ -110,6 +110,7 @@ class Scan:
         self._stops_wanted = 0
         self._stops_begun = 0
         self._leaving = Leaving()
+        self._given_up = False
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
         self._refusing: str | None = None  # why no command is taken any more
@@ -215,6 +216,10 @@ class Scan:
         self._inherited = self.ended = True
         self._lock = threading.Lock()
 
+    def give_up(self) -> None:
+        """Wait no longer for axes that do not come to rest: outputs become safe without that. Does not block."""
+        self._given_up = True
+
     def quit(self) -> None:
         """End ``run`` after the present cycle."""
         self._quitting = True
@@ -279,7 +284,7 @@ class Scan:
 
     def _do_io(self, now: float) -> bool:
         """Read and write inputs and outputs; on the way out they become safe once the axes stand, or nobody can make them."""
-        if self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over:
+        if self._given_up or (self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over):
             self.io.leave()
         self.io.step(now)
         return self.io.changed
