@@ -11,10 +11,10 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds import builtin
 from axisbus.errors import (
     ArgumentError,
-    CommandError,
     DriveError,
     LimitError,
     NodeError,
+    ProbeError,
     Replaced,
     ScanError,
     StaleError,
@@ -231,7 +231,7 @@ def test_a_drive_that_does_not_forget_is_not_believed(story, golden):
     drive.dials.probe_bits_stay = True
     probe = cell.x.probe()
     error = cell.failure_of(probe)
-    assert isinstance(error, DriveError)
+    assert isinstance(error, ProbeError)
     golden("probe_keeps_its_bits", error)
     assert not probe.captures
     with pytest.raises(StateError):
@@ -541,7 +541,7 @@ def test_a_search_that_finds_nothing_says_so_where_it_was_to_end(story, golden):
     cell = story.simulated().enabled()
     search = cell.x.probe_move(30.0)
     error = cell.failure_of(search)
-    assert isinstance(error, CommandError)
+    assert isinstance(error, ProbeError)
     golden("probe_move_without_edge", error)
     assert cell.where() == pytest.approx(30.0, abs=0.05)
     cell.run(0.1)

@@ -716,7 +716,7 @@ class Axis:
 
         It begins at standstill: the input is armed, then the axis goes. The handle is done at rest, and its ``position`` is that
         of the edge; the axis stands beyond it, by its way until the edge was seen and by its braking. Where it arrives without
-        an edge, the handle ends with a CommandError. A halt, or another motion, ends it as it ends a move; ``cancel()`` halts.
+        an edge, the handle ends with a ProbeError. A halt, or another motion, ends it as it ends a move; ``cancel()`` halts.
         Values are as of ``move_absolute`` and ``probe``; it does not block.
 
         Raises:

@@ -139,11 +139,17 @@ class ProbeHandle(Handle):
 
     def __exit__(self, *_: object) -> None:
         if self.busy:
-            self.cancel()
+            gone = self.cancel()
+            gone.add_done_callback(lambda: _looked_at(gone))
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
         if not self._waiter.wait(happened, timeout):
             raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; it goes on")
+
+
+def _looked_at(handle: Handle) -> None:
+    """Where an input could not be switched off (the node is lost, the machine is left), its request has told why."""
+    handle.exception()
 
 
 def _probed(capture: Capture, units: Units) -> Probed:

@@ -32,7 +32,7 @@ from axisbus.cia402.touch_probe import (
     byte_of,
     function_bits,
 )
-from axisbus.errors import DriveError, StaleError
+from axisbus.errors import ProbeError, StaleError
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.commands import Probe
@@ -110,7 +110,8 @@ class Arming:
         """Do one cycle's work.
 
         Raises:
-            DriveError: the drive refuses, does not answer, or does not do what it has taken; StaleError: where it is is unknown.
+            DriveError: the drive refuses, or does not answer. ProbeError: it does not do what it has taken. StaleError: where it
+                is is unknown.
         """
         self.captures = []
         exchange = self._exchange
@@ -223,14 +224,14 @@ class Arming:
             self._missing.discard(edge)
 
     def _wait(self, image: Image, observed: str, failure: str) -> None:
-        """Look again in a while; raises DriveError where that has lasted too long."""
+        """Look again in a while; raises ProbeError where that has lasted too long."""
         if image.now > self._until:
             raise self._failure(failure, f"{observed}, {_PATIENCE:g} s after 60B8h was written")
         self._due = image.now + POLL
 
-    def _failure(self, what: str, observed: str) -> DriveError:
+    def _failure(self, what: str, observed: str) -> ProbeError:
         name = self._parameters.name
-        return DriveError(
+        return ProbeError(
             f"{name}: touch probe {self._number}: {what}",
             axis=name,
             observed=observed,

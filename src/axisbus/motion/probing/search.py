@@ -9,7 +9,7 @@ and what the axis brakes by is its own halt.
 
 from __future__ import annotations
 
-from axisbus.errors import AxisbusError, CommandError
+from axisbus.errors import AxisbusError, ProbeError
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import require_motion, require_rest
@@ -93,7 +93,10 @@ class Search:
             self._halt = Ticket(f"{self.name} [halt]")
             accept(self._core, c.Halt(), self._halt)
         elif not self._probe.busy:
-            self._give_up(self._probe.error or CommandError(f"{self.name}: its touch probe was switched off"))
+            self._give_up(
+                self._probe.error
+                or ProbeError(f"{self.name}: its touch probe was switched off", axis=self._command.axis)
+            )
         elif not self._move.busy:
             self._look_once_more()
 
@@ -103,8 +106,9 @@ class Search:
         if self._core.probes.looked_at(self._command.probe.number) <= self._arrived:
             return
         self._end(
-            CommandError(
+            ProbeError(
                 f"{self.name}: the axis has arrived, and there was no edge on the way",
+                axis=self._command.axis,
                 observed=f"60B9h shows none of input {self._command.probe.number}",
                 remedy="look at the sensor and its wiring (60FDh shows the inputs), or search farther",
             )
