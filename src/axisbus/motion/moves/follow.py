@@ -466,9 +466,11 @@ def _most(trajectory: Trajectory, pace: Pace) -> float:
     if pace.velocity is not None:
         if not isinstance(trajectory, Known):
             return 1.0
-        most = min(most, pace.velocity / (trajectory.top_speed or pace.velocity))
+        if trajectory.top_speed:
+            most = min(most, pace.velocity / trajectory.top_speed)
     if pace.acceleration is not None:
         if not isinstance(trajectory, Ramped):
             return 1.0
-        most = min(most, math.sqrt(pace.acceleration / (trajectory.top_acceleration or pace.acceleration)))
+        if trajectory.top_acceleration:
+            most = min(most, math.sqrt(pace.acceleration / trajectory.top_acceleration))
     return max(1.0, most)
