@@ -264,6 +264,14 @@ def test_what_another_tool_has_armed_stays_armed(story):
     assert function(cell) == 0xC0C0
 
 
+def test_what_another_tool_arms_in_between_stays_armed(story):
+    cell = story.simulated()
+    armed(cell).cancel().wait(1)
+    cell.drive().touch_probe.take(0x1100)
+    armed(cell)
+    assert function(cell) == 0x1111
+
+
 def test_a_position_that_cannot_be_placed_is_not_told(story):
     cell = story.simulated().enabled()
     probe = armed(cell)
@@ -287,6 +295,16 @@ def test_an_edge_outside_of_the_window_does_not_count(story):
     cell.x.move_absolute(60.0).wait(5)
     assert probe.wait(1).position == pytest.approx(25.0)
     assert len(probe.captures) == 1
+
+
+def test_a_window_counts_as_the_axis_does(story):
+    cell = story.simulated().enabled()
+    cell.x.set_position(100.0).wait(1)
+    for begin in (5.0, 25.0):
+        mark(cell, begin, begin + 5.0)
+    probe = armed(cell, window=(120.0, 140.0))
+    cell.x.move_relative(60.0).wait(5)
+    assert probe.wait(1).position == pytest.approx(125.0)
 
 
 def test_a_window_goes_over_the_end_of_a_turn(story):
@@ -548,10 +566,14 @@ def test_a_search_that_finds_nothing_says_so_where_it_was_to_end(story, golden):
     assert function(cell) == DISARMED
 
 
-def test_an_edge_at_the_very_end_is_found(story):
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
+def test_an_edge_at_the_very_end_is_found(story, delay):
     cell = story.simulated().enabled()
     mark(cell, 29.99, 40.0)
-    assert cell.x.probe_move(30.0).wait(5).position == pytest.approx(29.99)
+    search = cell.x.probe_move(30.0)
+    cell.until(lambda: cell.where() > 20.0)
+    cell.device().dials.sdo_delay = delay  # it has arrived before the edge is seen
+    assert search.wait(5).position == pytest.approx(29.99)
 
 
 @pytest.mark.parametrize("after", [0.0, 0.03, 0.1, 0.3])

@@ -87,11 +87,11 @@ class Probes:
             except AxisbusError as error:
                 self._fail(number, request, error, order)
 
-    def end_all(self, kind: type[Interrupted], why: str, order: Order) -> None:
+    def end_all(self, kind: type[Interrupted], why: str, order: Order, remedy: str = "") -> None:
         """End all requests, and switch their inputs off; ``why`` goes on after the name of each, in words."""
         for request in self.requests.values():
             if request.ticket is not None:
-                self._end(request, kind(f"{request.ticket.name} {why}"))
+                self._end(request, kind(f"{request.ticket.name} {why}", remedy=remedy))
                 request.arming.switch_off(order)
 
     def lose(self, error: AxisbusError, order: Order) -> None:
