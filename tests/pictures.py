@@ -12,7 +12,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from axisbus import Cam, Machine, Measured, Recorder, Scara, wait
+from axisbus import Cam, Machine, Measured, Recorder, Scara, Trapezoid, wait
 from axisbus.machine.groups import Group
 
 ROOT = Path(__file__).parents[1]
@@ -114,6 +114,42 @@ def override() -> None:
         speed.text(time + 0.03, top * 0.97, text, fontsize=8, color="#444444", va="top")
     speed.set_title("speed along the path, and the override")
     save(figure, "override.png")
+
+
+def override_axis() -> None:
+    """A move that a drive plans, and a trajectory, under the overrides of their cell."""
+    marks: list[tuple[float, str]] = []
+
+    def run(cell: Machine, _: Group) -> None:
+        begun = cell.session.snapshots["x"].now
+        handles = [
+            cell["x"].move_absolute(150.0, velocity=80.0, acceleration=400.0),
+            cell["y"].follow(Trapezoid(cell["y"].led_to, 80.0, 50.0, 250.0)),
+        ]
+        cell.sleep(0.6)
+        for factor, pause in ((0.4, 0.7), (0.0, 0.8), (1.5, 0.6), (1.0, 0.0)):
+            cell.set_override(factor).wait()
+            marks.append((cell.session.snapshots["x"].now - begun, f"{factor:g}"))
+            cell.sleep(pause)
+        wait(handles)
+
+    trace = traced(run)
+    figure, (place, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    for name, values, colour in zip(
+        ("x: a move of its drive (pp)", "y: a trajectory (csp)"), (trace.x, trace.y), COLOURS, strict=False
+    ):
+        step = trace.times[1] - trace.times[0]
+        speeds = [(b - a) / step / OVER for a, b in zip(values, values[OVER:], strict=False)]
+        place.plot(trace.times, values, color=colour, linewidth=1.3, label=name)
+        speed.plot(trace.times[OVER:], speeds, color=colour, linewidth=1.3, label=name)
+    top = speed.get_ylim()[1]
+    for time, text in marks:
+        speed.axvline(time, color="#999999", linewidth=0.8, linestyle=":")
+        speed.text(time + 0.02, top * 0.97, text, fontsize=8, color="#444444", va="top")
+    place.set(xlabel="s", ylabel="deg", title="where the axes were")
+    speed.set(xlabel="s", ylabel="deg/s", title="how fast, and the override of the cell")
+    place.legend(fontsize=8)
+    save(figure, "override-axis.png")
 
 
 def jerk() -> None:
@@ -311,6 +347,6 @@ def workspace() -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, jerk, gear, cam, controller, stream, workspace):
+    for draw in (corners, override, override_axis, jerk, gear, cam, controller, stream, workspace):
         draw()
         print(draw.__name__, flush=True)

@@ -137,6 +137,11 @@ BETWEEN_ROOMS = {
     "Handle.send": "asyncio drives a handle by it",
     "Handle.throw": "asyncio drives a handle by it",
     "Handle.close": "asyncio drives a handle by it",
+    "ProbeHandle.finish": "as of a Handle",
+    "ProbeHandle.hear": "as of a Handle",
+    "ProbeHandle.send": "as of a Handle",
+    "ProbeHandle.throw": "as of a Handle",
+    "ProbeHandle.close": "as of a Handle",
 }
 each_public_module = pytest.mark.parametrize("module", API)
 

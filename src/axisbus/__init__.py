@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from axisbus.machine.io import Io, Signal
     from axisbus.machine.machine import Machine
     from axisbus.machine.plant import Plant
+    from axisbus.machine.probing import Probed, ProbeHandle
     from axisbus.machine.streaming.controller import Controller, Measured
     from axisbus.machine.streaming.points import PointStream
     from axisbus.motion.group.kinematics import CoreXY, Delta, Scara
@@ -44,6 +45,8 @@ _HOME = {
     "Controller": "axisbus.machine.streaming.controller",
     "Measured": "axisbus.machine.streaming.controller",
     "PointStream": "axisbus.machine.streaming.points",
+    "ProbeHandle": "axisbus.machine.probing",
+    "Probed": "axisbus.machine.probing",
     "Recorder": "axisbus.record.recorder",
     "Sampled": "axisbus.motion.trajectory",
     "Signal": "axisbus.machine.io",
@@ -69,6 +72,8 @@ __all__ = [
     "Measured",
     "Plant",
     "PointStream",
+    "ProbeHandle",
+    "Probed",
     "Recorder",
     "Sampled",
     "Scara",

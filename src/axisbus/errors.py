@@ -35,6 +35,7 @@
     │   ├── FollowingError           the axis is too far from where it is led
     │   ├── UncommandedMotion        it moves, or is pulled, while no command runs
     │   ├── HomingError              homing failed
+    │   ├── ProbeError               a touch probe does not do what it was armed for, or saw no edge where one was looked for
     │   └── StaleError               a value that the command needs is too old or was never received
     ├── CommandError                 a command broke off in its own work: by an exception (__cause__), or for want of what it needs
     └── Interrupted                  the command ended because something else was wanted
@@ -72,6 +73,7 @@ __all__ = [
     "NodeRefused",
     "NodeTimeout",
     "OwnershipError",
+    "ProbeError",
     "Replaced",
     "ScanError",
     "SdoAbort",
@@ -339,6 +341,10 @@ class UncommandedMotion(DriveError):
 
 class HomingError(DriveError):
     """Homing failed: the drive reports an error, was interrupted, or did not finish."""
+
+
+class ProbeError(DriveError):
+    """A touch probe is not armed as asked, or a move until an edge has found none."""
 
 
 class StaleError(DriveError):

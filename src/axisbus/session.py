@@ -26,6 +26,7 @@ from axisbus.motion.group.commands import GroupCommand
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.io.reading import Reading
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.probing.capture import Capture
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.ticket import Status
 from axisbus.wording import counted
@@ -38,12 +39,16 @@ HearFrames = Callable[[Sequence[Frame]], None]
 
 
 class CommandEvent(NamedTuple):
-    """How a command goes on: ``status`` and, at its end, the error that ended it and what else is to be known of it."""
+    """How a command goes on: ``status`` and, at its end, the error that ended it and what else is to be known of it.
+
+    ``capture``: what a touch probe has latched for it.
+    """
 
     number: int
     status: Status
     error: AxisbusError | None
     note: str
+    capture: Capture | None = None
 
 
 class CommandSeen(NamedTuple):

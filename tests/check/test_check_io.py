@@ -96,6 +96,35 @@ def test_a_drive_whose_mapping_is_fixed_has_no_room(tmp_path):
     assert "60FEh:01 is in no PDO: the mapping is fixed and does not hold it" in problem.message
 
 
+@pytest.mark.parametrize(
+    "more", ['map = ["6000:02"]', 'map = ["6000:01"]\ntransmission = 253\nrtr = "100ms"']
+)
+def test_an_input_that_would_never_come_is_refused(tmp_path, more):
+    """Its PDOs are spoken for, or come only when somebody asks, which nobody does for inputs."""
+    others = '[nodes.5.pdo.tpdo2]\nmap = ["6401:01"]\n'
+    problem = only(
+        tmp_path,
+        '[io.part]\nnode = 5\nobject = "6000:01"\nbit = 0\n',
+        node=f"[nodes.5.pdo.tpdo1]\n{more}\n{others}",
+    )
+    assert "[io.part]: 6000h:01 is in no PDO" in problem.message
+    assert "nobody asks for an input" in problem.observed
+
+
+@pytest.mark.parametrize(
+    ("first", "module", "bus", "node"),
+    [('on_lost = "tell"', "", "", 1), ("", 'on_lost = "stop"', 'on_lost_node = "report"', 5)],
+)
+def test_an_on_lost_that_decides_nothing_is_told(tmp_path, first, module, bus, node):
+    path = tmp_path / "cell.toml"
+    text = cell_text("x", bus=bus, more=f"{MODULE}{module}\n[io.lamp]\n{LAMP}")
+    path.write_text(text.replace("[nodes.1]\n", f"[nodes.1]\n{first}\n"), encoding="utf-8")
+    (problem,) = [each for each in check(path) if "on_lost" in each.message]
+    assert problem.message == f"on_lost of [nodes.{node}] decides nothing"
+    path.write_text(path.read_text().replace(first or bus, ""), encoding="utf-8")
+    assert not [each for each in check(path) if "on_lost" in each.message]
+
+
 def test_what_nobody_makes_safe_when_we_are_gone_is_warned_of(tmp_path):
     relay = '[io.relay]\nnode = 1\nobject = "60FEh:01"\nbit = 16\nsafe = 0\n'
     (problem,) = found(tmp_path, relay)

@@ -62,3 +62,11 @@ def test_a_picture_is_drawn(axisbus, tmp_path):
     code, _, err = axisbus("plan", commands.CELL, "-o", tmp_path / "plan.png")
     assert code == 1
     assert "is there already" in err
+
+
+@pytest.mark.parametrize("command", ["plan", "jitter"])
+def test_what_is_no_picture_is_refused_before_any_work(axisbus, tmp_path, command):
+    code, _, said = axisbus(command, commands.CELL, "-o", str(tmp_path / "x.bin"))
+    assert code == 1
+    assert "x.bin is no picture that can be drawn" in said
+    assert not (tmp_path / "x.bin").exists()

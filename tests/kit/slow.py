@@ -58,6 +58,8 @@ SLOW = {
         "cli/test_cli_joined.py",
         "cli/test_cli_lss.py",
         "cli/test_cli_od.py",
+        "cli/test_cli_probe.py",
+        "core/test_core_probe.py",
         "cli/test_cli_record.py",
         "cli/test_cli_save.py",
         "cli/test_cli_sim.py",

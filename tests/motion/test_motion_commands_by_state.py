@@ -39,6 +39,8 @@ COMMANDS: dict[str, Callable] = {
     "cyclic torque": lambda x: x.cyclic_torque(0.2, slope=5.0),
     "home": lambda x: x.home(37),
     "set position": lambda x: x.set_position(1.0),
+    "probe": lambda x: x.probe(),
+    "probe abort": lambda x: x.probe_abort(),
     "follow": lambda x: x.follow(Trapezoid(x.position, x.position + 2.0, 20.0, 100.0)),
 }
 

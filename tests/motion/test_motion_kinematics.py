@@ -14,8 +14,9 @@ from axisbus import CoreXY, Delta, Scara
 from axisbus.motion.group.bent import Bent, survey
 from axisbus.motion.group.path import arc_through, polyline
 from axisbus.motion.group.pieces import Straight
-from axisbus.motion.group.travel import FASTER, Travel
+from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import Cycle, way_of
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import Limits
 from axisbus.wire.messages import CODEC
 

@@ -184,6 +184,7 @@ GIVEN = {
     "method": lambda x, value: x.home(value),
     "homing timeout": lambda x, value: x.home(35, timeout=value),
     "set_position": lambda x, value: x.set_position(value),
+    "probe_move": lambda x, value: x.probe_move(value),
     "span": lambda x, value: x.follow(Trapezoid(x.position, value, 1.0, 1.0)),
     "speed": lambda x, value: x.follow(Trapezoid(x.position, 1.0, value, 1.0)),
     "ramp": lambda x, value: x.follow(Trapezoid(x.position, 1.0, 1.0, value)),

@@ -148,6 +148,16 @@ def test_whatever_takes_the_axis_over_ends_the_loop_and_nothing_jumps(story, sto
         )
 
 
+@pytest.mark.parametrize("factor", [0.0, 0.5, 1.5])
+def test_an_override_scales_what_it_answers(story, factor):
+    cell = opened(story)
+    cell.x.controller(lambda _: 60.0)
+    cell.run(1.0)
+    cell.x.set_override(factor).wait(1)
+    cell.run(1.0)
+    assert cell.speed() == pytest.approx(60.0 * factor, abs=1.0)
+
+
 def test_it_begins_from_what_leads_the_axis_already(story):
     cell = opened(story)
     cell.x.cyclic_velocity(80.0).wait(5)

@@ -157,6 +157,14 @@ def test_stops_of_it_are_done_at_once_and_its_place_may_be_named(story):
     assert cell["belt"].position == pytest.approx(70.0 + belt.place, abs=0.5)
 
 
+def test_an_override_of_the_cell_is_none_of_its_business(story):
+    cell, _ = belt_and_axis(story, speed=40.0)
+    assert cell.end_of(cell.machine.set_override(0.5)) is None
+    cell.x.gear_in(cell["belt"], 0.5).wait(5)
+    cell.run(0.5)
+    assert cell.speed() == pytest.approx(20.0, rel=0.1)
+
+
 def test_leaving_the_machine_does_nothing_to_it(story):
     cell, _ = belt_and_axis(story, speed=100.0)
     cell.machine.close()

@@ -10,6 +10,7 @@ from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.errors import ArgumentError, MotionTimeout, NodeError, StaleError, StateError, Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
+from axisbus.motion.stop.leaving import Leaving
 from kit.cell import Cell, cell_text
 from kit.probe import ENABLED, OFF
 
@@ -209,6 +210,12 @@ def test_what_the_cell_file_gives_a_whole_output_without_us_stays(story):
     assert any("what the cell file writes into 6444h:01" in line for line in report.io)
 
 
+def test_a_module_may_not_stay_operational_without_us(story):
+    """It would take its outputs back from the first frame that comes again."""
+    cell = story.simulated(text=cell_text("x", more=IO.format(node='[nodes.5.objects]\n"1029:01" = 1')))
+    assert cell.machine.stand_in(5).device.read(0x1029, 1) == 0
+
+
 # -- lost --------------------------------------------------------------------------------------------------------------
 
 
@@ -359,6 +366,18 @@ def test_outputs_become_safe_though_an_axis_cannot_be_stopped(story):
     cell.device("x").dials.dead = True
     assert cell.ctrl_c(15.0) != []
     assert word(cell) == 0
+
+
+def test_outputs_become_safe_though_nobody_waits_for_an_axis_any_longer(story, monkeypatch):
+    """Else the scan would go on sending them as they were, and undo what is written by SDO."""
+    cell = with_io(story)
+    cell.machine.io["lamp"].set(True).wait(1)
+    monkeypatch.setattr(Leaving, "over", False)
+    sent = []
+    cell.each_cycle(lambda *_: sent.append(word(cell)))
+    cell.machine.close()
+    assert sent[-1] == 0
+    assert 8 in sent
 
 
 def test_the_end_of_the_with_block_leaves_safe_outputs_and_a_module_at_rest(story):

@@ -21,6 +21,7 @@ NAMES = ("x", "y", "z")
 ERROR = DriveError("x: something", axis="x")
 NUMBER = st.integers(-(2**62), 2**62)
 MAYBE = st.none() | NUMBER
+OVERRIDE = st.floats(0.0, 1.5)
 TIME = st.floats(allow_nan=False)
 AXIS = st.builds(
     Snapshot,
@@ -39,6 +40,8 @@ AXIS = st.builds(
     st.booleans(),
     st.booleans(),
     st.none(),
+    OVERRIDE,
+    OVERRIDE,
 )
 
 

@@ -30,14 +30,14 @@ def prepare(
     """Set error modes, error values and masks of the outputs; return lines that say what a module does without us.
 
     ``alone``: no axis is on the node, so that its error behaviour is ours to set. ``given``: objects that the cell file writes
-    itself; a number that it gives a whole output, or a node, is left as it is. Blocks.
+    itself; a number that it gives a whole output is left as it is. Blocks.
 
     Raises:
         BootError: an object is refused, or reads back something else.
     """
     outputs = [point for point in points if point.output]
     behaviour = (o301.ERROR_BEHAVIOR, 1)
-    if alone and outputs and behaviour not in given and read_int(objects, *behaviour) == NO_CHANGE:
+    if alone and outputs and read_int(objects, *behaviour) == NO_CHANGE:
         _write(objects, behaviour, PRE_OPERATIONAL)
     return [_prepare(objects, point, given) for point in outputs]
 

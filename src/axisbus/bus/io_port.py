@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 from axisbus.bus.node.node import Node
@@ -96,6 +96,9 @@ class CanIoPort:
             RpdoPace([pdo], [image], scan_period, REPEAT)
             for pdo, image in zip(sent, self._images, strict=True)
         ]
+        self._alone: dict[
+            Address, int
+        ] = {}  # what a module makes of them without us, of all that its RPDOs hold
         self._samples: list[Sample | None] = [None] * len(self.inputs)
         self._frames: list[Frame] = []
         self._now = -math.inf
@@ -113,8 +116,10 @@ class CanIoPort:
             SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
         """
         prime_outputs(self.node.sdo, self.plan, self._images, {})
-        self.found = tuple(self._image_value(address) for address in self.outputs)
-        self.alone = tuple(map(self._word_alone, self.outputs, self.found))
+        values = {address: value for image in self._images for address, value in _values(image)}
+        self._alone = {address: self._word_alone(address, value) for address, value in values.items()}
+        self.found = tuple(values[address] for address in self.outputs)
+        self.alone = tuple(self._alone[address] for address in self.outputs)
         for place, address in enumerate(self.inputs):
             if self.max_age[place] == math.inf:  # of any other, the first is on its way
                 with suppress(SdoAbort):
@@ -127,6 +132,8 @@ class CanIoPort:
         if known is Known.YES and not self._was_known:
             for pace in self._paces:
                 pace.forget()  # what was sent before, it has not taken
+        if self._was_known and known is not Known.YES:
+            self._take_alone()
         self._was_known, self._may_hear = known is Known.YES, known in MAY_HEAR
         if known is not Known.RESTARTED:
             for slot in self._slots:
@@ -208,9 +215,19 @@ class CanIoPort:
         mode, value = (read_number(self.node.sdo, index, address[1]) for index in (row.mode, row.value))
         return found if mode is None or value is None else row.word(mode, value, found)
 
-    def _image_value(self, address: Address) -> int:
-        found = (image.value(*address) for image in self._images)
-        return next(value for value in found if value is not None)
+    def _take_alone(self) -> None:
+        """What shares an RPDO with outputs that were set, named or not, must not come back by the next frame."""
+        for image in self._images:
+            for (index, subindex), _ in _values(image):
+                image.put(index, subindex, self._alone[index, subindex])
+
+
+def _values(image: RpdoImage) -> Iterator[tuple[Address, int]]:
+    """Yield what an RPDO holds, which is known of all of it once it was primed."""
+    for mapped in image.mapping:
+        value = image.value(mapped.index, mapped.subindex)
+        if value is not None:
+            yield (mapped.index, mapped.subindex), value
 
 
 def _age(address: Address, pdos: Sequence[PlannedPdo], scan_period: float) -> float:

@@ -68,6 +68,7 @@ def axis_parameters(cell: CellConfig, name: str, eds: Eds, make: Make | None = N
         fault_objects=make.fault_objects,
         explain_fault=make.explain,
         node=axis.node,
+        eds=eds.source,
         scan_period=cell.bus.scan_period,
     )
 

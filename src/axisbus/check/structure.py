@@ -26,6 +26,24 @@ def master_id(case: Case) -> Found:
         )
 
 
+def lost_nodes(case: Case) -> Found:
+    """Check that what a node's own table says of its loss is what decides."""
+    bus = case.cell.bus
+    for node in case.cell.nodes.values():
+        if not node.at.gives("on_lost") or not node.at.sound("on_lost"):
+            continue
+        by_axes = any(case.cell.axes_of(node.node_id))
+        if by_axes or (bus.on_lost_node == "report" and node.on_lost == "stop"):
+            yield case.warning(
+                node.at.of("on_lost"),
+                f"on_lost of [nodes.{node.node_id}] decides nothing",
+                "the node has axes"
+                if by_axes
+                else 'on_lost_node = "report" in [bus] lets everything go on, whatever node is lost',
+                "leave it out; on_lost_node in [bus] says what a lost node stops",
+            )
+
+
 # Interfaces whose names need no look into python-can, which takes a while to import.
 _KNOWN = frozenset({"sim", "socketcan", "virtual", "pcan", "kvaser", "slcan", "gs_usb", "ixxat", "vector"})
 
@@ -160,6 +178,7 @@ def _free(case: Case) -> int:
 
 CHECKS: tuple[Check, ...] = (
     master_id,
+    lost_nodes,
     interface,
     process,
     axes_have_nodes,

@@ -47,6 +47,7 @@ COMMANDS = {
     "velocity": ("axisbus.cli.velocity", "Enable axes and let them turn at velocities."),
     "torque": ("axisbus.cli.torque", "Enable axes and let them press with torques."),
     "jog": ("axisbus.cli.jog", "Move an axis by the arrow keys, for as long as one is held."),
+    "probe": ("axisbus.cli.probe", "Tell where an axis was at each edge of its touch probe."),
     "halt": ("axisbus.cli.halt", "Halt axes of a machine that runs, whoever has its command."),
     "disable": ("axisbus.cli.disable", "Stop and disable axes of a machine that runs."),
     "stop": ("axisbus.cli.stop", "Stop a cell's drives, also beside a running master."),

@@ -175,4 +175,6 @@ def _concerned(target: Target, command: AnyCommand) -> tuple[str, ...]:
         return ()
     if isinstance(command, GroupCommand):
         return command.axes
+    if isinstance(command, c.SetOverride):
+        return ()  # a stop leaves it as it is
     return (target,) if isinstance(target, str) else target

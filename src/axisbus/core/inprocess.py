@@ -189,7 +189,7 @@ class InProcess:
             self._runtime.link.untap(ear)
 
     def _tell(self, ticket: Ticket) -> None:
-        event = CommandEvent(ticket.number, ticket.status, ticket.error, ticket.note)
+        event = CommandEvent(ticket.number, ticket.status, ticket.error, ticket.note, ticket.capture)
         self._ledger.hear(event)
         for hear in self._listeners:
             hear(event)

@@ -37,6 +37,7 @@ _FIRST_VALUES = (
     1.0  # seconds that beginning waits for the first answers to SYNC; later ones are the axes' own matter
 )
 _JOIN_TIME = 2.0  # seconds until the scan has taken an axis in; one cycle is enough
+_OUTPUTS_TIME = 0.5  # seconds until outputs have been sent as safe; a few cycles are enough
 
 
 Joined = Callable[[Booted], None]
@@ -245,6 +246,9 @@ class Core:
                 self._waiter.wait(lambda: scan.has_stopped, until - scan.cycle.now())
             except BaseException as error:  # noqa: BLE001  # it is raised once everything stands
                 interruption = error
+        if scan.io and not scan.has_stopped:  # else what the scan sends would undo what is made sure of
+            scan.give_up()
+            self._waiter.wait(lambda: scan.ended or scan.io.left, _OUTPUTS_TIME)
         if interruption is not None:
             raise interruption
 

@@ -36,10 +36,11 @@ from axisbus.core.io.board import Board
 from axisbus.core.lateness import Lateness, cause_of, hanging
 from axisbus.core.tuning import COLLECTOR
 from axisbus.errors import AxisbusError, in_a_line
-from axisbus.motion.axis.accept import accept
+from axisbus.motion.axis.accept import accept, require_override
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.broken import broken
 from axisbus.motion.commands import PolicyStop, Shutdown
+from axisbus.motion.group.commands import CellSetOverride
 from axisbus.motion.group.core import GroupCore
 from axisbus.motion.io.commands import SetOutputs
 from axisbus.motion.snapshot import Snapshot
@@ -93,6 +94,7 @@ class Scan:
         self._members = {name: list(axes) for name, axes in (groups or {}).items()}
         self._on_lost_node, self._on_fault = on_lost_node, dict(on_fault or {})
         self._policy = self._make_policy()
+        self._override = 1.0  # of the cell
         self._joining: deque[tuple[str, Port, AxisCore]] = deque()
         self._inbox = Inbox()
         self._next: float | None = None
@@ -108,6 +110,7 @@ class Scan:
         self._stops_wanted = 0
         self._stops_begun = 0
         self._leaving = Leaving()
+        self._given_up = False
         self._quitting = False
         self._quick_stop_sent = False  # by the end of a scan that has failed
         self._refusing: str | None = None  # why no command is taken any more
@@ -213,6 +216,10 @@ class Scan:
         self._inherited = self.ended = True
         self._lock = threading.Lock()
 
+    def give_up(self) -> None:
+        """Wait no longer for axes that do not come to rest: outputs become safe without that. Does not block."""
+        self._given_up = True
+
     def quit(self) -> None:
         """End ``run`` after the present cycle."""
         self._quitting = True
@@ -277,7 +284,7 @@ class Scan:
 
     def _do_io(self, now: float) -> bool:
         """Read and write inputs and outputs; on the way out they become safe once the axes stand, or nobody can make them."""
-        if self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over:
+        if self._given_up or (self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over):
             self.io.leave()
         self.io.step(now)
         return self.io.changed
@@ -355,6 +362,7 @@ class Scan:
         while self._joining:
             name, port, core = self._joining.popleft()
             self.axes = {**self.axes, name: core}
+            core.set_override(cell=self._override)
             self._work.append((name, port, core))
             mates = {group: axes for group, axes in self._members.items() if name in axes}
             with self._lock:
@@ -391,7 +399,9 @@ class Scan:
         """Let a command take effect; whatever is raised by it ends it alone, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
         try:
-            if isinstance(command, SetOutputs):
+            if isinstance(command, CellSetOverride):
+                self._set_override(command.factor, ticket)
+            elif isinstance(command, SetOutputs):
                 self.io.accept(command, ticket)
             elif waiting.for_group:
                 self.groups[waiting.target].accept(command, ticket)  # type: ignore[arg-type]
@@ -402,6 +412,21 @@ class Scan:
             for name in self.axes.keys() & waiting.axes:
                 self.axes[name].break_off(failure)
             ticket.finish(Status.ERROR, failure)
+
+    def _set_override(self, factor: float, ticket: Ticket) -> None:
+        """Multiply the velocities of all axes; where one of them cannot take it, none does."""
+        try:
+            for core in self.axes.values():
+                require_override(core, factor, ticket)
+        except AxisbusError as error:
+            ticket.finish(Status.ERROR, error)
+        else:
+            self._override = factor
+            for core in self.axes.values():
+                core.set_override(cell=factor)
+            ticket.finish(Status.DONE)
+        if self.waiter is not None:
+            self.waiter.notify()
 
     def _apply_policy(self) -> None:
         while self._trips:

@@ -14,14 +14,16 @@ from axisbus.machine.cam import Cam
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
-from axisbus.machine.request import Request, shown
+from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
+from axisbus.machine.request import Request, override_of, shown
 from axisbus.machine.streaming.answering import Ramps, answering_of
 from axisbus.machine.streaming.controller import Controller, Function
 from axisbus.motion import commands as c
-from axisbus.motion.group.commands import Couple
+from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.numbers import told
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters, Limits
 from axisbus.motion.points.joining import Allowed, allowed_of
 from axisbus.motion.snapshot import Snapshot
@@ -218,6 +220,17 @@ class Axis:
     def limits(self) -> Limits:
         """What the master keeps: ``position``, ``velocity``, ``acceleration`` in units, ``torque`` in N·m (None: none)."""
         return self._parameters.limits
+
+    @property
+    def override(self) -> float:
+        """The factor of ``set_override``, whichever program has set it; 1 before that. That of the cell multiplies it."""
+        return self.snapshot.override
+
+    @property
+    def total_override(self) -> float:
+        """By what the velocities of its commands are multiplied: its own override times that of the cell, at most 1.5."""
+        snapshot = self.snapshot
+        return min(snapshot.override * snapshot.cell_override, FASTER)
 
     @property
     def temperature(self) -> float:
@@ -608,6 +621,23 @@ class Axis:
         """Be led no more, by a gear or a cam, and go on with the present speed (MC_GearOut, MC_CamOut); ``halt()`` brakes it."""
         return self._submit("gear_out()", c.GearOut())
 
+    def set_override(self, factor: float) -> Handle:
+        """Let the axis go at ``factor`` times the velocity of its commands: 0 (it holds) to 1.5 (MC_SetOverride). Does not block.
+
+        At any time, also in motion, and for what follows, until it is set again; ``cell.set_override`` multiplies it, and so does
+        that of a group. At 0 the axis comes to rest, its handle stays busy, and it goes on by itself when the factor rises. A line,
+        path or stream of a group goes as slowly as its slowest axis. It lifts no limit: 1.5 times a velocity is at most
+        ``max_velocity``; a trajectory of your own is only made faster where it tells in advance that it stays within the limits.
+        It scales no ramp, torque, halt, stop or homing; an axis that another one leads follows that.
+
+        The handle ends with a StateError where nothing says with which acceleration the axis may change its speed.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = override_of(f"{self.name}.set_override", factor)
+        return self._submit(f"set_override({found:g})", c.SetOverride(found))
+
     def phase_by(self, shift: float, *, velocity: float, acceleration: float) -> Handle:
         """See its master ``shift`` units farther on than that is, while both go on (MC_PhasingRelative).
 
@@ -628,6 +658,98 @@ class Axis:
                 request.positive("acceleration", acceleration, f"units {of} per s²"),
             ),
         )
+
+    # -- touch probe -------------------------------------------------------------------------------------------------
+
+    def probe(
+        self,
+        input: int = 1,  # noqa: A002  # the standard's word
+        edge: str = "rising",
+        *,
+        continuous: bool = False,
+        window: tuple[float, float] | None = None,
+        source: str = "input",
+    ) -> ProbeHandle:
+        """Arm a touch probe: the drive latches where it is at the next ``edge`` (MC_TouchProbe; CiA 402-2, 60B8h to 60BDh).
+
+        ``input``: 1 or 2. ``edge``: "rising", "falling", or "both", which is done when one of each was latched. ``source``:
+        "input", or "zero pulse" of the encoder. ``continuous`` tells every edge until it is cancelled. ``window``: from where to
+        where (in the axis's unit) an edge counts; of an endless axis it may go over the end of the turn.
+
+        It does not block, energises and moves nothing, and works in every state in which the node is operational. The position is
+        the drive's own latch; that it was latched is seen by SDO, 10 ms and two answers later at most. An edge counts from when the
+        handle is ``active`` (see ``wait_armed``). Another request for the same input replaces this one; homing ends it.
+
+        Raises:
+            StateError: the EDS lacks an object for it.
+            ArgumentError: a value is none that there is; or with a window, the axis is not homed where it must be.
+        """
+        name = f"probe(input {shown(input)}, {edge if isinstance(edge, str) else told(edge)})"
+        command = probe_command(
+            self._request(name), self._parameters, input, edge, source, window, continuous=continuous
+        )
+        if window is not None:
+            self.require_homed(name)
+        abort = c.ProbeAbort(command.number, command.key)
+        handle = ProbeHandle(
+            f"{self.name}.{name}",
+            self._session.waiter,
+            self._parameters.units,
+            lambda: self._submit(f"probe_abort(input {command.number})", abort),
+        )
+        self._commanding.give(handle, self.name, command)
+        return handle
+
+    def probe_move(
+        self,
+        toward: float,
+        *,
+        input: int = 1,  # noqa: A002  # the standard's word
+        edge: str = "rising",
+        source: str = "input",
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+        timeout: float | None = None,
+    ) -> ProbeHandle:
+        """Move to ``toward`` at most, and halt where a touch probe sees its next ``edge`` ("rising" or "falling").
+
+        It begins at standstill: the input is armed, then the axis goes. The handle is done at rest, and its ``position`` is that
+        of the edge; the axis stands beyond it, by its way until the edge was seen and by its braking. Where it arrives without
+        an edge, the handle ends with a ProbeError. A halt, or another motion, ends it as it ends a move; ``cancel()`` halts.
+        Values are as of ``move_absolute`` and ``probe``; it does not block.
+
+        Raises:
+            LimitError, ArgumentError: as ``move_absolute`` and ``probe``.
+            StateError: the EDS lacks an object for it.
+        """
+        name = f"probe_move({shown(toward)} {self.unit}, input {shown(input)})"
+        target = self.absolute_increments(name, toward)
+        request = self._request(name)
+        profile = request.profile(velocity, acceleration, deceleration, timeout)
+        probe = probe_command(request, self._parameters, input, edge, source, None, continuous=False)
+        if len(probe.edges) != 1:
+            raise ArgumentError(
+                f"{request.text}: it goes until one edge", remedy='give edge="rising" or "falling"'
+            )
+        handle = ProbeHandle(f"{self.name}.{name}", self._session.waiter, self._parameters.units, self.halt)
+        alone = (self.name,)
+        self._session.add_group(alone, alone)
+        self._commanding.give(
+            handle, alone, ProbeMove(self.name, c.Move(c.Reference.ABSOLUTE, target, profile), probe)
+        )
+        return handle
+
+    def probe_abort(self, input: int = 1) -> Handle:  # noqa: A002  # the standard's word
+        """Switch the touch probe of ``input`` (1 or 2) off, whoever has armed it (MC_AbortTrigger); its handle ends as aborted.
+
+        It does not block; done when the drive has taken it. Raises as ``probe``.
+        """
+        name = f"probe_abort(input {shown(input)})"
+        request = self._request(name)
+        number = input_number(request, input)
+        require_objects(request, self._parameters, number, frozenset())
+        return self._submit(name, c.ProbeAbort(number))
 
     # -- how a command is made ----------------------------------------------------------------------------------------
 

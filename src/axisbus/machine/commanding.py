@@ -35,7 +35,11 @@ class Commanding:
         Raises:
             StateError: this is a forked child, in which no core runs.
         """
-        handle = Handle(name, self.session.waiter)
+        return self.give(Handle(name, self.session.waiter), target, command)
+
+    @sheltered
+    def give(self, handle: Handle, target: Target, command: AnyCommand) -> Handle:
+        """As ``submit``, with a handle of its own kind."""
         with self._lock:
             if not self._giving:
                 self._forget_ended()

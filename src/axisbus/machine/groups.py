@@ -9,7 +9,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
 from axisbus.machine.paths import PathRequest, one_each
-from axisbus.machine.request import shown
+from axisbus.machine.request import override_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
 from axisbus.motion import commands as c
@@ -23,7 +23,6 @@ from axisbus.motion.group.commands import (
 )
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.pieces import Place
-from axisbus.motion.group.travel import FASTER
 from axisbus.motion.numbers import number, told
 from axisbus.session import Target
 from axisbus.wording import counted
@@ -205,16 +204,12 @@ class Group:
 
         At any time, also in motion: the axes stay on their way, and change their speed along it by its acceleration. It stays so
         for what follows, until it is set again. It lifts no limit of an axis, and scales no halt, no stop and no profile move.
+        Those of its axes, and of the cell, multiply it: the way goes at the lowest of its axes' factors times this one.
 
         Raises:
             ArgumentError: it is no number from 0 to 1.5.
         """
-        found = number(factor)
-        if found is None or not 0.0 <= found <= FASTER:
-            raise ArgumentError(
-                f"{self.name}.set_override({told(factor)}): an override is a number from 0 to {FASTER:g}",
-                remedy="1 is the velocity of the command; 0 holds the axes on their way",
-            )
+        found = override_of(f"{self.name}.set_override", factor)
         self._override = found
         return self._submit(f"set_override({found:g})", GroupSetOverride(found))
 

@@ -18,9 +18,12 @@ from axisbus.machine.closing import Closing
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.exit import EXIT, Leaving
 from axisbus.machine.groups import Group
+from axisbus.machine.handle import Handle
 from axisbus.machine.interrupts import interactive
 from axisbus.machine.opening import attached, opened, simulated
+from axisbus.machine.request import override_of
 from axisbus.machine.roster import Roster
+from axisbus.motion.group.commands import CellSetOverride
 from axisbus.session import LatenessReport, Program, Session
 
 if TYPE_CHECKING:  # who only looks at axes has no need of them
@@ -193,6 +196,23 @@ class Machine:
             ArgumentError: an axis is named twice.
         """
         return self._roster.group(names)
+
+    @property
+    def override(self) -> float:
+        """The factor of ``set_override``, whichever program has set it; 1 before that, and where there is no axis."""
+        return max((snapshot.cell_override for snapshot in self.session.snapshots.values()), default=1.0)
+
+    def set_override(self, factor: float) -> Handle:
+        """Multiply the velocities of all axes, also of those that come later, by ``factor``: 0 (all hold) to 1.5. Does not block.
+
+        As ``Axis.set_override``, which it multiplies; the product is at most 1.5. The handle ends with a StateError, and nothing is
+        changed, where nothing says with which acceleration one of the axes may change its speed.
+
+        Raises:
+            ArgumentError: it is no number from 0 to 1.5.
+        """
+        found = override_of("cell.set_override", factor)
+        return self._commanding.submit("", CellSetOverride(found), f"cell.set_override({found:g})")
 
     @property
     def io(self) -> Io:

@@ -10,6 +10,7 @@ from axisbus.motion.commands import CyclicVelocity
 from axisbus.motion.moves.lookahead import Known, widened
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.numbers import number, told
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.pace import Ramped, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.points.joining import STILL
@@ -28,6 +29,21 @@ def shown(value: object) -> str:
         return f"{float(value):g}"
     except Exception:  # noqa: BLE001  # larger than any float
         return told(value)
+
+
+def override_of(call: str, factor: float) -> float:
+    """Return an override, 0 to 1.5; ``call`` says in the text of the error what was asked for.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    found = number(factor)
+    if found is None or not 0.0 <= found <= FASTER:
+        raise ArgumentError(
+            f"{call}({told(factor)}): an override is a number from 0 to {FASTER:g}",
+            remedy="1 is the velocity of the command; 0 holds what moves, on its way",
+        )
+    return found
 
 
 class Request:

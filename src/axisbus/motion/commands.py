@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from axisbus.cia402.touch_probe import Edge, ProbeSource
 from axisbus.motion.moves.homing import HomingJob
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.stop.policy import GroupFault
@@ -162,6 +163,36 @@ class GearOut:
 
 
 @dataclass(frozen=True, slots=True)
+class Probe:
+    """MC_TouchProbe: tell where the axis is at the next edge of input ``number`` (1 or 2) of each kind, or at every one.
+
+    ``window``: from where to where (in units) an edge counts. ``key`` tells this request from others of its program.
+    """
+
+    number: int
+    edges: frozenset[Edge]
+    source: ProbeSource
+    continuous: bool
+    window: tuple[float, float] | None
+    key: int
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeAbort:
+    """MC_AbortTrigger: switch input ``number`` off; with ``key`` only what that request has armed."""
+
+    number: int
+    key: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SetOverride:
+    """MC_SetOverride: what the axis is led at, or its drive plans, goes at ``factor`` times its velocity, 0 (it holds) to 1.5."""
+
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseBy:
     """MC_PhasingRelative: the slave sees its master ``shift`` units farther on, by ``velocity`` and ``acceleration`` at most.
 
@@ -216,6 +247,9 @@ Command = (
     | FollowTrajectory
     | Buffered
     | GearOut
+    | Probe
+    | ProbeAbort
+    | SetOverride
     | PhaseBy
     | Shutdown
     | PolicyStop

@@ -180,6 +180,7 @@ class AxisParameters:
     fault_objects: tuple[tuple[int, int], ...] = ()
     explain_fault: Explain = no_explanation
     node: int = 0
+    eds: str = ""  # the file that says which objects the drive has
     virtual: bool = False
     encoder: str = ""
     scan_period: float = 0.01

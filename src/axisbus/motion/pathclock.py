@@ -28,36 +28,66 @@ class Clock(Protocol):
 
 
 class PathClock:
-    """The time along a trajectory. It advances by exactly one period per executed cycle, and can be braked to a stop.
+    """The time along a trajectory. It advances by one period per executed cycle, and can be slowed, held, and braked to a stop.
 
     Slowing time scales the velocity down and keeps the path. While braking, the speed along the path falls by no more than the
     deceleration times the period in each cycle, whatever the trajectory itself does meanwhile: where it slows down by itself as
-    fast, time runs on; where it would speed up, time runs the slower.
+    fast, time runs on; where it would speed up, time runs the slower. Under an override (``aim``) time comes to run at its factor,
+    as fast as the velocity may change for it. A stop is never scaled: it brakes from the speed that there is.
     """
 
-    __slots__ = ("_deceleration", "_last", "_period", "_speed", "_way", "braking", "rate", "t")
+    __slots__ = (
+        "_deceleration",
+        "_factor",
+        "_last",
+        "_period",
+        "_ramp",
+        "_speed",
+        "_way",
+        "braking",
+        "rate",
+        "t",
+    )
 
     def __init__(self) -> None:
         self.t = 0.0
-        self.rate = 1.0
+        self.rate = 1.0  # seconds of the trajectory in one of the clock
+        self._factor = 1.0  # that it is to come to
         self._last = 0.0  # the time one cycle before
         self._period = 0.0
         self.braking = False  # slowing down or stopped
         self._way: Way | None = None
+        self._ramp: float | None = None
         self._deceleration = 0.0
         self._speed = 0.0
 
+    @property
+    def is_even(self) -> bool:
+        """Whether it goes on as time does, and will in the next cycle."""
+        return self.rate == 1.0 == self._factor and not self.braking
+
+    def aim(self, factor: float, way: Way, ramp: float | None) -> None:
+        """Let time come to run at ``factor``; the velocity changes for it by ``ramp`` per s² (None: only at rest)."""
+        self._factor, self._way, self._ramp = factor, way, ramp
+
+    def next(self, period: float) -> float:
+        """Return the time that ``advance`` comes to, where it is not braked; nothing changes by this."""
+        return self.t + self._next_rate(period) * period
+
     def advance(self, period: float) -> None:
         """Go on by one cycle of ``period`` seconds; raises what the way raises."""
+        if self.braking and self._deceleration:
+            self._period, self._last = period, self.t
+            if self.rate and self._way is not None:
+                self._slow_down(self._way, period)
+            return
+        self.rate = self._next_rate(period)
         self._period, self._last = period, self.t
-        if self._way is None:
-            self.t += period
-        elif self.rate:
-            self._slow_down(self._way, period)
+        self.t += self.rate * period
 
     def brake(self, way: Way, deceleration: float) -> None:
         """Slow down to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call changes nothing."""
-        if self._way is not None:
+        if self._deceleration:
             return
         self._way, self._deceleration, self.braking = way, deceleration, True
         if self._period:
@@ -67,12 +97,26 @@ class PathClock:
 
     @property
     def stopped(self) -> bool:
-        """Whether time stands still."""
-        return self.rate == 0.0
+        """Whether time stands still because it was braked."""
+        return self.braking and self.rate == 0.0
 
     def told(self, t: float) -> str:
         """Return a time for people."""
         return f"{t:.3f} s"
+
+    def _next_rate(self, period: float) -> float:
+        """Return how fast time runs in the next cycle: nearer to its factor, as far as the velocity may change."""
+        rate, factor, way = self.rate, self._factor, self._way
+        if rate == factor or way is None:
+            return rate
+        here = way(self.t)
+        now = (here - way(self._last)) / (self._period or period)
+        kept, asked = ((way(self.t + each * period) - here) / period for each in (rate, factor))
+        change = 0.0 if self._ramp is None else self._ramp * period
+        if abs(asked - now) <= change or asked == kept:
+            return factor
+        bound = now + change if asked > kept else now - change
+        return rate + min(max((bound - kept) / (asked - kept), 0.0), 1.0) * (factor - rate)
 
     def _slow_down(self, way: Way, period: float) -> None:
         self._speed = max(0.0, self._speed - self._deceleration * period)

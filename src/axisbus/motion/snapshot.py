@@ -10,7 +10,10 @@ from axisbus.motion.states import AxisState
 
 
 class Snapshot(NamedTuple):
-    """An axis as of the cycle at ``now`` (seconds, monotonic); unknown values are None, positions are unwrapped increments."""
+    """An axis as of the cycle at ``now`` (seconds, monotonic); unknown values are None, positions are unwrapped increments.
+
+    ``override`` is that of the axis itself, ``cell_override`` that of its cell, which multiplies it.
+    """
 
     now: float
     state: AxisState
@@ -27,3 +30,5 @@ class Snapshot(NamedTuple):
     homed: bool
     operational: bool
     error: AxisbusError | None
+    override: float = 1.0
+    cell_override: float = 1.0

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from axisbus.errors import AxisbusError, Interrupted
+from axisbus.motion.probing.capture import Capture
 
 log = logging.getLogger("axisbus")
 
@@ -28,10 +29,10 @@ class Ticket:
     """Holds how far one command is; only the core changes it.
 
     ``hear`` is called when the command has taken control, and when it has ended; it must not raise. ``note`` says what is to be
-    known of an end that is otherwise well.
+    known of an end that is otherwise well, ``capture`` what a touch probe has latched, while it is told.
     """
 
-    __slots__ = ("_after", "_hear", "error", "name", "note", "number", "status")
+    __slots__ = ("_after", "_hear", "capture", "error", "name", "note", "number", "status")
 
     def __init__(self, name: str, hear: Callable[[Ticket], None] | None = None, number: int = 0) -> None:
         """``name`` says what was asked, such as ``x.move_absolute(90.0 deg)``; ``hear`` None: nobody outside the core asks.
@@ -43,6 +44,7 @@ class Ticket:
         self.status = Status.BUSY
         self.error: AxisbusError | None = None
         self.note = ""
+        self.capture: Capture | None = None
         self._hear = hear
         self._after: list[Callable[[], None]] = []
 
@@ -58,6 +60,12 @@ class Ticket:
         """The command has control of what it moves, or shares it."""
         self.status = Status.ACTIVE
         self._tell()
+
+    def tell(self, capture: Capture) -> None:
+        """Tell what a touch probe has latched; the command goes on."""
+        self.capture = capture
+        self._tell()
+        self.capture = None
 
     def finish(self, status: Status, error: AxisbusError | None = None) -> None:
         """End the command; a second call changes nothing."""

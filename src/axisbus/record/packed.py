@@ -92,12 +92,12 @@ class PackedRows:
 
 def sample_of(snapshot: Snapshot) -> AxisSample:
     """Return what a recording holds of an axis in a cycle."""
-    _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, _, _ = snapshot
+    _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, *_ = snapshot
     return AxisSample(position, velocity, torque, target, demand, origin, mode, word, state, power, homed)
 
 
 def _packed(snapshot: Snapshot) -> tuple[int, ...]:
-    _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, _, _ = snapshot
+    _, state, power, word, mode, position, _, demand, velocity, torque, target, origin, homed, *_ = snapshot
     known = (
         (position is not None and _POSITION)
         | (velocity is not None and _VELOCITY)

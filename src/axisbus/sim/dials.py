@@ -39,6 +39,10 @@ class DriveDials:
         halt_in_cyclic_modes: halt is heard in csp, csv and cst (CiA 402 leaves it open)
         homing_fails: homing ends with bit 13
 
+    Touch probe:
+        probe_bits_stay: what 60B9h shows of an edge stays when the touch probe is switched off, and when it is armed anew
+        probe_deaf: 60B8h is taken, and arms nothing
+
     Machine:
         blocked: the rotor is held mechanically
         sticks: ‰ of the rated torque that a standing rotor takes before it moves (beside its friction)
@@ -76,6 +80,8 @@ class DriveDials:
     resumes_on_enable: bool = False
     halt_in_cyclic_modes: bool = True
     homing_fails: bool = False
+    probe_bits_stay: bool = False
+    probe_deaf: bool = False
     blocked: bool = False
     sticks: float = 0.0
     creep: float = 0.0

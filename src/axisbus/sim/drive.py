@@ -26,6 +26,7 @@ from axisbus.sim.objects import connect
 from axisbus.sim.power import Effort, PowerStage, Stage
 from axisbus.sim.settings import AXIS_SPAN, Settings, place
 from axisbus.sim.statusword import compose
+from axisbus.sim.touch_probe import TouchProbe
 from axisbus.sim.words import (
     CW_HALT,
     as_int8,
@@ -42,11 +43,13 @@ class Drive:
     """A CiA 402 drive with its motor; holds all of its state.
 
     Written from outside: ``controlword``, ``mode`` (6060h), ``target_position``, ``target_velocity``, ``target_torque``,
-    ``warning`` and the ``dials``. To be read: ``statusword``, ``mode_display``, ``position``, ``position_demand`` (increments),
-    ``velocity`` (velocity increments), ``torque`` (‰ of rated), ``error_code``. All are as the objects hold them.
+    ``warning`` and the ``dials``; the signals of ``touch_probe``. To be read: ``statusword``, ``mode_display``, ``position``,
+    ``position_demand`` (increments), ``velocity`` (velocity increments), ``torque`` (‰ of rated), ``error_code``. All are as the
+    objects hold them.
     """
 
     axis: Axis
+    touch_probe: TouchProbe
     controlword: int
     mode: int
     mode_display: int
@@ -84,6 +87,7 @@ class Drive:
         self.settings = Settings(self.dictionary, axis)
         self.axis = Axis(self.settings, self.params, self.dials)
         self._feedback = Feedback(self.axis, self.dials, seed)
+        self.touch_probe = TouchProbe(self.axis, self.dials)
         self.warning = False
         self.maker_bits = 0
         self.error_code = 0
@@ -117,6 +121,7 @@ class Drive:
     def restart(self) -> None:
         """Power-up again: all state is lost except where the motor stands (and what the dictionary keeps)."""
         self._begin()
+        self.touch_probe.restart()
         self.axis.offset = 0.0
         self.axis.clamped = self.axis.speed_limited = False
         self.axis.motor.brake_closed = self.params.brake
@@ -190,7 +195,10 @@ class Drive:
             self._follow_mode(dt)
         if self._has_switches:
             axis.watch_switches()
+        before = axis.motor.position
         self._move(dt)
+        if self.touch_probe.function:
+            self.touch_probe.pass_over(before, axis.motor.position)
         self._publish()
 
     def hear(self) -> None:

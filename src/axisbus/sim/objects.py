@@ -9,6 +9,7 @@ from typing import Protocol
 from axisbus.sim.axis import Axis
 from axisbus.sim.dictionary import Dictionary
 from axisbus.sim.settings import AXIS_SPAN, place
+from axisbus.sim.touch_probe import FALLING, RISING, TouchProbe
 from axisbus.sim.words import as_int8, as_int16, as_int32
 
 
@@ -16,6 +17,7 @@ class Drive(Protocol):
     """What of a drive its objects show, set and call."""
 
     axis: Axis
+    touch_probe: TouchProbe
     axis_number: int
     dictionary: Dictionary
     modes: frozenset[int]
@@ -54,6 +56,15 @@ SHOWN: dict[int, Callable[[Drive], int]] = {
     0x6074: lambda drive: round(drive.axis.torque_demand),
     0x6077: lambda drive: drive.torque,
     0x6078: lambda drive: drive.torque,
+    0x60B9: lambda drive: drive.touch_probe.status,
+    0x60BA: lambda drive: drive.touch_probe.positions[1, RISING],
+    0x60BB: lambda drive: drive.touch_probe.positions[1, FALLING],
+    0x60BC: lambda drive: drive.touch_probe.positions[2, RISING],
+    0x60BD: lambda drive: drive.touch_probe.positions[2, FALLING],
+    0x60D5: lambda drive: drive.touch_probe.counts[1, RISING],
+    0x60D6: lambda drive: drive.touch_probe.counts[1, FALLING],
+    0x60D7: lambda drive: drive.touch_probe.counts[2, RISING],
+    0x60D8: lambda drive: drive.touch_probe.counts[2, FALLING],
     0x60F4: lambda drive: round(drive.axis.position - drive.axis.motor.position),
     0x60FC: lambda drive: drive.position_demand,
     0x60FD: lambda drive: drive.axis.digital_inputs,
@@ -87,6 +98,10 @@ def _target_torque(drive: Drive, value: int) -> None:
     drive.target_torque = as_int16(value)
 
 
+def _probe_function(drive: Drive, value: int) -> None:
+    drive.touch_probe.take(value & 0xFFFF)
+
+
 # Objects that the master writes: index to (shown value, what a write does). Signed as in the standard, whatever a file says.
 TAKEN: dict[int, tuple[Callable[[Drive], int], Callable[[Drive, int], None]]] = {
     0x6040: (lambda drive: drive.controlword, _controlword),
@@ -94,6 +109,7 @@ TAKEN: dict[int, tuple[Callable[[Drive], int], Callable[[Drive, int], None]]] = 
     0x607A: (lambda drive: drive.target_position, _target_position),
     0x60FF: (lambda drive: drive.target_velocity, _target_velocity),
     0x6071: (lambda drive: drive.target_torque, _target_torque),
+    0x60B8: (lambda drive: drive.touch_probe.function, _probe_function),
 }
 
 

@@ -25,7 +25,7 @@ _SLOTS = 8
 _TRIES = 100
 _NUMBER = struct.Struct("<Q")
 _BEGIN = struct.Struct("<Qd")  # of a slot: its number, and when the cycle began
-_AXIS = struct.Struct("<ddqqqqqqqqIHBB")
+_AXIS = struct.Struct("<ddddqqqqqqqqIHBB")
 _HEAD = 64  # bytes: the newest number, and room
 _STATES, _POWERS = tuple(AxisState), tuple(State)
 _STATE_AT = {state: number for number, state in enumerate(_STATES)}
@@ -156,7 +156,7 @@ class Image(Mapping[str, Snapshot]):
 
 def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> None:
     if axis is None:
-        _AXIS.pack_into(memory, place, *(0,) * 14)
+        _AXIS.pack_into(memory, place, *(0,) * 16)
         return
     (
         now,
@@ -174,6 +174,8 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
         homed,
         operational,
         _,
+        override,
+        cell_override,
     ) = axis
     flags = _THERE | (_HOMED if homed else 0) | (_OPERATIONAL if operational else 0)
     flags |= (
@@ -190,6 +192,8 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
         place,
         now,
         stamp,
+        override,
+        cell_override,
         word or 0,
         mode or 0,
         position or 0,
@@ -206,9 +210,8 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
 
 
 def _snapshot(values: tuple[Any, ...], error_of: ErrorOf) -> Snapshot:
-    now, stamp, word, mode, position, demand, velocity, torque, target, origin, error, flags, state, power = (
-        values
-    )
+    now, stamp, own, cell, word, mode, position, demand, velocity, torque, *rest = values
+    target, origin, error, flags, state, power = rest
     return Snapshot(
         now,
         _STATES[state],
@@ -225,4 +228,6 @@ def _snapshot(values: tuple[Any, ...], error_of: ErrorOf) -> Snapshot:
         bool(flags & _HOMED),
         bool(flags & _OPERATIONAL),
         error_of(error) if error else None,
+        own,
+        cell,
     )

@@ -63,7 +63,8 @@ class Player:
 
     def end(self) -> None:
         """Halt all; every handle has ended by then."""
-        self.cell.end_of(self.group.set_override(1.0))
+        for whose in (self.group, self.cell.machine, *self.cell.machine):
+            self.cell.end_of(whose.set_override(1.0))
         self.cell.end_of(self.group.halt())
         self.cell.run(0.5)
         for what, handle in self.handles:
@@ -184,6 +185,11 @@ class Player:
     def _override(self) -> Handle:
         return self.group.set_override(self.random.choice([0.0, 0.3, 1.0, 1.0, 1.5]))
 
+    def _axis_override(self) -> Handle:
+        """Of one axis, or of the cell: also of trajectories, and of moves that are planned anew."""
+        whose = self.random.choice([*self.cell.machine, self.cell.machine])
+        return whose.set_override(self.random.choice([0.0, 0.4, 1.0, 1.0, 1.2, 1.5]))
+
     def _resume(self) -> Handle:
         self._rest(0.8)
         return self.group.resume()
@@ -202,6 +208,7 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "replan": Player._replan,
     "gear": Player._gear,
     "override": Player._override,
+    "override of an axis or all": Player._axis_override,
     "resume": Player._resume,
     "halt": Player._halt,
 }
@@ -214,6 +221,7 @@ ORDERS = [
     *["replan"] * 4,
     "gear",
     *["override"] * 4,
+    *["override of an axis or all"] * 4,
     *["resume"] * 3,
     "halt",
     *["line or circle with jerk"] * 2,

@@ -15,7 +15,10 @@ from kit.cell import Cell
 from kit.plants import Ramp
 
 STOPS = frozenset({"halt", "stop", "quick_stop", "disable"})  # done, they promise that the axis stands
-QUIET = STOPS | {"coast", "enable", "release", "reset", "set_position", "override"}  # nothing moves by these
+OVERRIDES = {"override", "axis_override", "cell_override"}
+QUIET = (
+    STOPS | OVERRIDES | {"coast", "enable", "release", "reset", "set_position", "probe"}
+)  # nothing moves by these
 _LOOP = 5.0  # seconds of a controller
 PATHS = frozenset({"follow", "follow_on"})  # those that come from the caller, however short their ramps
 
@@ -77,6 +80,22 @@ def _cam(cell: Cell, name: str, value: float) -> Handle:
     return cell[name].cam_in(_master(cell, name), LOBE, relative=True, scale=value)
 
 
+def _probe(cell: Cell, name: str, value: float) -> Handle:
+    """Of one edge or of all, with an edge in between, and cancelled after a second, whatever became of it."""
+    handle = cell[name].probe(1 if value < 0.0 else 2, "both", continuous=abs(value) > 0.5)
+    signal = cell.drive(name).touch_probe
+    for after, level in ((abs(value), True), (abs(value) + 0.02, False)):
+        cell.after(after, lambda level=level: signal.set_input(1 if value < 0.0 else 2, level))
+    cell.after(1.0, handle.cancel)
+    return handle
+
+
+def _search(cell: Cell, name: str, value: float) -> Handle:
+    """Towards a mark, or away from it."""
+    cell.drive(name).touch_probe.put_mark(1, 30.0 * cell.scale_of(name), 60.0 * cell.scale_of(name))
+    return cell[name].probe_move(150.0 * value, velocity=120.0)
+
+
 ORDERS: Mapping[str, Order] = {
     "enable": Order(lambda cell, name, _: cell[name].enable()),
     "disable": Order(lambda cell, name, _: cell[name].disable()),
@@ -117,9 +136,17 @@ ORDERS: Mapping[str, Order] = {
     ),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
+    "axis_override": Order(lambda cell, name, value: cell[name].set_override(_override(value))),
+    "probe": Order(_probe),
+    "move_probing": Order(_search),
     "follow": Order(_trapezoid, 200.0, relative=True),
     "follow_on": Order(lambda cell, name, _: cell[name].follow(Ramp(demand_of(cell, name)))),
 }
+
+
+def _override(value: float) -> float:
+    """Each fourth holds; the others are from 0.1 to 1.5."""
+    return 0.0 if value < -0.5 else 0.1 + 1.4 * abs(value)
 
 
 def _line(cell: Cell, value: float) -> tuple[float, ...]:
@@ -170,6 +197,7 @@ GROUP: Mapping[str, Callable[[Cell, float], Handle]] = {
     ),
     "stream": _stream,
     "override": lambda cell, value: _group(cell).set_override(1.0 + 0.5 * value),
+    "cell_override": lambda cell, value: cell.machine.set_override(_override(value)),
     "resume": lambda cell, _: _group(cell).resume(),
     "move_direct": lambda cell, value: _group(cell).move_direct(_line(cell, value), velocity=100.0),
 }
@@ -182,6 +210,8 @@ MOTIONS = (
     "move_fast",
     "move_additive",
     "move_waiting",
+    "move_probing",
+    "probe",
     "gear",
     "phase",
     "cam",

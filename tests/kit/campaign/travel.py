@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from axisbus.motion.states import AxisState
 from kit.campaign.facts import TORQUE_MODES, Asked, Facts, Trouble
-from kit.campaign.orders import PATHS
+from kit.campaign.orders import OVERRIDES, PATHS
 from kit.probe import ENABLED, OFF, PlantSample
 
 _LATE = frozenset({"frames_late", "late_feedback", "inputs_lost", "outputs_lost", "stutters", "demand_stuck"})
@@ -186,7 +186,9 @@ class Travel:
     def _by_path(self, name: str) -> bool:
         """Whether the path of the motion is the caller's."""
         moving = (
-            asked for asked in reversed(self._facts.asked) if name in asked.names and asked.what != "override"
+            asked
+            for asked in reversed(self._facts.asked)
+            if name in asked.names and asked.what not in OVERRIDES
         )
         last = next(moving, None)
         return last is not None and last.what in PATHS and last.ended is None

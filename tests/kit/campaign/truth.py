@@ -26,6 +26,7 @@ _OWN = (
     "was never received",
     "master",  # of a gear or a cam: lost, or too fast for its slave
     "did not end well",
+    "no edge",  # of a search that found none
 )
 
 

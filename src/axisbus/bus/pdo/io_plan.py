@@ -52,7 +52,7 @@ def make_io_plan(
         Side(
             receive,
             {name_of((entry.index, entry.subindex)): entry for entry in entries},
-            replace(policy, slow=1),
+            replace(policy, slow=1, requests={}),  # nobody asks for inputs
         )
         for receive, entries in ((True, objects.outputs), (False, objects.inputs))
     ]

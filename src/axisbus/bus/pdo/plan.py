@@ -225,7 +225,7 @@ class Side:
     def plan(self, pdos: tuple[Pdo, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
         """Plan the PDOs of an axis, out of all that the device has."""
         usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
-        slots = choose.slots([pdo for pdo in pdos if self._travels(pdo)], axis)
+        slots = choose.slots([pdo for pdo in pdos if self.travels(pdo)], axis)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
         chosen = self.chosen(usable, slots, layout, ids)
         return (*chosen, *self._redundant(pdos, chosen))
@@ -243,12 +243,22 @@ class Side:
         return [pdo for pdo in planned if pdo is not None]
 
     def travels(self, pdo: Pdo) -> bool:
-        """Whether it may be used: it is sent or taken without being asked for, or can be made so."""
-        return self._travels(pdo)
+        """Whether it may be used: it is sent or taken by itself, or can be made so, or is one that we ask for."""
+        if self._may_retype(pdo) or self._requested(pdo):
+            return True
+        return pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
 
     def reason(self, name: str) -> str:
         """Return why no PDO carries a value that the device has."""
-        return self._reason(self.entries[name])
+        entry = self.entries[name]
+        direction = "an RPDO" if self.receive else "a TPDO"
+        if entry.index in self.policy.refused:
+            return f"the drive refuses to map it into {direction}"
+        if not self._may_map(entry):
+            return f"its dictionary does not let it be mapped into {direction}, and no present mapping has it"
+        if not (self.policy.remap and self.policy.communication):
+            return "the mapping is fixed and does not hold it"
+        return f"{direction} with room for it is not there"
 
     def sources(self, wanted: tuple[str, ...], pdos: Sequence[PlannedPdo]) -> dict[str, Source]:
         """Return how each value travels by these PDOs."""
@@ -267,19 +277,14 @@ class Side:
             if source is Source.NONE:
                 texts.append(f"{what} is not in the drive's dictionary")
             elif source is Source.SDO:
-                texts.append(f"{what} travels by SDO: {self._reason(self.entries[name])}")
+                texts.append(f"{what} travels by SDO: {self.reason(name)}")
         return texts
 
     def _usable(self, pdo: Pdo, axis: int) -> bool:
         """Whether its present mapping may serve: no other axis's targets beside ours, and sent or taken without being asked for."""
         if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
             return False
-        return self._travels(pdo)
-
-    def _travels(self, pdo: Pdo) -> bool:
-        if self._may_retype(pdo) or self._requested(pdo):
-            return True
-        return pdo.synchronous or pdo.transmission_type in _EVENT_TYPES
+        return self.travels(pdo)
 
     def _may_retype(self, pdo: Pdo) -> bool:
         return self.policy.communication and (self.receive, pdo.number) not in self.policy.fixed
@@ -292,16 +297,6 @@ class Side:
 
     def _may_map(self, entry: MapEntry) -> bool:
         return (entry.receive if self.receive else entry.transmit) and entry.index not in self.policy.refused
-
-    def _reason(self, entry: MapEntry) -> str:
-        direction = "an RPDO" if self.receive else "a TPDO"
-        if entry.index in self.policy.refused:
-            return f"the drive refuses to map it into {direction}"
-        if not self._may_map(entry):
-            return f"its dictionary does not let it be mapped into {direction}, and no present mapping has it"
-        if not (self.policy.remap and self.policy.communication):
-            return "the mapping is fixed and does not hold it"
-        return f"{direction} with room for it is not there"
 
     def _planned(self, pdo: Pdo, mapping: tuple[MappedObject, ...], ids: CobIds) -> PlannedPdo | None:
         target = replace(pdo, mapping=mapping)

@@ -20,6 +20,8 @@ from axisbus.errors import ArgumentError
 
 _OF_NUMBERS = ("scale", "offset", "unit")
 _COMMUNICATION = range(0x2000)
+_SHARED = "PDOs of an axis are not shared with outputs: its controlword keeps their order to itself"
+_FIXED = "what [nodes.N.pdo] gives a PDO stays, and nobody asks for an input (rtr)"
 
 
 def have_nodes(case: Case) -> Found:
@@ -109,7 +111,7 @@ def travel(case: Case) -> Found:
             yield case.error(
                 config.at.of("object"),
                 f"[io.{config.name}]: {text}",
-                "PDOs of an axis are not shared with outputs: its controlword keeps their order to itself",
+                _SHARED if any(case.cell.axes_of(node.node_id)) else _FIXED,
                 "free a PDO of the node, let boot change its mapping (remap), or map it in a [nodes.N.pdo] table of its own",
             )
 

@@ -152,7 +152,10 @@ def _row(axis: Axis) -> dict[str, str]:
         "velocity": _number(seen["velocity"], axis.unit + "/s"),
         "age": _age(seen["age"]),
     }
-    return {key: str(value or "") for key, value in seen.items()} | numbers
+    texts = {key: str(value or "") for key, value in seen.items()} | numbers
+    if seen["override"] != 1.0:
+        texts["bits"] = ", ".join(text for text in (f"override {seen['override']:g}", texts["bits"]) if text)
+    return texts
 
 
 def io_lines(machine: Machine) -> list[str]:
@@ -284,6 +287,7 @@ def describe(axis: Axis) -> dict[str, object]:
         "bits": ""
         if snapshot.statusword is None
         else ", ".join(statusword.bit_words(snapshot.statusword, mode)),
+        "override": axis.total_override,
         "error": None if snapshot.error is None else in_commands(snapshot.error),
     }
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
+from axisbus.errors import AxisbusError, DriveFault, LimitError, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_cyclic, accept_motion
 from axisbus.motion.axis.core import AxisCore
@@ -18,6 +18,7 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.power import Coast, Reset
 from axisbus.motion.moves.takeover import Takeover
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
@@ -204,6 +205,7 @@ def _release(core: AxisCore, _: c.Release, ticket: Ticket, __: Gate) -> None:
 
 
 def _shutdown(core: AxisCore, command: c.Shutdown, ticket: Ticket, _: Gate) -> None:
+    core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     if not core.touched:
         core.finish(ticket)  # never commanded by us: left as it was found
         return
@@ -222,6 +224,7 @@ def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: Ticket, __: Gate
 
 
 def _hand_over(core: AxisCore, command: c.HandOver, ticket: Ticket, __: Gate) -> None:
+    core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
     _stop_ours(core, StopKind.HALT, command.reason, ticket)
 
 
@@ -231,6 +234,50 @@ def _stop_ours(core: AxisCore, kind: StopKind, reason: str, ticket: Ticket, rung
         core.stop_because(kind, Then.HOLD, rung, reason, ticket)
     else:
         core.finish(ticket)
+
+
+def _set_override(core: AxisCore, command: c.SetOverride, ticket: Ticket, __: Gate) -> None:
+    require_override(core, command.factor, ticket)
+    core.set_override(own=command.factor)
+    core.finish(ticket)
+
+
+def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
+    """Raise where ``factor`` is no override, or nothing says with which acceleration the axis is to change its speed.
+
+    Raises:
+        LimitError: it is not from 0 to 1.5.
+        StateError: no acceleration is known.
+    """
+    if not 0.0 <= factor <= FASTER:
+        raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
+    name = core.parameters.name
+    if core.parameters.encoder:
+        return  # nothing leads it
+    if factor != 1.0 and not core.parameters.path_deceleration:
+        raise StateError(
+            f"{ticket.name}: nothing says with which acceleration {name} is to change its speed",
+            remedy=f"set acceleration in [axes.{name}.defaults] of cell.toml",
+        )
+
+
+# -- touch probe -----------------------------------------------------------------------------------------------------
+
+
+def _probe(core: AxisCore, command: c.Probe, ticket: Ticket, _: Gate) -> None:
+    if core.state is AxisState.HOMING:
+        raise StateError(
+            f"{ticket.name}: the axis is being homed, and its drive will count its positions anew",
+            remedy="wait until it is homed",
+        )
+    core.probes.begin(command, ticket, core.image, core.order)
+
+
+def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: Ticket, _: Gate) -> None:
+    core.probes.abort(command, ticket, core.image, core.order)
+
+
+# -- one after the other ---------------------------------------------------------------------------------------------
 
 
 def _buffered(core: AxisCore, command: c.Buffered, ticket: Ticket, gate: Gate) -> None:
@@ -264,6 +311,9 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.FollowTrajectory: accept_motion.follow,
     c.Buffered: _buffered,
     c.GearOut: accept_motion.uncouple,
+    c.Probe: _probe,
+    c.ProbeAbort: _probe_abort,
+    c.SetOverride: _set_override,
     c.PhaseBy: accept_motion.phase_by,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,

@@ -27,6 +27,7 @@ from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import OPTIONAL_PROFILE, Prepare, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.moves.turning import TorqueMove, VelocityMove
+from axisbus.motion.override.anew import overridden
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.ticket import Ticket
@@ -62,12 +63,16 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
     require_braking(core, profile.down, ticket)
+    factor = core.override.factor
+    given = overridden(profile, factor, core.parameters)
     prepare = _prepare(
-        core, _M.PROFILE_POSITION, profile_writes(profile, core.parameters, _M.PROFILE_POSITION), gate
+        core, _M.PROFILE_POSITION, profile_writes(given, core.parameters, _M.PROFILE_POSITION), gate
     )
     before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
-        PositionMove(target, profile, core.parameters, prepare, before), ticket, AxisState.DISCRETE_MOTION
+        PositionMove(target, profile, core.parameters, prepare, before, factor),
+        ticket,
+        AxisState.DISCRETE_MOTION,
     )
     core.aim(target)
 

@@ -42,7 +42,9 @@ from axisbus.motion.moves.arrival import Arrival
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.position import PositionMove
+from axisbus.motion.override.factor import Override
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.aftermath import Aftermath
@@ -81,6 +83,7 @@ class AxisCore:
         if parameters.limits.velocity is not None and parameters.units.ratio_known:
             self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
         self.order = Order()
+        self.override = Override()
         self.history = History()
         self.supervision = Supervision(parameters, capabilities)
         self.stopping = Stopping(parameters)
@@ -94,6 +97,7 @@ class AxisCore:
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = Running()
         self.queue = Queue()
+        self.probes = Probes(parameters, self.running)
         self.last_target: int | None = None
         self.halted = False
         self._broken: AxisbusError | None = None  # what has tripped it between two cycles
@@ -168,6 +172,8 @@ class AxisCore:
         else:
             self._look_at_all(image, order)
         self._was_calm = calm
+        if self.probes.requests:
+            self.probes.step(image, order)
         order.halt = self.halted
         stopping, activity = self.stopping, self.running.activity
         if stopping.ladder is None and activity is not None:
@@ -202,6 +208,7 @@ class AxisCore:
             and self.tripped is None
             and self._broken is None
             and self._story is None
+            and not self.probes.requests
         )
 
     def _is_calm(self, image: Image) -> bool:
@@ -270,6 +277,8 @@ class AxisCore:
             self.homed,
             image.operational,
             self.error,
+            self.override.own,
+            self.override.cell,
         )
         return _tuple(Snapshot, values)
 
@@ -277,6 +286,7 @@ class AxisCore:
         """End every ticket, with the error that ``ended`` makes for its name: the scan has ended."""
         tickets = self.stopping.drop()
         tickets += self.rest_waits.drop()
+        tickets += self.probes.drop()
         if self._story is not None:
             tickets += self._story.tickets
         if self.running.ticket is not None:
@@ -425,6 +435,8 @@ class AxisCore:
         self._stopped_for_sure = False
         if activity.mode is ModeOfOperation.HOMING:
             self.homed = False  # until it is done
+            why = f"was ended by {ticket.name}, with which the drive counts its positions anew"
+            self.probes.end_all(Replaced, why, self.order, "ask for it again when the axis is homed")
         self.running.begin(activity, ticket)
         self._arrival.begin(activity, self.image.now)
         if state is not None:
@@ -443,6 +455,15 @@ class AxisCore:
     def aim(self, target: int | None) -> None:
         """Note where the motion that has begun leads, in increments of the drive; None: to no position."""
         self.last_target = target
+
+    def set_override(self, own: float | None = None, cell: float | None = None) -> None:
+        """Multiply velocities by another factor: of the axis, or of its cell; what is under way takes it up in its next cycle."""
+        if own is not None:
+            self.override.set_own(own)
+        if cell is not None:
+            self.override.set_cell(cell)
+        self.image.override = self.override.factor
+        self._cruise = None  # what goes on now needs the whole step
 
     def coast(self, coast: Activity, ticket: Ticket) -> None:
         """Let ``coast`` take the power away: from now on nothing of ours drives the motor."""

@@ -22,7 +22,8 @@ class Image:
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they go on past
     the wrap of INTEGER32, also over a time in which none was known. ``origin`` is the position that the user calls 0 (set by
-    ``set_position``). ``led``: what leads the axis. ``flight``: what it was sent and may not have answered.
+    ``set_position``). ``led``: what leads the axis. ``flight``: what it was sent and may not have answered. ``override``: by what
+    the velocities of commands are to be multiplied.
     """
 
     __slots__ = (
@@ -49,6 +50,7 @@ class Image:
         "operational",
         "origin",
         "overdue",
+        "override",
         "position",
         "position_stamp",
         "replies",
@@ -86,6 +88,7 @@ class Image:
         self.origin = 0
         self.operational = False
         self.overdue = False
+        self.override = 1.0
         self.nmt = -1
         self.bus: BusError | None = None
         self.statusword: int | None = None

@@ -111,7 +111,7 @@ class VelocityAnswered(VelocityLed):
         return False
 
     def _watch(self, image: Image, _ramp: VelocityRamp) -> None:
-        resisted = is_resisted(image, self._command.velocity)
+        resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
 
 

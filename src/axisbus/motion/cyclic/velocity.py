@@ -14,6 +14,7 @@ from axisbus.motion.cyclic.ready import Ready
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.turning import VELOCITY_FLOOR, VELOCITY_SHARE, is_resisted, velocity_missed
+from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ramped import led_way
 
@@ -44,17 +45,24 @@ class VelocityLed(Activity):
         self._ramp = before
         self._way = led_way(parameters)
         self._mean: float | None = None
+        self._factor = 1.0  # the override of the velocity that is asked for
         self.aim(command)
 
     def aim(self, command: CyclicVelocity) -> None:
         """Go on to another velocity, from the one that was sent last."""
-        self._command, scale = command, self._parameters.units.per_velocity
+        self._command = command
+        self._aim()
+
+    def _aim(self) -> None:
+        """Go to the velocity that was asked for, under the override, and look anew whether the axis comes to it."""
+        command, scale = self._command, self._parameters.units.per_velocity
         up, down = abs(command.acceleration * scale), abs(command.deceleration * scale)
-        self.course = Course(command.velocity * scale, up, down, by_core=True)
+        self._target = scaled(command.velocity, self._factor, self._parameters)
+        self.course = Course(self._target * scale, up, down, by_core=True)
         self._deadline: float | None = None
         self.reached = False
         if self._ramp is not None:
-            self._ramp.aim(command.velocity, command.acceleration, command.deceleration)
+            self._ramp.aim(self._target, command.acceleration, command.deceleration)
 
     @property
     def leading(self) -> VelocityRamp | None:
@@ -62,14 +70,17 @@ class VelocityLed(Activity):
         return self._ramp
 
     def step(self, image: Image, order: Order) -> bool:
-        """Return True once the velocity is reached; to be stepped on afterwards, to keep it."""
+        """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
+        if image.override != self._factor:
+            self._factor = image.override
+            self._aim()
         if self._ready is not None and not self._ready.step(image, order):
             return False
         ramp = self._begun()
         self._watch(image, ramp)  # what fails is braked in this cycle, from the velocity before
         ramp.step(image, order)
         self._follow(image, ramp)
-        return self.reached
+        return self.reached and self._factor > 0.0
 
     def cancel(self, order: Order) -> None:
         """Take back what is queued."""
@@ -83,7 +94,7 @@ class VelocityLed(Activity):
             self._ramp = VelocityRamp(
                 0.0, command.acceleration, command.deceleration, self._parameters.scan_period
             )
-            self._ramp.aim(command.velocity, command.acceleration, command.deceleration)
+            self._ramp.aim(self._target, command.acceleration, command.deceleration)
         return self._ramp
 
     def _watch(self, image: Image, ramp: VelocityRamp) -> None:
@@ -92,8 +103,8 @@ class VelocityLed(Activity):
         if not self.reached:
             self.reached = ramp.at_target and self._in_velocity(image)
             if not self.reached and image.now > self._deadline:
-                raise velocity_missed(image, self._parameters, self._command.velocity)
-        resisted = is_resisted(image, self._command.velocity)
+                raise velocity_missed(image, self._parameters, self._target)
+        resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
 
     def _follow(self, image: Image, ramp: VelocityRamp) -> None:
@@ -105,7 +116,7 @@ class VelocityLed(Activity):
 
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity, or its mean where it is noisy; more than half of what was asked for must be there in any case."""
-        target, velocity = self._command.velocity, image.velocity
+        target, velocity = self._target, image.velocity
         if velocity is None:
             return False
         if not target:
@@ -119,4 +130,4 @@ class VelocityLed(Activity):
         """Four times the ramp from ``velocity`` (perhaps the other way) through 0 to the new one, and a margin."""
         command = self._command
         ramp = min(command.acceleration, command.deceleration)
-        return 4.0 * (abs(velocity) + abs(command.velocity)) / ramp + _MARGIN
+        return 4.0 * (abs(velocity) + abs(self._target)) / ramp + _MARGIN

@@ -78,6 +78,18 @@ class GroupSetOverride:
 
 
 @dataclass(frozen=True, slots=True)
+class CellSetOverride:
+    """MC_SetOverride for all axes there are, and that come later: ``factor`` from 0 (they hold) to 1.5, times that of each axis."""
+
+    factor: float
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """None that a stop could concern: it leaves an override as it is."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
 class Couple:
     """MC_GearIn, MC_GearInPos, MC_CamIn: ``slave`` goes where ``law`` has it for ``master``, once in step by ``entry``."""
 
@@ -93,6 +105,29 @@ class Couple:
         return (self.slave,)
 
 
+@dataclass(frozen=True, slots=True)
+class ProbeMove:
+    """``axis`` makes ``move`` (an absolute one) until ``probe`` (of one edge) has seen an edge, and is halted then."""
+
+    axis: str
+    move: c.Move
+    probe: c.Probe
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The axis that it concerns."""
+        return (self.axis,)
+
+
 GroupCommand = (
-    ForEach | MoveLinear | MovePath | GroupContinue | GroupSetOverride | Couple | FollowPoints | AddPoints
+    ForEach
+    | MoveLinear
+    | MovePath
+    | GroupContinue
+    | GroupSetOverride
+    | CellSetOverride
+    | Couple
+    | FollowPoints
+    | AddPoints
+    | ProbeMove
 )

@@ -24,14 +24,16 @@ from axisbus.motion.group.commands import (
     GroupSetOverride,
     MoveLinear,
     MovePath,
+    ProbeMove,
 )
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
-from axisbus.motion.group.travel import FASTER
 from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.moves.follow import Follow
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.points.commands import AddPoints, FollowPoints
 from axisbus.motion.points.stream import Stream
+from axisbus.motion.probing.search import Search
 from axisbus.motion.states import AxisState
 from axisbus.motion.ticket import Status, Ticket
 
@@ -46,7 +48,7 @@ class GroupCore:
         """``axes`` by name; ``period`` of the scan in seconds."""
         self.axes = axes
         self._period = period
-        self._under_way: list[Undertaking] = []
+        self._under_way: list[Undertaking | Search] = []
         self._line: Line | Stream | None = None  # the last one, also when it was left
         self._factor = 1.0
         self._queue = Queue()
@@ -64,6 +66,8 @@ class GroupCore:
         """Once per cycle, before the axes."""
         for undertaking in list(self._under_way):  # what waits may begin meanwhile
             was_busy = undertaking.busy
+            if isinstance(undertaking.line, (Line, Stream)):
+                undertaking.line.travel.factor = self._factor_of(undertaking.line)
             undertaking.step(self._period)
             if isinstance(undertaking.line, Stream):
                 self._look_at_stream(undertaking.line, undertaking.busy)
@@ -96,7 +100,7 @@ class GroupCore:
         for name, axis_command in command.commands.items():
             accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
 
-    def _go_on_after(self, ended: Undertaking) -> None:
+    def _go_on_after(self, ended: Undertaking | Search) -> None:
         """Begin what waits first, when nothing is under way any more; what has ended badly ends all that waits."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
@@ -161,15 +165,18 @@ class GroupCore:
         if not 0.0 <= command.factor <= FASTER:
             raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
         self._factor = command.factor
-        if self._line is not None:
-            self._line.travel.factor = command.factor
         ticket.finish(Status.DONE)
 
     def _go_along(self, line: Line | Stream, gate: Gate, ticket: Ticket) -> None:
-        line.travel.factor = self._factor
+        line.travel.factor = self._factor_of(line)
         undertaking = Undertaking(ticket, self.axes, gate, line)
         self._line = line
         self._undertake(undertaking, lambda: self._lead(line.follows, begin_follow, undertaking))
+
+    def _factor_of(self, line: Line | Stream) -> float:
+        """The override of a way: of the group, times the lowest of the axes that it leads: no axis alone is slowed."""
+        lowest = min(self.axes[name].override.factor for name in line.follows)
+        return min(self._factor * lowest, FASTER)
 
     def _lead(self, follows: Mapping[str, Follow], begin: Begin, undertaking: Undertaking) -> None:
         for name, follow in follows.items():
@@ -186,6 +193,11 @@ class GroupCore:
         undertaking = Undertaking(ticket, self.axes, OPEN, joint)
         follows = {command.slave: joint.follow}
         self._undertake(undertaking, lambda: self._lead(follows, begin_coupled, undertaking))
+
+    def _search(self, command: ProbeMove, ticket: Ticket) -> None:
+        search = Search(ticket, self.axes[command.axis], command)
+        search.begin()
+        self._under_way.append(search)
 
     def _undertake(self, undertaking: Undertaking, begin: Callable[[], None]) -> None:
         """Let it begin; whatever breaks meanwhile leaves no axis with its part alone."""
@@ -221,4 +233,5 @@ _ACCEPT: dict[type, Callable[[GroupCore, Any, Ticket], None]] = {
     Couple: GroupCore._couple,
     FollowPoints: GroupCore._follow_points,
     AddPoints: GroupCore._add_points,
+    ProbeMove: GroupCore._search,
 }

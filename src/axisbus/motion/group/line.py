@@ -12,9 +12,10 @@ from axisbus.motion.group.commands import MoveLinear, MovePath
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.group.path import plan_line, window_of
 from axisbus.motion.group.pieces import Place
-from axisbus.motion.group.travel import FASTER, Travel
+from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import NOWHERE
 from axisbus.motion.moves.follow import Follow
+from axisbus.motion.override.factor import FASTER
 
 
 class Line:

@@ -21,7 +21,6 @@ from typing import Protocol
 
 from axisbus.motion.group.way import NOWHERE
 
-FASTER = 1.5  # the highest override
 _NEXT = 1e-12  # of the length: as near as numbers come
 _LEAST = 1e-9  # of the change within a cycle: what is slower stands
 _Row = Sequence[float] | Mapping[int, float]

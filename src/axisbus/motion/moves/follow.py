@@ -23,7 +23,8 @@ from axisbus.motion.moves.lookahead import Excess, Known, Path, excess, widened
 from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.moves.streamed import Streamed
-from axisbus.motion.pace import Pace, Step, TooMuch, brakes_smoothly, pace_of
+from axisbus.motion.override.factor import FASTER
+from axisbus.motion.pace import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import Clock, PathClock
 from axisbus.motion.trajectory import Trajectory
@@ -86,6 +87,7 @@ class Follow(Activity):
         self._step: Step | None = None  # to the last target, before it was rounded to increments
         self._ahead: tuple[float, Step] | None = None  # to the next one, and when: looked at, and good
         self._known_way: _Way | None = None
+        self._most = 1.0  # the highest override: by how much it can be faster within the limits of its axis
         self.brakes_along = False
         if trajectory is not None:
             self.begin(trajectory)
@@ -96,6 +98,8 @@ class Follow(Activity):
         goes_on = (
             self._running and image.position is not None
         )  # one that runs is prepared, and its gate stays open
+        if goes_on and self._own_clock and not self.clock.braking:
+            self._keep_pace(image.override)
         trajectory = self._trajectory
         if not goes_on and (not self._prepare(image, order) or trajectory is None):
             return False
@@ -120,7 +124,12 @@ class Follow(Activity):
         Nothing changes by this.
         """
         clock, before = self.clock, self._step
-        if clock.braking or before is None or not self._running:
+        if (
+            clock.braking
+            or before is None
+            or not self._running
+            or (self._own_clock and not self._time.is_even)
+        ):
             return None
         way = self._known_way or self._get_to_know()
         position, duration, looks, period, fastest, hardest, lowest, highest, factor, origin = way
@@ -208,6 +217,7 @@ class Follow(Activity):
         self._last, self._step, self._limits = before._last, before._step, before._limits
         self._origin = before._origin
         self._pace = pace_of(self._parameters, self._told)
+        self._most = _most(self._told, self._pace)
 
     @property
     def last_step(self) -> Step:
@@ -298,10 +308,21 @@ class Follow(Activity):
         self._last, self._origin = reference, image.origin
         self._is_known = isinstance(self._told, Known)
         self._pace = pace_of(self._parameters, self._told)
+        self._most = _most(self._told, self._pace)
         if self._parameters.limits.position is not None:
             margin = abs(units.to_units(1))  # what a trajectory's arithmetic may be off
             start = units.to_units(reference - image.origin)
             self._limits = widened(self._parameters.limits.position, start, margin)
+
+    def _keep_pace(self, override: float) -> None:
+        """Let the time of the trajectory run at ``override``, as far as that lifts no limit."""
+        time, factor = self._time, min(override, self._most)
+        if factor == 1.0 and time.is_even:
+            return
+        assert self._trajectory is not None
+        assert self._pace is not None
+        ramps = [ramp for ramp in (self._parameters.path_deceleration, self._pace.acceleration) if ramp]
+        time.aim(factor, partial(self._way, self._trajectory), min(ramps, default=None))
 
     def _look_ahead(self, trajectory: Guarded) -> None:
         """Raise what is wrong where the next target would be too much, or the axis could not be kept within its limits any more.
@@ -311,7 +332,7 @@ class Follow(Activity):
         self._look_beyond()
         assert self._pace is not None
         assert self._step is not None
-        t, before, end = self.clock.t + self._period, self._step, trajectory.duration
+        t, before, end = self._time.next(self._period), self._step, trajectory.duration
         after = self._pace.next(before, trajectory.position(t if t < end else end))
         found = self._pace.excess(before, after)
         if found is not None:
@@ -329,7 +350,7 @@ class Follow(Activity):
 
     def _look_at_stream(self, stream: Streamed) -> None:
         """Look whether the axis could still be braked within what is known."""
-        error = stream.shortage(self.clock.t, self._parameters.name)
+        error = stream.shortage(self.clock.t, self._parameters.name, self._time.rate)
         if error is not None:
             self.brakes_along = bool(self._parameters.path_deceleration)
             raise error
@@ -434,3 +455,22 @@ class Follow(Activity):
             + name
             + "] sets the tolerance",
         )
+
+
+def _most(trajectory: Trajectory, pace: Pace) -> float:
+    """Return the highest override of a trajectory: 1 where it does not tell in advance how fast and how hard it is at its own pace.
+
+    Time that runs faster by a factor makes it faster by that, and harder by its square.
+    """
+    most = FASTER
+    if pace.velocity is not None:
+        if not isinstance(trajectory, Known):
+            return 1.0
+        if trajectory.top_speed:
+            most = min(most, pace.velocity / trajectory.top_speed)
+    if pace.acceleration is not None:
+        if not isinstance(trajectory, Ramped):
+            return 1.0
+        if trajectory.top_acceleration:
+            most = min(most, math.sqrt(pace.acceleration / trajectory.top_acceleration))
+    return max(1.0, most)

@@ -13,6 +13,8 @@ While a group's axes wait for each other, the trajectory before goes on.
 
 from __future__ import annotations
 
+import math
+
 from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
@@ -21,9 +23,11 @@ from axisbus.motion.moves.activity import where_text
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.lookahead import widened
 from axisbus.motion.moves.onward import Onward, Start
-from axisbus.motion.moves.profile import Profile
+from axisbus.motion.moves.profile import Profile, braking_distance
+from axisbus.motion.override.factor import spared
 from axisbus.motion.pace import Step
 from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.pathclock import PathClock
 
 
 class GoingOn(Follow):
@@ -42,22 +46,24 @@ class GoingOn(Follow):
         self._before: Follow | None = (isinstance(before, GoingOn) and before._before) or before
         self._is_given_up = False  # it was stopped before it began
         self._deadline: float | None = None
+        self._factor = 1.0  # the override of the plan; at 0 it leads to rest, and the axis is held there
 
     def plan(self, origin: int) -> Onward:
         """Return the way from what the axis was given last; ``origin``: the position that the user calls 0."""
-        assert self._before is not None
-        units, profile, last = self._parameters.units.position, self._profile, self._before.last_step
+        units, profile, last = self._parameters.units.position, self._profile, self.last_step
         unit = abs(units.factor)
         assert profile.speed
         assert profile.up
         assert profile.down
-        return Onward(
-            Start(last.position, last.velocity),
-            units.to_units(self._goal - origin),
-            profile.speed / unit,
-            profile.up / unit,
-            profile.down / unit,
-        )
+        speed, up, down = profile.speed / unit, profile.up / unit, profile.down / unit
+        start, end = Start(last.position, last.velocity), units.to_units(self._goal - origin)
+        if not self._factor:
+            end = last.position + math.copysign(braking_distance(last.velocity, down), last.velocity)
+        else:
+            limit = self._parameters.limits.velocity
+            speed *= self._factor
+            speed = speed if limit is None else min(speed, max(limit, speed / self._factor))
+        return Onward(start, end, speed, up, down)
 
     def require_room(self, origin: int) -> None:
         """Raise LimitError where the axis could not brake within its position limits."""
@@ -79,6 +85,8 @@ class GoingOn(Follow):
         """Return True when the axis has come up with its target."""
         if self._deadline is None and self._profile.timeout is not None:
             self._deadline = image.now + self._profile.timeout
+        if self._deadline is not None:
+            self._deadline += spared(image.override, self._parameters.scan_period)
         if self._before is not None:
             if self._is_given_up or not self._gate.pass_through(self):
                 self._go_along(self._before, image, order)
@@ -118,7 +126,23 @@ class GoingOn(Follow):
         finally:
             self.brakes_along = before.brakes_along
 
+    def _keep_pace(self, override: float) -> None:
+        """Lay the rest of the way anew where the override has changed: with its ramps, from the speed that the axis has."""
+        if override == self._factor:
+            return
+        self._factor = override
+        self.begin(self.plan(self._origin))
+        self.clock = self._time = PathClock()
+        self._arrive_by = None
+
+    def _arrived(self, image: Image) -> bool:
+        if self._factor:
+            return super()._arrived(image)
+        self.rests_from = image.now
+        return False
+
     def _take_over(self, before: Follow, image: Image) -> None:
+        self._factor = image.override
         self.begin(self.plan(image.origin))
         self.resume(before)
         self._before = None

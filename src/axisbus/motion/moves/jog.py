@@ -43,6 +43,7 @@ class Jog(Activity):
             raise Stopped("jog was not renewed")
         reached = self._move.step(image, order)
         move = self._move
+        self.course = move.course
         self.behind, self.led_speed, self.resisted_since = move.behind, move.led_speed, move.resisted_since
         return reached
 

@@ -14,6 +14,8 @@ from axisbus.motion.moves.prepare import Prepare, Prepared
 from axisbus.motion.moves.profile import Profile, braking_distance, duration
 from axisbus.motion.moves.proof import proof_of
 from axisbus.motion.moves.setpoint import SetPoint
+from axisbus.motion.override.anew import Anew, Obeyed
+from axisbus.motion.override.factor import spared
 from axisbus.motion.parameters import AxisParameters
 
 _WINDOW_FLOOR = 20  # increments
@@ -34,8 +36,15 @@ class PositionMove(Prepared):
         parameters: AxisParameters,
         prepare: Prepare,
         before: SetPoint | None,
+        factor: float = 1.0,
     ) -> None:
-        """``target`` in unwrapped increments; ``before`` is a handshake that another move has begun."""
+        """``target`` in unwrapped increments; ``before`` is a handshake that another move has begun.
+
+        ``factor``: the override that ``prepare`` writes the velocity for; ``profile`` has it as it was asked for.
+        """
+        self._anew = Anew(profile, factor, parameters)
+        self._obeyed: Obeyed | None = None
+        profile = self._anew.profile
         self.set_point = set_point(target, parameters)
         self._proof = proof_of(self.set_point, profile, parameters)
         self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
@@ -45,12 +54,15 @@ class PositionMove(Prepared):
         self._before = before
         self._start: int | None = None
         self._window = parameters.position_window
-        self._judged = False
+        self._judged = self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the drive has arrived."""
         if self._start is None and not self._begins(image, order):
+            return False
+        self._watch.spare(spared(image.override, self._parameters.scan_period))
+        if not self.set_point.begun and not self._keeps_pace(image, order):
             return False
         taken = self.set_point.step(image, order)
         order.halt = order.halt and self.set_point.keeps_halt(image)
@@ -58,13 +70,22 @@ class PositionMove(Prepared):
             self._proof.step(image)
         if not taken:
             return False
-        if not self._judged:
+        if not self._is_taken:
+            self._is_taken = True
             self.rests_from = image.now
+        if not self._judged:
             self._judge_demand(image)
+        if self._obeyed is not None:
+            self._obeyed.look(image)
         if self._arrived(image):
             return True
         self._watch.check(image)
         return False
+
+    def cancel(self, order: Order) -> None:
+        """Take back what is queued."""
+        super().cancel(order)
+        self._anew.cancel(order)
 
     @property
     def in_flight(self) -> SetPoint | None:
@@ -91,6 +112,32 @@ class PositionMove(Prepared):
         if self._window is None:
             self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
         self._watch.begin(image, distance)
+
+    def _keeps_pace(self, image: Image, order: Order) -> bool:
+        """Whether the set-point goes on as it is; where an override holds it, or changes its velocity, that comes first."""
+        was_held = self._anew.held
+        given = self._anew.step(image, order)
+        if given is None:
+            return True
+        self.rests_from = image.now
+        if given:
+            self._give_anew(image, was_held)
+        return given
+
+    def _give_anew(self, image: Image, was_held: bool) -> None:
+        """Give the target once more, with the velocity that has just been written."""
+        moved, target = self._is_taken and not was_held, self.set_point.target
+        before, profile = self._profile, self._anew.profile
+        self._profile, self._is_taken = profile, False
+        self.course = Course(profile.speed, profile.up, profile.down, by_target=True)
+        self.set_point = set_point(target, self._parameters)
+        self._proof = proof_of(self.set_point, profile, self._parameters)
+        self._obeyed = None
+        if moved:
+            self._obeyed = Obeyed(before.speed, profile, target, self._parameters, image.now)
+        self._watch = _ArrivalWatch(target, profile, self._parameters, self._watch.deadline)
+        here = image.position if image.position is not None else target
+        self._watch.begin(image, abs(target - here))
 
     def _judge_demand(self, image: Image) -> None:
         """A drive whose 6062h is the target itself, at once, says nothing of where it leads the axis: it is not believed again."""
@@ -123,20 +170,24 @@ class PositionMove(Prepared):
 class _ArrivalWatch:
     """The deadline of a move: from its distance and limits, else from progress, else the caller's."""
 
-    __slots__ = ("_deadline", "_parameters", "_profile", "_progress_at", "_progress_position", "_target")
+    __slots__ = ("_parameters", "_profile", "_progress_at", "_progress_position", "_target", "deadline")
 
-    def __init__(self, target: int, profile: Profile, parameters: AxisParameters) -> None:
+    def __init__(
+        self, target: int, profile: Profile, parameters: AxisParameters, deadline: float | None = None
+    ) -> None:
+        """``deadline``: the caller's own (s, monotonic), as far as it has come, where one ran already for the same move."""
         self._target = target
         self._profile = profile
         self._parameters = parameters
-        self._deadline: float | None = None
+        self.deadline = None if profile.timeout is None else deadline
         self._progress_at = 0.0
         self._progress_position: int | None = None
 
     def begin(self, image: Image, distance: float) -> None:
         """Start the watch for a move of ``distance`` increments."""
-        allowed = self._allowed(distance, present_speed(image, self._parameters))
-        self._deadline = None if allowed is None else image.now + allowed
+        if self.deadline is None:
+            allowed = self._allowed(distance, present_speed(image, self._parameters))
+            self.deadline = None if allowed is None else image.now + allowed
         self._progress_at = image.now
 
     def _allowed(self, distance: float, speed: float) -> float | None:
@@ -149,10 +200,15 @@ class _ArrivalWatch:
         way = distance + braking_distance(speed, profile.ramp)
         return 2.0 * (speed / profile.ramp + duration(way, profile.speed, profile.ramp)) + 2.0
 
+    def spare(self, seconds: float) -> None:
+        """Let so many seconds of this cycle not count in the caller's time: the motion is slower by an override."""
+        if self.deadline is not None and self._profile.timeout is not None:
+            self.deadline += seconds
+
     def check(self, image: Image) -> None:
         """Raise MotionTimeout when the deadline has passed, or (without one) when 6064h no longer changes."""
-        if self._deadline is not None:
-            if image.now > self._deadline:
+        if self.deadline is not None:
+            if image.now > self.deadline:
                 raise self._late(
                     image, "the time that its distance, velocity and acceleration need, doubled, has passed"
                 )

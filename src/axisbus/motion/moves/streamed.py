@@ -82,6 +82,7 @@ class Streamed:
         self._tell_facts(head)
         self._curve = Curve(head.step, 0, (0.0,), head.positions[:1], head.span)
         self._fastest = 0.0
+        self._quicker = 1.0  # how fast its time has run at most: an override
         self._asked = len(head.positions)
         self.feed(1, head.positions[1:])
         self._asked_until = self._curve.times[-1]
@@ -183,18 +184,21 @@ class Streamed:
             raise self._late(name, "it has not begun", "nothing has moved")
         return self._may_begin
 
-    def shortage(self, t: float, name: str) -> AxisbusError | None:
-        """Return why the axis ``name``, at ``t``, must be braked now to stand within what is known; None where it may go on."""
+    def shortage(self, t: float, name: str, rate: float = 1.0) -> AxisbusError | None:
+        """Return why the axis ``name``, at ``t``, must be braked now to stand within what is known; None where it may go on.
+
+        ``rate``: how fast time runs along it.
+        """
         self.reached = t
+        self._quicker = quicker = max(self._quicker, rate)
         if self._failure is not None:
             return self._failure
         until = self.known_until
         if until >= self.duration:
             return None
-        margin = _MARGIN * self._step
-        if until >= t + margin + self._braking(
-            abs(self.position(t + self._step) - self.position(t)) / self._step
-        ):
+        margin = _MARGIN * self._step * quicker
+        speed = abs(self.position(t + self._step) - self.position(t)) / self._step
+        if until >= t + margin + self._braking(speed) * quicker * quicker:
             return None
         how = "braked along it" if self._deceleration else "stopped"
         return self._late(name, f"the axis is at {t:.3f} s of it", f"the axis was {how}")
@@ -212,7 +216,7 @@ class Streamed:
     @property
     def _stretch(self) -> float:
         """How much of the path must be known ahead of the axis at its fastest, in seconds."""
-        return _MARGIN * self._step + self._braking(self._fastest)
+        return self._quicker * (_MARGIN * self._step + self._quicker * self._braking(self._fastest))
 
     def _braking(self, speed: float) -> float:
         return speed / self._deceleration if self._deceleration else 0.0

@@ -13,6 +13,7 @@ from axisbus.motion.braking import Course
 from axisbus.motion.moves.activity import present_speed
 from axisbus.motion.moves.prepare import Prepare, Prepared
 from axisbus.motion.moves.profile import Profile
+from axisbus.motion.override.factor import scaled
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.ramped import ramped_way
 
@@ -40,27 +41,47 @@ class VelocityMove(Prepared):
         self._deadline: float | None = None
         self._commanded_at: float | None = None
         self._ramped = ramped_way(profile, parameters)
+        self._factor = 1.0  # the override of the velocity that is asked for
+        self._target = profile.velocity  # under it
         self.reached = False
 
     def step(self, image: Image, order: Order) -> bool:
-        """Return True once the velocity is reached; to be stepped on afterwards, to keep it."""
+        """Return True once the velocity is reached, and not while an override holds it; to be stepped on afterwards, to keep it."""
         if not self._prepare.step(image, order):
             return False
+        if image.override != self._factor:
+            self._override(image.override)
         if self._ramped is not None:
             self._ramped.step(image)
             self.behind, self.led_speed = self._ramped.behind, abs(self._ramped.speed)
-        order.target_velocity = self._profile.velocity
+        order.target_velocity = self._target
         order.halt = False
         if self._commanded_at is None:
-            self.course = _course(self._profile)
+            self.course = _course(self._overridden)
             self._commanded_at = image.now
             self._deadline = image.now + self._allowed(present_speed(image, self._parameters))
         if not self.reached:
             self.reached = self._in_velocity(image)
             self._watch(image)
-        resisted = is_resisted(image, self._profile.velocity)
+        resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
-        return self.reached
+        return self.reached and self._factor > 0.0
+
+    def _override(self, factor: float) -> None:
+        """Ask for the velocity under another override, and look anew whether the axis comes to it."""
+        self._factor = factor
+        self._target = scaled(self._profile.velocity, factor, self._parameters)
+        if self._ramped is not None:
+            self._ramped.aim(self._target)
+        self._commanded_at, self.reached = None, False
+
+    @property
+    def _overridden(self) -> Profile:
+        profile, asked = self._profile, self._profile.velocity
+        share = self._target / asked if asked else 1.0
+        return profile._replace(
+            velocity=self._target, speed=None if profile.speed is None else profile.speed * share
+        )
 
     def _in_velocity(self, image: Image) -> bool:
         """The measured velocity itself; where it is noisy, or does not travel, the drive's word for it.
@@ -68,7 +89,7 @@ class VelocityMove(Prepared):
         More than half of the velocity must be there in any case: in coarse units (rpm) a standing axis may be two increments off,
         and a drive with a wide window (606Dh) says *reached* of a blocked one.
         """
-        target, velocity = self._profile.velocity, image.velocity
+        target, velocity = self._target, image.velocity
         if velocity is None:
             return self._says_reached(image)
         off = abs(velocity - target)
@@ -93,7 +114,7 @@ class VelocityMove(Prepared):
         assert self._deadline is not None
         if self.reached or image.now <= self._deadline:
             return
-        raise velocity_missed(image, self._parameters, self._profile.velocity)
+        raise velocity_missed(image, self._parameters, self._target)
 
 
 class TorqueMove(Prepared):

@@ -1,0 +1,22 @@
+"""Measure a part by a touch probe: the drive latches where it is at both edges, so the axis need not be slow for it."""
+
+from pathlib import Path
+
+from axisbus import Machine
+
+with Machine.open(Path(__file__).with_name("probe.toml")) as cell:
+    x = cell["x"]
+    x.enable().wait()
+    x.home().wait()
+
+    # Only in simulation: a part under the probe, from 20 mm to 55.5 mm (in increments of the motor).
+    cell.stand_in(1).drive().touch_probe.put_mark(1, 20_000, 55_500)
+
+    with x.probe(1, "both") as probe:
+        probe.wait_armed(1)  # from here on an edge counts
+        move = x.move_absolute(80.0)
+        probe.wait(5)
+        move.wait()
+
+    begins, ends = (edge.position for edge in probe.captures)
+    print(f"the part lies from {begins:.3f} to {ends:.3f} {x.unit}: it is {ends - begins:.3f} {x.unit} long")

@@ -1,0 +1,241 @@
+"""The touch probe as its user sees it: what is asked for, and what it has latched, in the axis's unit."""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from axisbus.cia402 import objects
+from axisbus.cia402.port import Waiter
+from axisbus.cia402.touch_probe import INPUTS, POSITIONS, Edge, ProbeSource
+from axisbus.errors import ArgumentError, StateError
+from axisbus.machine.handle import Handle
+from axisbus.machine.request import Request
+from axisbus.motion.commands import Probe
+from axisbus.motion.moves.activity import object_text
+from axisbus.motion.numbers import told
+from axisbus.motion.parameters import AxisParameters, Units
+from axisbus.motion.probing.capture import Capture
+from axisbus.motion.ticket import Status
+from axisbus.session import CommandEvent
+
+_KEPT = 10_000  # captures of one handle
+_EDGES = {
+    "rising": frozenset({Edge.RISING}),
+    "falling": frozenset({Edge.FALLING}),
+    "both": frozenset(Edge),
+}
+_SOURCES = {source.value: source for source in ProbeSource}
+_T = TypeVar("_T")
+_keys = itertools.count(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """One edge: where the drive was at it, by its own latch, in the axis's unit.
+
+    ``position`` counts as ``axis.position`` did in the cycle in which the edge was seen, ``unwrapped`` does not begin anew at
+    ``modulo``. ``edge``: "rising" or "falling". ``time``: seconds (monotonic, as ``axis.snapshot.now``) of that cycle; the edge
+    itself was earlier. ``missed``: how many edges of its kind the drive has counted since the one before, and nobody was told of;
+    None where it does not count.
+    """
+
+    position: float
+    unwrapped: float
+    edge: str
+    time: float
+    missed: int | None
+
+
+class ProbeHandle(Handle):
+    """A request to a touch probe. ``active``: its input is armed. ``done``: every edge that was asked for was latched.
+
+    The last 10,000 captures are kept. In a ``with`` block the input is switched off at the end.
+    """
+
+    __slots__ = ("_abort", "_all", "_new", "_units")
+
+    def __init__(self, name: str, waiter: Waiter, units: Units, abort: Callable[[], Handle]) -> None:
+        super().__init__(name, waiter)
+        self._units = units
+        self._abort = abort
+        self._all: deque[Probed] = deque(maxlen=_KEPT)
+        self._new: deque[Probed] = deque(maxlen=_KEPT)
+
+    def hear(self, event: CommandEvent) -> None:
+        """As ``Handle.hear``, and take what was latched."""
+        if event.capture is not None and self.busy:
+            probed = _probed(event.capture, self._units)
+            self._all.append(probed)
+            self._new.append(probed)
+        super().hear(event)
+
+    @property
+    def captures(self) -> tuple[Probed, ...]:
+        """What was latched so far, oldest first."""
+        return tuple(self._all)
+
+    @property
+    def probed(self) -> Probed:
+        """What was latched last.
+
+        Raises:
+            StateError: nothing was, yet or at all.
+        """
+        try:
+            return self._all[-1]
+        except IndexError:
+            raise StateError(
+                f"{self.name}: no edge was seen",
+                observed=f"the request is {self.status.value}" if self.error is None else self.error.message,
+                remedy="wait for the edge before its position is asked for",
+            ) from None
+
+    @property
+    def position(self) -> float:
+        """Where the axis was at the edge that was latched last, in its unit; raises as ``probed``."""
+        return self.probed.position
+
+    def wait_armed(self, timeout: float | None = None) -> ProbeHandle:
+        """Block until the input is armed (an edge before that is not latched), at most ``timeout`` seconds; return the handle.
+
+        Raises:
+            TimeoutError: it is not armed yet; that goes on.
+            AxisbusError: what has ended the request badly.
+        """
+        self._wait_for(lambda: self.status is not Status.BUSY, timeout, "not armed")
+        if self.status in (Status.ABORTED, Status.ERROR):
+            self.wait(0)
+        return self
+
+    def next(self, timeout: float | None = None) -> Probed:
+        """Return the oldest capture that ``next`` has not returned yet; block for it at most ``timeout`` seconds.
+
+        Raises:
+            TimeoutError: there was none; the request goes on.
+            StateError: the request has ended, and there will be no more.
+            AxisbusError: what has ended the request badly.
+        """
+        self._wait_for(lambda: bool(self._new) or not self.busy, timeout, "no edge")
+        if self._new:
+            return self._new.popleft()
+        self.wait(0)
+        raise StateError(
+            f"{self.name}: it has ended, and there are no more edges", remedy="ask for another probe"
+        )
+
+    def cancel(self) -> Handle:
+        """Switch the input off, if this request still has it; does not block. The handle returned is done when that is so.
+
+        This one ends as aborted.
+        """
+        return self._abort()
+
+    def __enter__(self) -> ProbeHandle:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.busy:
+            gone = self.cancel()
+            gone.add_done_callback(lambda: _looked_at(gone))
+
+    def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
+        if not self._waiter.wait(happened, timeout):
+            raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; it goes on")
+
+
+def _looked_at(handle: Handle) -> None:
+    """Where an input could not be switched off (the node is lost, the machine is left), its request has told why."""
+    handle.exception()
+
+
+def _probed(capture: Capture, units: Units) -> Probed:
+    place = units.position.to_units(capture.position - capture.origin)
+    turned = place if units.modulo is None else place % units.modulo
+    return Probed(turned, place, capture.edge.value, capture.stamp, capture.missed)
+
+
+def input_number(request: Request, number: object) -> int:
+    """Return the number of an input; raises ArgumentError."""
+    if isinstance(number, bool) or not isinstance(number, int) or number not in INPUTS:
+        raise ArgumentError(
+            f"{request.text}: a touch probe has the inputs 1 and 2", observed=f"input is {told(number)}"
+        )
+    return number
+
+
+def probe_command(
+    request: Request,
+    parameters: AxisParameters,
+    number: int,
+    edge: str,
+    source: str,
+    window: tuple[float, float] | None,
+    *,
+    continuous: bool,
+) -> Probe:
+    """Return what is asked of a touch probe.
+
+    Raises:
+        ArgumentError: a value is none that there is.
+        StateError: the drive lacks an object for it.
+    """
+    number = input_number(request, number)
+    edges = _choice(request, "edge", edge, _EDGES)
+    signal = _choice(request, "source", source, _SOURCES)
+    if signal is ProbeSource.ZERO_PULSE and edges != _EDGES["rising"]:
+        raise ArgumentError(
+            f"{request.text}: the zero pulse has one edge", remedy='leave edge out, or give "rising"'
+        )
+    require_objects(request, parameters, number, edges)
+    within = _window(request, window, endless=parameters.units.modulo is not None)
+    return Probe(number, edges, signal, bool(continuous), within, next(_keys))
+
+
+def require_objects(
+    request: Request, parameters: AxisParameters, number: int, edges: frozenset[Edge]
+) -> None:
+    """Raise StateError where the drive's EDS lacks an object of a touch probe; without edges only those that switch it off."""
+    wanted = [objects.TOUCH_PROBE_FUNCTION, objects.TOUCH_PROBE_STATUS]
+    wanted += [POSITIONS[number, edge] for edge in Edge if edge in edges]
+    missing = next((index for index in wanted if not parameters.has(index)), None)
+    if missing is None:
+        return
+    if parameters.virtual:
+        raise StateError(
+            f"{request.text}: a virtual axis has no touch probe", remedy="probe an axis that has a drive"
+        )
+    raise StateError(
+        f"{request.text}: the drive has no {object_text(missing)}",
+        observed=f"it is not in {parameters.eds or 'its EDS'}",
+        remedy=f"where the drive of node {parameters.node} does have it, name the drive's own EDS in cell.toml; else wire "
+        "the signal to another input, or measure otherwise",
+    )
+
+
+def _choice(request: Request, what: str, given: object, choices: dict[str, _T]) -> _T:
+    found = choices.get(given) if isinstance(given, str) else None
+    if found is None:
+        known = ", ".join(f'"{name}"' for name in choices)
+        raise ArgumentError(f"{request.text}: {what} is none of {known}", observed=f"it is {told(given)}")
+    return found
+
+
+def _window(request: Request, window: object, *, endless: bool) -> tuple[float, float] | None:
+    if window is None:
+        return None
+    if not isinstance(window, tuple | list) or len(window) != 2:
+        raise ArgumentError(
+            f"{request.text}: window is from one position to another",
+            observed=f"it is {told(window)}",
+            remedy="give two numbers",
+        )
+    low, high = (request.finite("window", edge) for edge in window)
+    if not endless and low > high:
+        raise ArgumentError(
+            f"{request.text}: the window ends before it begins", remedy="give the lower position first"
+        )
+    return low, high

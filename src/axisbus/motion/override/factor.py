@@ -1,0 +1,56 @@
+"""The override of an axis: by what the velocities of its commands are multiplied, and what becomes of them.
+
+Theory of operation
+-------------------
+An axis has its own factor, and that of the cell multiplies it. The product is no more than ``FASTER``, and a velocity that it makes
+is no more than ``max_velocity``. What is scaled are velocities that were asked for: no ramp, torque, halt, stop or homing.
+"""
+
+from __future__ import annotations
+
+from axisbus.motion.parameters import AxisParameters
+from axisbus.units import INT32_HALF
+
+FASTER = 1.5  # the highest override
+
+
+class Override:
+    """Holds the factor of one axis and that of its cell; ``factor`` is what they come to."""
+
+    __slots__ = ("cell", "factor", "own")
+
+    def __init__(self) -> None:
+        self.own = self.cell = self.factor = 1.0
+
+    def set_own(self, own: float) -> None:
+        """Take the factor of the axis (0 to 1.5)."""
+        self.own = own
+        self.factor = min(own * self.cell, FASTER)
+
+    def set_cell(self, cell: float) -> None:
+        """Take the factor of the cell (0 to 1.5)."""
+        self.cell = cell
+        self.factor = min(self.own * cell, FASTER)
+
+
+def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:
+    """Return a velocity (signed, increments of the drive) under an override, within ``max_velocity`` and what an object holds.
+
+    Above a factor of 0 it does not become 0.
+    """
+    if factor == 1.0 or not velocity:
+        return velocity
+    size = min(abs(velocity) * factor, float(INT32_HALF - 1), _most(velocity, parameters))
+    raw = max(1, int(size)) if factor else 0
+    return raw if velocity > 0 else -raw
+
+
+def _most(velocity: int, parameters: AxisParameters) -> float:
+    """Return the limit in increments; what was asked for was within it, however it was rounded."""
+    limit, scale = parameters.limits.velocity, parameters.units.velocity
+    return float(INT32_HALF) if limit is None else max(limit * abs(scale.factor), abs(velocity))
+
+
+def spared(factor: float, period: float) -> float:
+    """Return by how much a deadline moves in a cycle of ``period`` seconds: time runs as slowly as the motion that it is for."""
+    return period * (1.0 - min(factor, 1.0))

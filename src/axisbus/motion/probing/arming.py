@@ -1,0 +1,266 @@
+"""One request for one input of a touch probe: switched off, seen clear, armed, watched, read, and switched off again.
+
+Theory of operation
+-------------------
+A bit of 60B9h may be of an edge of long ago. So the input is switched off first, and armed when 60B9h has shown none of its bits:
+whatever is set from then on is of an edge that came after. A latched position is asked for after its bit was seen.
+
+Armed for the first edge only, the drive keeps what it has latched, so one reading is enough. Armed continuously, it may latch the
+next edge between two answers: with an edge counter (60D5h to 60D8h), the position counts when the counter was the same before and
+after it; without one, a position is of a new edge when it is another one than the last that was read (see ``latch``). Bits 6 and 7,
+which toggle in some drives, are the maker's own by the standard, and prove nothing. A window is looked at here, so the drive is
+armed continuously for it.
+
+There is one transfer at a time: ``_ASKED`` says what each step asks for, ``_TAKE`` who takes the answer and names the next step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import Enum, auto
+
+from axisbus.cia402 import objects
+from axisbus.cia402.touch_probe import (
+    CONTINUOUS,
+    COUNTERS,
+    ENABLED,
+    IN_USE,
+    POSITIONS,
+    STORED,
+    Edge,
+    byte_of,
+    function_bits,
+)
+from axisbus.errors import ProbeError, StaleError
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.commands import Probe
+from axisbus.motion.moves.activity import age_text
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.probing.capture import Capture
+from axisbus.motion.probing.exchange import Exchange
+from axisbus.motion.probing.function import Function
+from axisbus.motion.probing.latch import Latch, Latched
+from axisbus.motion.probing.window import is_within
+
+POLL = 0.01  # seconds between two looks at 60B9h
+_PATIENCE = 1.0  # seconds within which 60B9h must follow 60B8h
+
+
+class Step(Enum):
+    """What is done next."""
+
+    LOOK = auto()  # at 60B8h: the other input and the maker's bits are to stay as they are
+    CLEAR = auto()
+    SEE_CLEAR = auto()
+    ARM = auto()
+    SEE_ARMED = auto()
+    WATCH = auto()
+    READ = auto()
+    SWITCH_OFF = auto()
+    OVER = auto()
+
+
+_FUNCTION, _STATUS = objects.TOUCH_PROBE_FUNCTION, objects.TOUCH_PROBE_STATUS
+_ASKED = {
+    Step.LOOK: _FUNCTION,
+    Step.CLEAR: _FUNCTION,
+    Step.SEE_CLEAR: _STATUS,
+    Step.ARM: _FUNCTION,
+    Step.SEE_ARMED: _STATUS,
+    Step.WATCH: _STATUS,
+    Step.SWITCH_OFF: _FUNCTION,
+}
+
+
+class Arming:
+    """Holds how far one request is; pure. After each ``step``, ``armed``, ``captures`` and ``fulfilled`` say what came of it."""
+
+    def __init__(
+        self, number: int, asked: Probe | None, parameters: AxisParameters, function: Function
+    ) -> None:
+        """``number``: of the input, 1 or 2; ``asked`` None: it is only to be switched off."""
+        self.armed = False
+        self.captures: list[Capture] = []  # of this cycle
+        self.looked = -math.inf  # when the last look at 60B9h began that showed no new edge
+        self._asked_at = -math.inf
+        self._number, self._asked = number, asked
+        self._parameters = parameters
+        self._function = function
+        self._exchange = Exchange(parameters)
+        self._step = Step.LOOK if function.word is None else Step.CLEAR
+        self._due = self._until = 0.0
+        self._missing: set[Edge] = set() if asked is None else set(asked.edges)
+        self._bits = 0 if asked is None else _bits_of(asked)
+        self._latches = {edge: self._latch(edge) for edge in self._missing}
+        self._reading: list[Edge] = []
+
+    @property
+    def fulfilled(self) -> bool:
+        """Whether every edge that was asked for has been told."""
+        return not self._missing
+
+    @property
+    def over(self) -> bool:
+        """Whether the input is switched off."""
+        return self._step is Step.OVER
+
+    def step(self, image: Image, order: Order) -> None:
+        """Do one cycle's work.
+
+        Raises:
+            DriveError: the drive refuses, or does not answer. ProbeError: it does not do what it has taken. StaleError: where it
+                is is unknown.
+        """
+        self.captures = []
+        exchange = self._exchange
+        if exchange.under_way:
+            reply = exchange.step(image, order)
+            if reply is None:
+                return
+            _TAKE[self._step](self, reply.value or 0, image)
+        if self._step is not Step.OVER and not exchange.under_way and image.now >= self._due:
+            self._ask(image, order)
+
+    def switch_off(self, order: Order) -> None:
+        """Want nothing any more, but that the input is switched off."""
+        self._exchange.cancel(order)
+        self._missing, self._bits, self._due = set(), 0, 0.0
+        self._step = Step.LOOK if self._function.word is None else Step.SWITCH_OFF
+
+    def drop(self, order: Order) -> None:
+        """Take back what is under way."""
+        self._exchange.cancel(order)
+
+    def _latch(self, edge: Edge) -> Latch:
+        counter = COUNTERS[self._number, edge]
+        counted = self._bits & CONTINUOUS and self._parameters.has(counter)
+        return Latch(POSITIONS[self._number, edge], counter if counted else None)
+
+    def _ask(self, image: Image, order: Order) -> None:
+        index = self._latches[self._reading[0]].wanted if self._step is Step.READ else _ASKED[self._step]
+        writes = index == _FUNCTION and self._step is not Step.LOOK
+        self._asked_at = image.now
+        self._exchange.ask(index, self._word if writes else None, image, order)
+
+    def _word(self) -> int:
+        return self._function.set(self._number, self._bits if self._step is Step.ARM else 0)
+
+    # -- what the answers lead to ----------------------------------------------------------------------------------------
+
+    def _looked(self, value: int, _: Image) -> None:
+        if self._function.word is None:
+            self._function.word = value
+        self._step = Step.CLEAR
+
+    def _cleared(self, _: int, image: Image) -> None:
+        self._step = Step.OVER if not self._bits else Step.SEE_CLEAR
+        self._until = image.now + _PATIENCE
+
+    def _seen_clear(self, value: int, image: Image) -> None:
+        bits = byte_of(value, self._number) & IN_USE
+        if not bits:
+            self._step = Step.ARM
+            return
+        self._wait(
+            image,
+            f"60B9h is {value:04X}h still",
+            "it does not forget what it has latched before when it is switched off",
+        )
+
+    def _written(self, _: int, image: Image) -> None:
+        self._step, self._until = Step.SEE_ARMED, image.now + _PATIENCE
+
+    def _seen_armed(self, value: int, image: Image) -> None:
+        if not byte_of(value, self._number) & IN_USE:
+            self._wait(image, f"60B9h is {value:04X}h", "it does not show that it is armed")
+            return
+        self.armed, self._step = True, Step.WATCH
+        self._watched(value, image)
+
+    def _watched(self, value: int, image: Image) -> None:
+        bits = byte_of(value, self._number)
+        self._reading = [edge for edge in Edge if edge in self._missing and bits & STORED[edge]]
+        if not bits & ENABLED and (not self._reading or self._bits & CONTINUOUS):
+            raise self._failure(
+                "it is armed no more, and nobody here has switched it off", f"60B9h is {value:04X}h"
+            )
+        self._due = image.now if self._reading else image.now + POLL
+        if not self._reading:
+            self.looked = self._asked_at
+        else:
+            self._step = Step.READ
+            self._latches[self._reading[0]].begin()
+
+    def _read(self, value: int, image: Image) -> None:
+        edge = self._reading[0]
+        latch = self._latches[edge]
+        latched = latch.take(value)
+        if latched is not None:
+            self._tell(edge, latched, image)
+        if not latch.over:
+            return
+        self._reading.pop(0)
+        if self._reading:
+            self._latches[self._reading[0]].begin()
+        else:
+            self._step, self._due = Step.WATCH, image.now + POLL
+
+    def _switched_off(self, _: int, __: Image) -> None:
+        self._step = Step.OVER
+
+    def _tell(self, edge: Edge, latched: Latched, image: Image) -> None:
+        assert self._asked is not None
+        position = image.unwrapped(latched.raw)
+        if position is None:
+            raise self._unknown_place(image)
+        units = self._parameters.units
+        place = units.position.to_units(position - image.origin)
+        if not is_within(place, self._asked.window, units.modulo):
+            return
+        self.captures.append(Capture(edge, position, image.origin, image.now, latched.missed))
+        if not self._asked.continuous:
+            self._missing.discard(edge)
+
+    def _wait(self, image: Image, observed: str, failure: str) -> None:
+        """Look again in a while; raises ProbeError where that has lasted too long."""
+        if image.now > self._until:
+            raise self._failure(failure, f"{observed}, {_PATIENCE:g} s after 60B8h was written")
+        self._due = image.now + POLL
+
+    def _failure(self, what: str, observed: str) -> ProbeError:
+        name = self._parameters.name
+        return ProbeError(
+            f"{name}: touch probe {self._number}: {what}",
+            axis=name,
+            observed=observed,
+            remedy="see in the drive's manual what its touch probe needs; make sure that no RPDO carries 60B8h, and that no other "
+            "program or tool writes it",
+        )
+
+    def _unknown_place(self, image: Image) -> StaleError:
+        name = self._parameters.name
+        return StaleError(
+            f"{name}: touch probe {self._number} has latched a position, which means nothing without the actual one (6064h)",
+            axis=name,
+            observed=age_text(image.now - image.position_stamp),
+            remedy="check cable and bus load, and that the drive still sends the TPDO that holds 6064h (axisbus monitor)",
+        )
+
+
+def _bits_of(asked: Probe) -> int:
+    continuous = asked.continuous or asked.window is not None
+    return function_bits(asked.edges, asked.source, continuous=continuous)
+
+
+_TAKE: dict[Step, Callable[[Arming, int, Image], None]] = {
+    Step.LOOK: Arming._looked,
+    Step.CLEAR: Arming._cleared,
+    Step.SEE_CLEAR: Arming._seen_clear,
+    Step.ARM: Arming._written,
+    Step.SEE_ARMED: Arming._seen_armed,
+    Step.WATCH: Arming._watched,
+    Step.READ: Arming._read,
+    Step.SWITCH_OFF: Arming._switched_off,
+}

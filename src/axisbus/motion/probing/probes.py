@@ -1,0 +1,195 @@
+"""The touch probe of one axis: the requests for its two inputs, each until its input is switched off again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from axisbus.errors import AxisbusError, Interrupted, NodeError, Replaced, StateError, Stopped
+from axisbus.motion.axis.image import Image
+from axisbus.motion.axis.order import Order
+from axisbus.motion.axis.running import Running
+from axisbus.motion.commands import Probe, ProbeAbort
+from axisbus.motion.moves.activity import require_position
+from axisbus.motion.parameters import AxisParameters
+from axisbus.motion.probing.arming import Arming
+from axisbus.motion.probing.function import Function
+from axisbus.motion.stop.diagnosis import nmt_text
+from axisbus.motion.stop.lost import ANEW
+from axisbus.motion.ticket import Ticket
+
+
+@dataclass(slots=True)
+class _Request:
+    """``ticket`` is of who asked for it (None once that has ended), ``enders`` of those who wait until it is switched off."""
+
+    arming: Arming
+    ticket: Ticket | None = None
+    key: int | None = None
+    enders: list[Ticket] = field(default_factory=list)
+
+
+class Probes:
+    """Holds the request for each input, and 60B8h, which they share. Nothing of it moves or energises anything."""
+
+    def __init__(self, parameters: AxisParameters, running: Running) -> None:
+        """``running`` tells the scan that a ticket has ended, or has something to tell."""
+        self.requests: dict[int, _Request] = {}
+        self._parameters = parameters
+        self._running = running
+        self._function = Function()
+
+    def begin(self, asked: Probe, ticket: Ticket, image: Image, order: Order) -> None:
+        """Take a request; one before for the same input ends as replaced.
+
+        Raises:
+            StateError: the node is not operational; StaleError: where the axis is is unknown.
+        """
+        self._require_node(ticket, image)
+        require_position(image, self._parameters.name, "a position that its touch probe latches")
+        before = self._replace(asked.number, ticket, order)
+        arming = self._arming(asked.number, asked)
+        self.requests[asked.number] = _Request(arming, ticket, asked.key, before)
+
+    def abort(self, asked: ProbeAbort, ticket: Ticket, image: Image, order: Order) -> None:
+        """Switch an input off, whoever has armed it; with a ``key``, only what that request has armed.
+
+        Raises:
+            StateError: the node is not operational.
+        """
+        request = self.requests.get(asked.number)
+        if asked.key is not None and (request is None or request.key != asked.key):
+            self._running.finish(ticket)  # it has ended, and another one may have followed
+            return
+        self._require_node(ticket, image)
+        if request is None:
+            request = _Request(self._arming(asked.number, None))
+            self.requests[asked.number] = request
+        else:
+            self._end(request, Stopped(f"{ticket.name} was asked for"))
+            request.arming.switch_off(order)
+        ticket.begin()
+        request.enders.append(ticket)
+
+    def looked_at(self, number: int) -> float:
+        """Return when the last look at an armed input began that showed no new edge (s); infinite without a request."""
+        request = self.requests.get(number)
+        return math.inf if request is None else request.arming.looked
+
+    def step(self, image: Image, order: Order) -> None:
+        """Do one cycle's work for each request."""
+        if not image.operational:
+            self.lose(self._lost(image), order)
+            return
+        for number, request in list(self.requests.items()):
+            try:
+                self._step(number, request, image, order)
+            except AxisbusError as error:
+                self._fail(number, request, error, order)
+
+    def end_all(self, kind: type[Interrupted], why: str, order: Order, remedy: str = "") -> None:
+        """End all requests, and switch their inputs off; ``why`` goes on after the name of each, in words."""
+        for request in self.requests.values():
+            if request.ticket is not None:
+                self._end(request, kind(f"{request.ticket.name} {why}", remedy=remedy))
+                request.arming.switch_off(order)
+
+    def lose(self, error: AxisbusError, order: Order) -> None:
+        """End all requests; what is armed still is left so, as nobody hears us."""
+        for request in self.requests.values():
+            request.arming.drop(order)
+            self._end(request, error)
+            self._end_enders(request, error)
+        self.requests.clear()
+        self._function.word = None
+
+    def drop(self) -> list[Ticket]:
+        """Return the tickets that have not ended, and forget all."""
+        tickets = [
+            ticket
+            for request in self.requests.values()
+            for ticket in (request.ticket, *request.enders)
+            if ticket
+        ]
+        self.requests.clear()
+        return tickets
+
+    # -- one request -------------------------------------------------------------------------------------------------
+
+    def _arming(self, number: int, asked: Probe | None) -> Arming:
+        if not self.requests:
+            self._function.word = None  # others may have written it meanwhile
+        return Arming(number, asked, self._parameters, self._function)
+
+    def _replace(self, number: int, ticket: Ticket, order: Order) -> list[Ticket]:
+        """End the request before, and return who waits until its input is switched off: they wait on."""
+        request = self.requests.get(number)
+        if request is None:
+            return []
+        request.arming.drop(order)
+        if request.ticket is not None:
+            self._end(request, Replaced(f"{request.ticket.name} was replaced by {ticket.name}"))
+        return request.enders
+
+    def _step(self, number: int, request: _Request, image: Image, order: Order) -> None:
+        arming, ticket = request.arming, request.ticket
+        was_armed = arming.armed
+        arming.step(image, order)
+        if ticket is not None:
+            self._tell(request, ticket, became_armed=arming.armed and not was_armed)
+            if request.ticket is None:  # it has all that it wanted
+                arming.switch_off(order)
+        if arming.over or (arming.armed and request.enders and request.ticket is not None):
+            self._end_enders(request, None)
+        if arming.over:
+            del self.requests[number]
+
+    def _tell(self, request: _Request, ticket: Ticket, *, became_armed: bool) -> None:
+        if became_armed:
+            ticket.begin()
+            self._running.ended = True  # who waits for that is woken
+        for capture in request.arming.captures:
+            ticket.tell(capture)
+            self._running.ended = True
+        if request.arming.fulfilled:
+            self._end(request, None)
+
+    def _fail(self, number: int, request: _Request, error: AxisbusError, order: Order) -> None:
+        """What has failed is switched off, if the drive takes that; where this fails, it is left."""
+        switching_off = request.ticket is None
+        self._end(request, error)
+        self._end_enders(request, error)
+        if switching_off:
+            request.arming.drop(order)
+            del self.requests[number]
+        else:
+            request.arming.switch_off(order)
+
+    def _end(self, request: _Request, error: AxisbusError | None) -> None:
+        ticket, request.ticket = request.ticket, None
+        if ticket is not None:
+            self._running.finish(ticket, error)
+
+    def _end_enders(self, request: _Request, error: AxisbusError | None) -> None:
+        enders, request.enders = request.enders, []
+        for ticket in enders:
+            self._running.finish(ticket, error)
+
+    # -- the node ----------------------------------------------------------------------------------------------------
+
+    def _require_node(self, ticket: Ticket, image: Image) -> None:
+        if not image.operational:
+            raise StateError(
+                f"{ticket.name}: node {self._parameters.node} is not operational",
+                observed=nmt_text(image) if image.bus is None else image.bus.message,
+                remedy="look at its supply and cable, and open the machine again (axisbus boot cell.toml shows what it says)",
+            )
+
+    def _lost(self, image: Image) -> NodeError:
+        name, node = self._parameters.name, self._parameters.node
+        return NodeError(
+            f"{name}: node {node} is lost, and what its touch probe was armed for with it",
+            node=node,
+            observed=nmt_text(image) if image.bus is None else image.bus.message,
+            remedy=f"check supply and cable of node {node}; then {ANEW}",
+        )

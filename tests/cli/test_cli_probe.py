@@ -1,0 +1,70 @@
+"""``axisbus probe``: each edge is told, and nothing is energised."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from axisbus.cli import probe
+from axisbus.machine.axis import Axis
+from kit import commands
+from kit.cell import MODULE, cell_text
+
+pytestmark = [pytest.mark.timeout(60)]
+
+
+@pytest.fixture
+def axisbus(monkeypatch, capsys) -> commands.Run:
+    monkeypatch.setattr(Axis, "enable", None)  # it energises nothing
+    return commands.runner(monkeypatch, capsys)
+
+
+def cell(folder, **changes):
+    path = folder / "cell.toml"
+    path.write_text(cell_text("x", period="20ms", heartbeat="1s", **changes), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def touched(monkeypatch):
+    """Let the sensor be touched, and let go again, half a second after the input was armed."""
+    open_machine = probe.machine_of
+
+    def opened(*given, **options):
+        machine = open_machine(*given, **options)
+
+        def touch() -> None:
+            signal = machine.stand_in(1).drive().touch_probe
+            signal.set_input(1, True)
+            signal.set_input(1, False)
+
+        timer = threading.Timer(0.8, touch)
+        timer.start()
+        return machine
+
+    monkeypatch.setattr(probe, "machine_of", opened)
+
+
+def test_each_edge_is_told(axisbus, tmp_path, touched):
+    code, out, err = axisbus("probe", cell(tmp_path), "x", "--edge", "both", "--for", "2s")
+    assert code == 0, err
+    assert out.splitlines() == [
+        "x: touch probe 1 is armed",
+        "x: rising edge at 0.0000 deg",
+        "x: falling edge at 0.0000 deg",
+    ]
+
+
+def test_without_an_edge_it_says_so(axisbus, tmp_path):
+    code, out, _ = axisbus("probe", cell(tmp_path), "x", "--zero-pulse", "--for", "0.2")
+    assert code == 1
+    assert out.splitlines()[-1] == "x: no edge"
+
+
+def test_a_drive_without_a_touch_probe_is_told_before_the_bus(axisbus, tmp_path, monkeypatch):
+    monkeypatch.setattr(probe, "machine_of", None)
+    code, _, err = axisbus("probe", cell(tmp_path, eds=MODULE), "x")
+    assert code != 0
+    assert "60B8h" in err
+    assert "gim6010-8.eds" in err
