@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
 from kit.campaign.facts import Asked, Facts, Trouble
+from kit.campaign.orders import OVERRIDES
 
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
@@ -48,14 +49,21 @@ class Truth:
 
     def late(self) -> None:
         """Every command has ended, or is not late yet."""
+        changes = (asked.since for asked in self._facts.asked if asked.what in OVERRIDES)
+        since = max(changes, default=0.0)  # from then on a command has all of its time
         for asked in self._facts.asked:
             limit = _LATEST_PATH if asked.what == "follow_on" else _LATEST
             late = (
                 asked.ended is None
-                and self._facts.now - asked.since > limit
+                and self._facts.now - max(asked.since, since) > limit
                 and not self._has_far_to_go(asked)
+                and not self._is_slowed()
             )
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
+
+    def _is_slowed(self) -> bool:
+        """Whether an override holds what moves, or makes it slower."""
+        return any(self._facts.cell.core(name).override.factor < 1.0 for name in self._facts.names)
 
     def _has_far_to_go(self, asked: Asked) -> bool:
         """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there.
