@@ -242,7 +242,7 @@ class Arming:
     def _unknown_place(self, image: Image) -> StaleError:
         name = self._parameters.name
         return StaleError(
-            f"{name}: touch probe {self._number} has latched a position, which means nothing while the actual one (6064h) is unknown",
+            f"{name}: touch probe {self._number} has latched a position, which means nothing: the actual one (6064h) is unknown",
             axis=name,
             observed=age_text(image.now - image.position_stamp),
             remedy="check cable and bus load, and that the drive still sends the TPDO that holds 6064h (axisbus monitor)",
