@@ -186,6 +186,10 @@ WAITING = (
     "test_story_opening.py",
     "test_story_standing.py",
     "test_bus_lss_stand_in.py",
+    "test_story_io_bus.py",
+    "test_cli_probe.py",
+    "test_core_probe.py",
+    "test_story_controller_bus.py",
 )
 COMPUTING = (
     "test_story_random.py",
