@@ -12,27 +12,18 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.leaving import Leaving
 from kit.cell import Cell, cell_text
+from kit.modules import MODULE
 from kit.probe import ENABLED, OFF
 
-IO = """
-[nodes.5]
-eds = "builtin:generic-cia401"
-{node}
-[io.part]
-node = 5
-object = "6000h:01"
-bit = 2
+IO = (
+    MODULE
+    + """
 [io.level]
 node = 5
 object = "6401h:02"
 scale = 100
 offset = -1.0
 unit = "m"
-[io.lamp]
-node = 5
-object = "6200h:01"
-bit = 3
-safe = 0
 [io.clamp]
 node = 5
 object = "6200h:01"
@@ -54,6 +45,7 @@ object = "60FEh:01"
 bit = 16
 safe = 0
 """
+)
 
 
 def with_io(story, node: str = "", **changes: str) -> Cell:

@@ -18,21 +18,12 @@ from axisbus.errors import ArgumentError, AxisbusError, BootError, NodeError, St
 from axisbus.machine.machine import Machine
 from axisbus.record.load import load
 from kit.cell import cell_text
+from kit.modules import MODULE
 from kit.probe import OFF
 
-IO = """
-[nodes.5]
-eds = "builtin:generic-cia401"
-{node}
-[io.part]
-node = 5
-object = "6000h:01"
-bit = 2
-[io.lamp]
-node = 5
-object = "6200h:01"
-bit = 3
-safe = 0
+IO = (
+    MODULE
+    + """
 [io.clamp]
 node = 5
 object = "6200h:01"
@@ -48,6 +39,7 @@ object = "60FEh:01"
 bit = 16
 safe = 0
 """
+)
 BOTH = pytest.mark.parametrize("process", ["thread", "own"])
 
 

@@ -133,8 +133,7 @@ class Axis:
         Raises:
             StaleError: it is unknown (never received, or older than its maximum age).
         """
-        value, modulo = self.unwrapped, self._parameters.units.modulo
-        return value if modulo is None else value % modulo
+        return self._parameters.units.turned(self.unwrapped)
 
     @property
     def unwrapped(self) -> float:
@@ -176,9 +175,8 @@ class Axis:
         snapshot = self.snapshot
         if snapshot.target is None:
             return None
-        value = self._parameters.units.position.to_units(snapshot.target - snapshot.origin)
-        modulo = self._parameters.units.modulo
-        return value if modulo is None else value % modulo
+        units = self._parameters.units
+        return units.turned(units.position.to_units(snapshot.target - snapshot.origin))
 
     @property
     def distance_to_go(self) -> float | None:

@@ -187,6 +187,15 @@ class Handle:
             log.error("%s failed, and nobody looked at its handle:\n%s", self.name, self.error)
 
 
+def look_at_end(handle: Handle) -> None:
+    """Let nobody be told how it ends badly: another handle tells why."""
+    handle.add_done_callback(lambda: _look(handle))
+
+
+def _look(handle: Handle) -> None:
+    handle.exception()
+
+
 def _log_aside(text: str, name: str, error: BaseException) -> None:
     """Log a failure with its traceback, for which source files are read: no thread of ours, such as the scan, waits for that."""
     tell = partial(log.error, text, name, exc_info=error)

@@ -33,7 +33,6 @@ if TYPE_CHECKING:  # who only looks at axes has no need of them
     from axisbus.bus.node.events import NodeEvent
     from axisbus.cia301.drops import Drop
     from axisbus.cia301.frame import Carried
-    from axisbus.cia401.point import Point
     from axisbus.core.owner import Owner
     from axisbus.core.stand_in import StandIn
     from axisbus.machine.io import Io
@@ -218,23 +217,14 @@ class Machine:
     def io(self) -> Io:
         """The named inputs and outputs: ``machine.io["lamp"]``; those of nodes that have not come up are there, and unknown."""
         if self._io is None:
-            from axisbus.machine.io import Io  # most cells have none
+            from axisbus.cell.io.points import all_points  # most cells have none
+            from axisbus.machine.io import Io
 
-            self._io = Io(self._points(), self.session, self._commanding)
+            dictionaries = {node_id: parts.eds for node_id, parts in self._core.nodes.items()}
+            points = all_points(self.cell, dictionaries)
+            ordered = {name: points[name] for name in self.cell.io if name in points}
+            self._io = Io(ordered, self.session, self._commanding)
         return self._io
-
-    def _points(self) -> dict[str, Point]:
-        from axisbus.cell.io.points import points_of
-        from axisbus.eds.dictionary import Dictionary
-
-        nodes = {node_id: parts.eds for node_id, parts in self._core.nodes.items()}
-        found = [
-            point
-            for node_id, eds in nodes.items()
-            for point in points_of(self.cell, node_id, Dictionary(eds, node_id))
-        ]
-        by_name = {point.name: point for point in found}
-        return {name: by_name[name] for name in self.cell.io if name in by_name}
 
     def stream(self, *names: str, **options: Unpack[StreamWords]) -> PointStream:
         """Let a group, or the axes named, follow points that this program gives at its own pace: ``group(*names).stream(...)``.

@@ -12,7 +12,7 @@ from axisbus.cia402 import objects
 from axisbus.cia402.port import Waiter
 from axisbus.cia402.touch_probe import INPUTS, POSITIONS, Edge, ProbeSource
 from axisbus.errors import ArgumentError, StateError
-from axisbus.machine.handle import Handle
+from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.request import Request
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import object_text
@@ -139,23 +139,18 @@ class ProbeHandle(Handle):
 
     def __exit__(self, *_: object) -> None:
         if self.busy:
-            gone = self.cancel()
-            gone.add_done_callback(lambda: _looked_at(gone))
+            look_at_end(
+                self.cancel()
+            )  # where the node is lost, or the machine left, this request has told why
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
         if not self._waiter.wait(happened, timeout):
             raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; it goes on")
 
 
-def _looked_at(handle: Handle) -> None:
-    """Where an input could not be switched off (the node is lost, the machine is left), its request has told why."""
-    handle.exception()
-
-
 def _probed(capture: Capture, units: Units) -> Probed:
     place = units.position.to_units(capture.position - capture.origin)
-    turned = place if units.modulo is None else place % units.modulo
-    return Probed(turned, place, capture.edge.value, capture.stamp, capture.missed)
+    return Probed(units.turned(place), place, capture.edge.value, capture.stamp, capture.missed)
 
 
 def input_number(request: Request, number: object) -> int:

@@ -47,6 +47,10 @@ class Units:
         """Position increments per s in one velocity increment; only where ``ratio_known``."""
         return self.position.factor / self.velocity.factor
 
+    def turned(self, position: float) -> float:
+        """Return a position in units as its user sees it: of an endless axis within its modulo."""
+        return position if self.modulo is None else position % self.modulo
+
     def torque(self, raw: int) -> float:
         """Return a torque of the drive (0.1 % of rated torque) in N·m, in parts of the rated torque where that is not known.
 

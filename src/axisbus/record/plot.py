@@ -50,6 +50,14 @@ _PANELS = (
 _BAND, _FLAGS, _GAP, _BETWEEN, _LINE = 0.16, 0.28, 0.09, 0.34, 0.155  # inches
 
 
+def require_picture(path: Path) -> None:
+    """Raise UserError where the name of ``path`` ends otherwise than that of a picture that can be drawn."""
+    if path.suffix.lower() not in _SUFFIXES:
+        raise UserError(
+            f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
+        )
+
+
 def plot(
     recording: Recorder | Recorded | Path | str,
     path: Path | str,
@@ -66,10 +74,7 @@ def plot(
         UserError: matplotlib is not installed, nothing was recorded (within these times), or ``path`` is of another kind.
     """
     path = Path(path)
-    if path.suffix.lower() not in _SUFFIXES:
-        raise UserError(
-            f"{path} is no picture that can be drawn", remedy=f"end its name in {' or '.join(_SUFFIXES)}"
-        )
+    require_picture(path)
     figure = _figure(recording, title, begin, end)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=_DOTS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from axisbus.cell.io.points import points_of
+from axisbus.cell.io.points import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia301.datatypes import DataType, Value
 from axisbus.cia401.point import Point
@@ -59,9 +59,9 @@ def wanted_object(machine: Watched, text: str) -> WantedObject:
 def _point(machine: Watched, name: str) -> WantedObject:
     """Return the object of an input or output."""
     node_id = machine.cell.io[name].node
-    dictionary = Dictionary(machine.node(node_id).eds, node_id)
-    point = next(each for each in points_of(machine.cell, node_id, dictionary) if each.name == name)
-    entry = dictionary.resolve(f"{point.index:04X}:{point.subindex:02X}")
+    eds = machine.node(node_id).eds
+    point = all_points(machine.cell, {node_id: eds})[name]
+    entry = Dictionary(eds, node_id).resolve(f"{point.index:04X}:{point.subindex:02X}")
     unit = f" ({point.unit})" if point.unit else ""
     return WantedObject(
         name, node_id, *point.address, f"{point.object_text} of node {node_id}{unit}", entry.data_type, point

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from axisbus.cell.model import KinematicsConfig
+from axisbus.cell.schema import KINEMATICS
 from axisbus.motion.group.kinematics import CoreXY, Delta, Kinematics, Scara
 from axisbus.wording import counted
 
@@ -42,8 +43,8 @@ def wrong(config: KinematicsConfig, axes: int) -> Iterator[Wrong]:
             yield Wrong(
                 "", f"{key} is missing in [{config.at.name}]", f"add {key} = ..., which {config.kind} needs"
             )
-    for key in ("upper", "fore", "base", "plate", "left", "middle"):
-        if config.at.gives(key) and key not in (*kind.needs, *kind.may):
+    for key in KINEMATICS:
+        if config.at.gives(key) and key not in ("kind", *kind.needs, *kind.may):
             yield Wrong(key, f"{key} is none of {config.kind}", f"leave {key} out, or give another kind")
     if axes < kind.axes:
         yield Wrong(

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from axisbus.bus.pdo.mapping import MapEntry, map_entry_of
 from axisbus.cell.model import CellConfig, IoConfig
 from axisbus.cia401.point import Point
 from axisbus.eds.dictionary import Dictionary
+from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError
+
+
+def all_points(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[str, Point]:
+    """Return the points of these nodes by name, node by node; those that ``points_of`` leaves out are not there."""
+    return {
+        point.name: point
+        for node_id, eds in dictionaries.items()
+        for point in points_of(cell, node_id, Dictionary(eds, node_id))
+    }
 
 
 def points_of(cell: CellConfig, node_id: int, dictionary: Dictionary) -> tuple[Point, ...]:

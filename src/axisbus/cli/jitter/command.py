@@ -16,11 +16,12 @@ from axisbus.cli.shared.joined_frames import frames_of
 from axisbus.cli.shared.joining import machine_of
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.options import beside_option
-from axisbus.cli.shared.output import force_option, output_option, require_free, require_picture
+from axisbus.cli.shared.output import force_option, output_option, require_free
 from axisbus.cli.shared.paths import PATH
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import UserError
 from axisbus.machine.machine import Machine
+from axisbus.record.plot import require_picture
 from axisbus.trace.pace import MEASURED, Cast, Pace, histogram, spread
 from axisbus.wording import counted
 
@@ -45,7 +46,8 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     apart: as this computer sees the frames, whose times of reception are the kernel's own on SocketCAN. Exit code 1 where cycles
     are missing.
     """
-    require_picture(output)
+    if output is not None:
+        require_picture(output)
     require_free(output, force=force)
     with machine_of(cell, command=False, beside=beside) as machine:
         pace = measure(machine, seconds)

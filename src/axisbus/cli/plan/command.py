@@ -14,10 +14,11 @@ from axisbus.check.timetable import SDO_TRANSFER, Slot, Timetable, shortest, tim
 from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
-from axisbus.cli.shared.output import force_option, output_option, require_free, require_picture
+from axisbus.cli.shared.output import force_option, output_option, require_free
 from axisbus.cli.shared.paths import PATH
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ArgumentError
+from axisbus.record.plot import require_picture
 
 _US = 1e6
 
@@ -37,7 +38,8 @@ def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, a
     shorten it. It opens no bus. What drives and computer take besides is measured by axisbus jitter. Exit code 1 where the cycle
     does not fit.
     """
-    require_picture(output)
+    if output is not None:
+        require_picture(output)
     require_free(output, force=force)
     loaded = reader.load(cell)
     files = load_dictionaries(loaded)

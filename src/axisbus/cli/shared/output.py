@@ -13,7 +13,6 @@ import click
 from axisbus.cli.shared.paths import PATH
 from axisbus.errors import UserError
 
-PICTURES = (".png", ".svg")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
@@ -30,18 +29,6 @@ def concise_option(text: str) -> Callable[[_F], _F]:
 def force_option(function: _F) -> _F:
     """Add ``--force``, without which no file that is there is replaced (see ``require_free``)."""
     return click.option("--force", is_flag=True, help="Replace a file that is there.")(function)
-
-
-def require_picture(output: Path | None) -> None:
-    """Check that a picture can be drawn under this name; None is none.
-
-    Raises:
-        UserError: its name ends otherwise than a picture's.
-    """
-    if output is not None and output.suffix.lower() not in PICTURES:
-        raise UserError(
-            f"{output} is no picture that can be drawn", remedy=f"end its name in {' or '.join(PICTURES)}"
-        )
 
 
 def require_writable(output: Path | None, concise: Path | None = None) -> None:

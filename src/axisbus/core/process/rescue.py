@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import Node
-from axisbus.cell.io.points import points_of
+from axisbus.cell.io.points import all_points
 from axisbus.cell.model import CellConfig
 from axisbus.cia401.point import Point
 from axisbus.core.files import read_once
@@ -18,7 +18,6 @@ from axisbus.core.io.safe import make_safe
 from axisbus.core.node_stop import stop_nodes
 from axisbus.core.process.duty import Duty
 from axisbus.core.process.reach import reach
-from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.link import Stopped, Unsafe
@@ -81,12 +80,10 @@ class Rescuer:
     def _outputs(self) -> list[Point]:
         """The outputs that had been set."""
         readings = IoImage(self._memory, self._duty.axes, tuple(self._cell.io)).read()
-        points = [
-            point
-            for node_id, eds in self._dictionaries.items()
-            for point in points_of(self._cell, node_id, Dictionary(eds, node_id))
+        points = all_points(self._cell, self._dictionaries)
+        return [
+            point for point in points.values() if (seen := readings.get(point.name)) is not None and seen.set
         ]
-        return [point for point in points if (seen := readings.get(point.name)) is not None and seen.set]
 
     def _open(self) -> Channel:
         drives = self._duty.drives

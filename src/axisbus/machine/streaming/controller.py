@@ -19,7 +19,7 @@ from typing import Self
 
 from axisbus.core.lateness import Lateness
 from axisbus.machine.commanding import Commanding
-from axisbus.machine.handle import Handle
+from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.streaming.answering import Answering
 from axisbus.motion.commands import Answer
 from axisbus.motion.parameters import Units
@@ -146,7 +146,7 @@ class Controller:
             self.error = error
             answer = Answer(number, snapshot.now, 0, f"{type(error).__name__}: {error}")
         given = self._commanding.submit(self._name, answer, f"{self._text}, an answer")
-        given.add_done_callback(lambda: _looked_at(given))
+        look_at_end(given)  # why one is not taken is what has ended the loop
         if self._session.waiter.realtime:
             self._took.note(time.monotonic() - snapshot.now)
 
@@ -154,8 +154,7 @@ class Controller:
         units = self._units
         position = velocity = torque = None
         if snapshot.position is not None:
-            position = units.position.to_units(snapshot.position - snapshot.origin)
-            position = position if units.modulo is None else position % units.modulo
+            position = units.turned(units.position.to_units(snapshot.position - snapshot.origin))
         if snapshot.velocity is not None:
             velocity = units.velocity.to_units(snapshot.velocity)
         if snapshot.torque is not None:
@@ -168,8 +167,3 @@ class Controller:
             self.limited += 1
             value = min(max(value, -limit), limit)
         return self._answering.raw(value)
-
-
-def _looked_at(answer: Handle) -> None:
-    """Look at how an answer has ended: why it was not taken is what has ended the loop, and its handle tells that."""
-    answer.exception()

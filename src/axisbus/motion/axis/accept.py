@@ -8,7 +8,7 @@ from typing import Any
 
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
-from axisbus.errors import AxisbusError, DriveFault, LimitError, StateError, Stopped
+from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis import accept_cyclic, accept_motion
 from axisbus.motion.axis.core import AxisCore
@@ -18,7 +18,7 @@ from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.enable import Enable
 from axisbus.motion.moves.power import Coast, Reset
 from axisbus.motion.moves.takeover import Takeover
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override.factor import require_factor
 from axisbus.motion.parameters import HoldsLoad
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import first_observation, nmt_text
@@ -249,8 +249,7 @@ def require_override(core: AxisCore, factor: float, ticket: Ticket) -> None:
         LimitError: it is not from 0 to 1.5.
         StateError: no acceleration is known.
     """
-    if not 0.0 <= factor <= FASTER:
-        raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
+    require_factor(factor, ticket.name)
     name = core.parameters.name
     if core.parameters.encoder:
         return  # nothing leads it

@@ -21,7 +21,6 @@ from axisbus.motion.cyclic.ramps import TorqueRamp, VelocityRamp
 from axisbus.motion.cyclic.torque import TorqueLed
 from axisbus.motion.cyclic.velocity import VelocityLed
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.moves.turning import is_resisted
 from axisbus.motion.parameters import AxisParameters
 from axisbus.wording import counted
 
@@ -111,8 +110,7 @@ class VelocityAnswered(VelocityLed):
         return False
 
     def _watch(self, image: Image, _ramp: VelocityRamp) -> None:
-        resisted = is_resisted(image, self._target)
-        self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
+        self._look_for_a_jam(image)
 
 
 class TorqueAnswered(TorqueLed):

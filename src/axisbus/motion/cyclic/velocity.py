@@ -104,6 +104,9 @@ class VelocityLed(Activity):
             self.reached = ramp.at_target and self._in_velocity(image)
             if not self.reached and image.now > self._deadline:
                 raise velocity_missed(image, self._parameters, self._target)
+        self._look_for_a_jam(image)
+
+    def _look_for_a_jam(self, image: Image) -> None:
         resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from axisbus.errors import AxisbusError, LimitError, StateError, Stopped
+from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.motion import commands as c
 from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
@@ -30,7 +30,7 @@ from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
 from axisbus.motion.group.undertaking import Undertaking
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.override.factor import FASTER
+from axisbus.motion.override.factor import FASTER, require_factor
 from axisbus.motion.points.commands import AddPoints, FollowPoints
 from axisbus.motion.points.stream import Stream
 from axisbus.motion.probing.search import Search
@@ -162,8 +162,7 @@ class GroupCore:
         self._ended = stream.take_news() or self._ended
 
     def _set_override(self, command: GroupSetOverride, ticket: Ticket) -> None:
-        if not 0.0 <= command.factor <= FASTER:
-            raise LimitError(f"{ticket.name}: an override is from 0 to {FASTER:g}")
+        require_factor(command.factor, ticket.name)
         self._factor = command.factor
         ticket.finish(Status.DONE)
 

@@ -8,6 +8,7 @@ is no more than ``max_velocity``. What is scaled are velocities that were asked 
 
 from __future__ import annotations
 
+from axisbus.errors import LimitError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.units import INT32_HALF
 
@@ -31,6 +32,12 @@ class Override:
         """Take the factor of the cell (0 to 1.5)."""
         self.cell = cell
         self.factor = min(self.own * cell, FASTER)
+
+
+def require_factor(factor: float, name: str) -> None:
+    """Raise LimitError where ``factor`` is no override; ``name`` says what was asked for."""
+    if not 0.0 <= factor <= FASTER:
+        raise LimitError(f"{name}: an override is from 0 to {FASTER:g}")
 
 
 def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:
