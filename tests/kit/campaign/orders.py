@@ -89,6 +89,12 @@ ORDERS: Mapping[str, Order] = {
     "gear": Order(lambda cell, name, value: cell[name].gear_in(_master(cell, name), 1.5 * value)),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
+    "move_softly": Order(
+        lambda cell, name, value: cell[name].move_absolute(
+            200.0 * value, velocity=150.0, jerk=6000.0 + 30000.0 * abs(value)
+        ),
+        200.0,
+    ),
     "axis_override": Order(lambda cell, name, value: cell[name].set_override(_override(value))),
     "follow": Order(_trapezoid, 200.0, relative=True),
     "follow_on": Order(lambda cell, name, _: cell[name].follow(Ramp(demand_of(cell, name)))),
@@ -157,6 +163,7 @@ MOTIONS = (
     "move_relative",
     "move_absolute",
     "move_near",
+    "move_softly",
     "move_velocity",
     "move_fast",
     "move_additive",
