@@ -187,7 +187,8 @@ def test_a_magnitude_is_a_finite_number_above_0(value):
     ],
 )
 def test_what_is_left_out_of_a_profile_comes_from_the_defaults(arguments, expected):
-    assert tuple(request().profile(*arguments)) == (*expected, None, None)  # and no jerk
+    expected = (*expected, None, None)  # and no jerk
+    assert tuple(request().profile(*arguments)) == expected
     if arguments[0] is not None:
         assert tuple(request().turning(*arguments)) == expected
         assert tuple(request().turning(-arguments[0], *arguments[1:])) == (-expected[0], *expected[1:])

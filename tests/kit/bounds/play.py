@@ -171,26 +171,6 @@ class Player:
         axis = self.cell[self.random.choice("xyz")]
         return axis.follow(Trapezoid(axis.position, self.random.uniform(-REACH, REACH), 300.0, 1500.0))
 
-    def _soft_move(self) -> Handle:
-        """A move of one axis with a limit of jerk, which the master leads, as these drives have none; overridden, not halted."""
-        self._rest(1.0)
-        axis, jerk = self.cell[self.random.choice("xyz")], self.random.choice([8000.0, 20000.0, 300000.0])
-        handle = axis.move_absolute(
-            self.random.uniform(-REACH, REACH), velocity=self.random.choice([20.0, 300.0]), jerk=jerk
-        )
-        self.cell.run(2 * PERIOD)
-        self.ledger.jerk = jerk
-        try:
-            for _ in range(30):
-                self.cell.run(self.random.choice(PAUSES))
-                if not handle.busy:
-                    break
-                axis.set_override(self.random.choice([0.0, 0.1, 0.5, 1.0, 1.5]))
-        finally:
-            self.ledger.jerk = None
-            axis.set_override(1.0)
-        return handle
-
     def _replan(self) -> Handle:
         """A move out of whatever leads the axis; one that stands is not moved by its drive."""
         axis = self.cell[self.random.choice("xyz")]
@@ -226,7 +206,6 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "stream": Player._stream,
     "trajectory": Player._trajectory,
     "replan": Player._replan,
-    "soft move": Player._soft_move,
     "gear": Player._gear,
     "override": Player._override,
     "override of an axis or all": Player._axis_override,
@@ -240,7 +219,6 @@ ORDERS = [
     *["stream"] * 2,
     *["trajectory"] * 2,
     *["replan"] * 4,
-    *["soft move"] * 2,
     "gear",
     *["override"] * 4,
     *["override of an axis or all"] * 4,
