@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from axisbus.errors import AxisbusError, CommandError, Interrupted, LimitError, StateError
 from kit.campaign.facts import Asked, Facts, Trouble
+from kit.campaign.orders import OVERRIDES
 
 _LATEST = 20.0  # s after which no command may be under way
 _LATEST_PATH = 80.0  # s: that of follow_on is 60 s long
@@ -53,8 +54,15 @@ class Truth:
                 asked.ended is None
                 and self._facts.now - asked.since > limit
                 and not self._has_far_to_go(asked)
+                and not self._is_slowed(asked)
             )
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
+
+    def _is_slowed(self, asked: Asked) -> bool:
+        """Whether an override holds it or makes it slower, or has done so meanwhile."""
+        facts = self._facts
+        slowed = any(facts.cell.core(name).override.factor < 1.0 for name in facts.names)
+        return slowed or any(other.what in OVERRIDES and other.since >= asked.since for other in facts.asked)
 
     def _has_far_to_go(self, asked: Asked) -> bool:
         """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there.
