@@ -13,7 +13,7 @@ from kit.campaign.events import Event, Script
 from kit.campaign.facts import Asked, Facts, Violation
 from kit.campaign.judge import Judge
 from kit.campaign.mishaps import ENDS, MISHAPS, Site
-from kit.campaign.orders import GROUP, ORDERS, demand_of
+from kit.campaign.orders import GROUP, ORDERS, OVERRIDES, demand_of
 from kit.campaign.scenes import plant_of, scene_of
 from kit.campaign.wire import Wire
 from kit.cell import Cell, Stage
@@ -65,8 +65,19 @@ def _run(made: Script, judge: Judge) -> None:
         happen(event, judge)
     judge.facts.at = "the end"
     judge.run(1.0)
+    _lift(judge.facts, judge)
     judge.settle()
     judge.leave(made.ending)
+
+
+def _lift(facts: Facts, judge: Judge) -> None:
+    """Let what an override holds go on to its end."""
+    if not any(asked.what in OVERRIDES for asked in facts.asked):
+        return
+    machine = facts.cell.machine
+    for whose in (machine.group(*facts.names), machine, *machine):
+        with suppress(AxisbusError):
+            judge.asked(Asked("cell_override", facts.names, whose.set_override(1.0), facts.now, {}))
 
 
 def happen(event: Event, judge: Judge) -> None:

@@ -48,21 +48,21 @@ class Truth:
 
     def late(self) -> None:
         """Every command has ended, or is not late yet."""
+        changes = (asked.since for asked in self._facts.asked if asked.what in OVERRIDES)
+        since = max(changes, default=0.0)  # from then on a command has all of its time
         for asked in self._facts.asked:
             limit = _LATEST_PATH if asked.what == "follow_on" else _LATEST
             late = (
                 asked.ended is None
-                and self._facts.now - asked.since > limit
+                and self._facts.now - max(asked.since, since) > limit
                 and not self._has_far_to_go(asked)
-                and not self._is_slowed(asked)
+                and not self._is_slowed()
             )
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
 
-    def _is_slowed(self, asked: Asked) -> bool:
-        """Whether an override holds it or makes it slower, or has done so meanwhile."""
-        facts = self._facts
-        slowed = any(facts.cell.core(name).override.factor < 1.0 for name in facts.names)
-        return slowed or any(other.what in OVERRIDES and other.since >= asked.since for other in facts.asked)
+    def _is_slowed(self) -> bool:
+        """Whether an override holds what moves, or makes it slower."""
+        return any(self._facts.cell.core(name).override.factor < 1.0 for name in self._facts.names)
 
     def _has_far_to_go(self, asked: Asked) -> bool:
         """Whether it leads an axis that has counted far away meanwhile, and moves, or has only just come there.
