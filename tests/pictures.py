@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -216,6 +217,47 @@ def controller() -> None:
     save(figure, "controller.png")
 
 
+def jerk_axis() -> None:
+    """One move at once and softly, by a drive that limits its jerk and by the master."""
+    figure, (speed, rate) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    ways = (
+        ("at once", "builtin:generic-cia402", math.inf, "-"),
+        ("by the drive (60A4h)", "builtin:generic-cia402", 5000.0, "-"),
+        ("led by the master", "builtin:gim6010-8", 5000.0, "--"),
+    )
+    for (name, file, limit, line), colour in zip(ways, COLOURS, strict=True):
+        times, places = _moved(file, limit)
+        step = times[1] - times[0]
+        speeds = [(b - a) / step / OVER for a, b in zip(places, places[OVER:], strict=False)]
+        rates = [(b - a) / step / OVER for a, b in zip(speeds, speeds[OVER:], strict=False)]
+        speed.plot(times[OVER:], speeds, line, color=colour, linewidth=1.3, label=name)
+        rate.plot(times[2 * OVER :], rates, line, color=colour, linewidth=1.3, label=name)
+    speed.set(xlabel="s", ylabel="deg/s", title="how fast the axis is led")
+    rate.set(xlabel="s", ylabel="deg/s²", title="its acceleration; jerk = 5000 deg/s³")
+    speed.legend(fontsize=8)
+    save(figure, "jerk-axis.png")
+
+
+def _moved(file: str, limit: float) -> tuple[list[float], list[float]]:
+    """Return where a drive leads its axis in one move."""
+    text = (
+        f'[bus]\ninterface = "sim"\nscan_period = "4ms"\n[nodes.1]\neds = "{file}"\n[axes.x]\nnode = 1\nunit = "deg"\n'
+        "scale = 364.0\nmax_velocity = 400.0\n[axes.x.defaults]\nvelocity = 100.0\nacceleration = 500.0\n"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cell.toml"
+        path.write_text(text, encoding="utf-8")
+        with Machine.simulated(path) as cell:
+            cell["x"].enable().wait()
+            with Recorder(cell) as recorder:
+                cell["x"].move_absolute(60.0, jerk=limit).wait()
+            track = recorder.recorded().tracks["x"]
+    places = list(track.columns["demand"])
+    first = next(number for number, place in enumerate(places) if abs(place) > 0.01)
+    times = [time - track.times[first] for time in track.times]
+    return times[max(0, first - 10) :], places[max(0, first - 10) :]
+
+
 def gear() -> None:
     """A gear that takes up its speed, and one that meets its master at a place."""
 
@@ -347,6 +389,6 @@ def workspace() -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, override_axis, jerk, gear, cam, controller, stream, workspace):
+    for draw in (corners, override, override_axis, jerk, jerk_axis, gear, cam, controller, stream, workspace):
         draw()
         print(draw.__name__, flush=True)

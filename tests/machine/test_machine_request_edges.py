@@ -187,6 +187,7 @@ def test_a_magnitude_is_a_finite_number_above_0(value):
     ],
 )
 def test_what_is_left_out_of_a_profile_comes_from_the_defaults(arguments, expected):
+    expected = (*expected, None, None)  # and no jerk
     assert tuple(request().profile(*arguments)) == expected
     if arguments[0] is not None:
         assert tuple(request().turning(*arguments)) == expected
@@ -218,6 +219,8 @@ def test_where_the_ratio_of_the_units_is_not_known_no_speed_is_compared():
         None,
         None,
         3.0,
+        None,
+        None,
         None,
         None,
     )

@@ -176,12 +176,13 @@ class NodeConfig:
 
 @dataclass(frozen=True, slots=True)
 class DefaultsConfig:
-    """``[axes.NAME.defaults]`` in unit/s, unit/s² and N·m/s."""
+    """``[axes.NAME.defaults]`` in unit/s, unit/s², N·m/s and unit/s³."""
 
     velocity: float | None = None
     acceleration: float | None = None
     deceleration: float | None = None
     torque_slope: float | None = None
+    jerk: float | None = None
     at: Place = Place()
 
 

@@ -99,7 +99,7 @@ def homing_required(axis: AxisConfig) -> bool:
 def defaults(axis: AxisConfig) -> Defaults:
     """Return the values for commands that leave them out."""
     given = axis.defaults
-    return Defaults(given.velocity, given.acceleration, given.deceleration, given.torque_slope)
+    return Defaults(given.velocity, given.acceleration, given.deceleration, given.torque_slope, given.jerk)
 
 
 def _homing(axis: AxisConfig) -> Homing:

@@ -114,6 +114,7 @@ DEFAULTS: Keys = {
     "acceleration": _positive,
     "deceleration": _positive,
     "torque_slope": _positive,
+    "jerk": _positive,
 }
 
 HOMING: Keys = {

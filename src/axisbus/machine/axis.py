@@ -349,11 +349,15 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         direction: int = 0,
+        jerk: float | None = None,
         timeout: float | None = None,
         buffer: bool = False,
     ) -> Handle:
         """Move to ``position`` (MC_MoveAbsolute, profile position mode).
 
+        ``jerk`` (unit/s³): the acceleration changes by no more in a second; ``math.inf``: at once, whatever the default is. A drive
+        with 60A4h and 6086h limits it; any other, and a virtual axis, is led by the master in csp, from rest. A halt and a stop are
+        as without.
         ``direction`` is for endless axes (``modulo``): 0 shortest way, 1 positive, -1 negative. ``timeout`` in seconds replaces the
         deadline that the master works out. With ``buffer`` it begins when what the axis does has ended well (100 may wait), else it
         replaces that.
@@ -364,7 +368,7 @@ class Axis:
         """
         name = f"move_absolute({shown(position)} {self.unit})"
         target = self.absolute_increments(name, position, direction)
-        profile = self._request(name).profile(velocity, acceleration, deceleration, timeout)
+        profile = self._request(name).profile(velocity, acceleration, deceleration, timeout, jerk)
         return self._submit_motion(name, c.Move(c.Reference.ABSOLUTE, target, profile), buffer)
 
     def move_relative(
@@ -374,11 +378,12 @@ class Axis:
         velocity: float | None = None,
         acceleration: float | None = None,
         deceleration: float | None = None,
+        jerk: float | None = None,
         timeout: float | None = None,
         buffer: bool = False,
     ) -> Handle:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
-        ways = velocity, acceleration, deceleration, timeout
+        ways = velocity, acceleration, deceleration, timeout, jerk
         return self._move_by(c.Reference.RELATIVE, distance, ways, buffer=buffer)
 
     def move_additive(
@@ -388,11 +393,12 @@ class Axis:
         velocity: float | None = None,
         acceleration: float | None = None,
         deceleration: float | None = None,
+        jerk: float | None = None,
         timeout: float | None = None,
         buffer: bool = False,
     ) -> Handle:
         """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
-        ways = velocity, acceleration, deceleration, timeout
+        ways = velocity, acceleration, deceleration, timeout, jerk
         return self._move_by(c.Reference.ADDITIVE, distance, ways, buffer=buffer)
 
     def move_velocity(
@@ -776,11 +782,11 @@ class Axis:
         self,
         reference: c.Reference,
         distance: float,
-        given: tuple[float | None, float | None, float | None, float | None],
+        given: tuple[float | None, float | None, float | None, float | None, float | None],
         *,
         buffer: bool,
     ) -> Handle:
-        """``given``: velocity, acceleration, deceleration and timeout."""
+        """``given``: velocity, acceleration, deceleration, timeout and jerk."""
         name = f"move_{reference.value}({shown(distance)} {self.unit})"
         request = self._request(name)
         raw = request.distance(distance)

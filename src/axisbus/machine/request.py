@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.commands import CyclicVelocity
+from axisbus.motion.jerk.shape import has_shape
 from axisbus.motion.moves.lookahead import Known, widened
 from axisbus.motion.moves.profile import Profile
 from axisbus.motion.numbers import number, told
@@ -209,12 +211,24 @@ class Request:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
+        jerk: float | None = None,
     ) -> Profile:
-        """Return the profile of a move to a position; what is left out comes from the defaults."""
+        """Return the profile of a move to a position; what is left out comes from the defaults. An infinite jerk is no limit."""
         speed = self.positive("velocity", self._or_default("velocity", velocity), f"{self._unit}/s")
         self._check_velocity(speed)
         raw = self._raw(self._parameters.units.velocity, speed, "6081h")
-        return self._with_ramps(raw, speed, acceleration, deceleration, timeout)
+        return self._softened(self._with_ramps(raw, speed, acceleration, deceleration, timeout), jerk)
+
+    def _softened(self, profile: Profile, jerk: float | None) -> Profile:
+        """Return the profile with a limit of jerk; where its drive limits it, 60A4h counts as its accelerations do, per second."""
+        jerk = self._parameters.defaults.jerk if jerk is None else jerk
+        if jerk is None or jerk == math.inf:
+            return profile
+        soft = self.positive("jerk", jerk, f"{self._unit}/s³")
+        raw = None
+        if has_shape(self._parameters):
+            raw = self._raw(self._parameters.units.acceleration, soft, "60A4h")
+        return profile._replace(softness=soft, jerk=raw)
 
     def turning(
         self,

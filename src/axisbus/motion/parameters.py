@@ -84,6 +84,7 @@ class Defaults:
     acceleration: float | None = None
     deceleration: float | None = None
     torque_slope: float | None = None
+    jerk: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

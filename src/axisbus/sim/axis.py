@@ -140,6 +140,16 @@ class Axis:
         value = settings.profile_deceleration or settings.profile_acceleration
         return self._acceleration(value, settings.max_deceleration or settings.max_acceleration)
 
+    @property
+    def profile_jerk(self) -> float:
+        """Profile jerk (60A4h:01, by the type of 6086h) in increments/s³; 0 where it is not limited."""
+        settings = self.settings
+        return (
+            settings.profile_jerk / self.params.acceleration_unit
+            if settings.motion_profile_type in (2, 3)
+            else 0.0
+        )
+
     def _acceleration(self, value: int, limit: int) -> float:
         return (min(value, limit) if limit > 0 else value) / self.params.acceleration_unit
 

@@ -58,6 +58,21 @@ class Profile:
         while index + 1 < self._count and time >= self._base[index + 1][0]:
             index += 1
         self._index = index
+        return self._within(index, time)
+
+    @property
+    def joints(self) -> list[float]:
+        """When each piece begins, in seconds."""
+        return [begin for begin, _ in self._base]
+
+    def at(self, time: float) -> tuple[float, float]:
+        """Return position and velocity at any ``time`` >= 0; behind the end the target."""
+        if time >= self.duration:
+            return self.target, self.end_velocity
+        index = sum(1 for begin, _ in self._base if begin <= time) - 1
+        return self._within(max(index, 0), time)
+
+    def _within(self, index: int, time: float) -> tuple[float, float]:
         begin, position = self._base[index]
         _, velocity, acceleration = self._pieces[index]
         t = time - begin

@@ -36,6 +36,7 @@ OBJECTS: dict[str, tuple[int, int, int]] = {
     "profile_acceleration": (0x6083, 0, 0),
     "profile_deceleration": (0x6084, 0, 0),
     "quick_stop_deceleration": (0x6085, 0, 0),
+    "motion_profile_type": (0x6086, 0, 0),
     "torque_slope": (0x6087, 0, -1),
     "encoder_increments": (0x608F, 1, 0),
     "encoder_revolutions": (0x608F, 2, 0),
@@ -43,6 +44,7 @@ OBJECTS: dict[str, tuple[int, int, int]] = {
     "homing_speed_switch": (0x6099, 1, 0),
     "homing_speed_zero": (0x6099, 2, 0),
     "homing_acceleration": (0x609A, 0, -1),
+    "profile_jerk": (0x60A4, 1, 0),
     "position_offset": (0x60B0, 0, 0),
     "velocity_offset": (0x60B1, 0, 0),
     "torque_offset": (0x60B2, 0, 0),
@@ -105,6 +107,7 @@ class Settings:
     profile_acceleration: int
     profile_deceleration: int
     quick_stop_deceleration: int
+    motion_profile_type: int
     torque_slope: int
     encoder_increments: int
     encoder_revolutions: int
@@ -112,6 +115,7 @@ class Settings:
     homing_speed_switch: int
     homing_speed_zero: int
     homing_acceleration: int
+    profile_jerk: int
     position_offset: int
     velocity_offset: int
     torque_offset: int

@@ -136,6 +136,12 @@ ORDERS: Mapping[str, Order] = {
     ),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
+    "move_softly": Order(
+        lambda cell, name, value: cell[name].move_absolute(
+            200.0 * value, velocity=150.0, jerk=6000.0 + 30000.0 * abs(value)
+        ),
+        200.0,
+    ),
     "axis_override": Order(lambda cell, name, value: cell[name].set_override(_override(value))),
     "probe": Order(_probe),
     "move_probing": Order(_search),
@@ -206,6 +212,7 @@ MOTIONS = (
     "move_relative",
     "move_absolute",
     "move_near",
+    "move_softly",
     "move_velocity",
     "move_fast",
     "move_additive",

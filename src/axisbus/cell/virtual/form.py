@@ -19,7 +19,7 @@ KEYS = frozenset(
     }
 )
 TABLES: Mapping[str, frozenset[str]] = {
-    "defaults": frozenset({"velocity", "acceleration", "deceleration"}),
+    "defaults": frozenset({"velocity", "acceleration", "deceleration", "jerk"}),
     "stop": frozenset({"deceleration", "halt_time", "quick_stop_time", "disable_time"}),
 }
 # Of an encoder's: it is where its input says, and nothing leads it.

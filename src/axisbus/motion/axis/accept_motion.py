@@ -17,6 +17,9 @@ from axisbus.motion.braking import Course
 from axisbus.motion.coupling.coupled import Coupled, LetGo
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.gate import Gate
+from axisbus.motion.group.path import window
+from axisbus.motion.jerk.shape import Shaped
+from axisbus.motion.jerk.soft import SoftMove
 from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Lead, ModeSwitch, Transfers, object_text, require_position
 from axisbus.motion.moves.follow import Follow
@@ -57,7 +60,10 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     target = _target(core, command, ticket)
     profile = command.profile
     leading = path_of(core)
-    if leading is not None and profile.speed and profile.up and profile.down:
+    if profile.softness is not None and profile.jerk is None:
+        _move_softly(core, target, profile, ticket, gate)
+        return
+    if leading is not None and profile.jerk is None and profile.speed and profile.up and profile.down:
         _go_on(core, GoingOn(target, profile, core.parameters, gate, leading), ticket)
         core.aim(target)
         return
@@ -66,7 +72,11 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
     factor = core.override.factor
     given = overridden(profile, factor, core.parameters)
     prepare = _prepare(
-        core, _M.PROFILE_POSITION, profile_writes(given, core.parameters, _M.PROFILE_POSITION), gate
+        core,
+        _M.PROFILE_POSITION,
+        profile_writes(given, core.parameters, _M.PROFILE_POSITION),
+        gate,
+        profile.jerk,
     )
     before = core.activity.in_flight if isinstance(core.activity, PositionMove) else core.running.set_point
     core.begin(
@@ -74,6 +84,29 @@ def move(core: AxisCore, command: c.Move, ticket: Ticket, gate: Gate) -> None:
         ticket,
         AxisState.DISCRETE_MOTION,
     )
+    core.aim(target)
+
+
+def _move_softly(core: AxisCore, target: int, profile: Profile, ticket: Ticket, gate: Gate) -> None:
+    """Let a move with a limit of jerk be led here: its drive has none."""
+    parameters = core.parameters
+    lacking = f"{parameters.name}'s drive has no profile jerk (60A4h with 6086h), so that the master must lead it in csp"
+    if _M.CYCLIC_SYNC_POSITION not in parameters.modes or not (profile.speed and profile.ramp):
+        raise StateError(
+            f"{ticket.name}: its jerk cannot be limited",
+            observed=f"{lacking}; "
+            + ("how its velocity counts is not known" if not profile.speed else "it has not that mode"),
+            remedy=f"move without jerk (leave it out of the command, and out of [axes.{parameters.name}.defaults])",
+        )
+    try:
+        require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
+        require_rest(core, ticket)
+    except StateError as error:
+        error.observed = "; ".join(text for text in (error.observed, lacking) if text)
+        raise
+    unit = abs(parameters.units.position.factor)
+    window(profile.ramp / unit, profile.softness, parameters.scan_period, ticket.name)
+    core.begin(SoftMove(target, profile, parameters, gate, ticket.name), ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
 
 
@@ -296,11 +329,16 @@ def require_cyclic(core: AxisCore, ticket: Ticket, mode: ModeOfOperation) -> Non
 
 
 def _prepare(
-    core: AxisCore, mode: ModeOfOperation, writes: list[tuple[int, int, int | None]], gate: Gate
+    core: AxisCore,
+    mode: ModeOfOperation,
+    writes: list[tuple[int, int, int | None]],
+    gate: Gate,
+    jerk: int | None = None,
 ) -> Prepare:
     leading, before = core.led_along, leaving_switch(core)
     lead = None if leading is None or before is not None else _lead(core, leading)
-    transfers = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
+    plain = Transfers(writes, core.parameters, OPTIONAL_PROFILE)
+    transfers = Shaped(plain, jerk, core.profile_type, core.parameters)
     return Prepare(ModeSwitch(mode, core.parameters, lead), transfers, gate, leading, before)
 
 

@@ -36,6 +36,7 @@ from axisbus.motion.axis.queue import Queue
 from axisbus.motion.axis.running import Running
 from axisbus.motion.broken import broken
 from axisbus.motion.cyclic.ramps import VelocityRamp
+from axisbus.motion.jerk.shape import ProfileType
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.arrival import Arrival
@@ -84,6 +85,7 @@ class AxisCore:
             self.image.fastest = parameters.limits.velocity * abs(parameters.units.position.factor)
         self.order = Order()
         self.override = Override()
+        self.profile_type = ProfileType()
         self.history = History()
         self.supervision = Supervision(parameters, capabilities)
         self.stopping = Stopping(parameters)

@@ -68,7 +68,11 @@ def window_of(way: Way, unit: float, jerk: float | None, period: float, name: st
     Raises:
         LimitError: it would be so small that it takes seconds until anything happens.
     """
-    hardest = way.ramps[0] * unit
+    return window(way.ramps[0] * unit, jerk, period, name)
+
+
+def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
+    """Return as ``window_of`` does, for what is as hard as ``hardest`` (units/s²); raises as that."""
     if jerk is None or not hardest:
         return 1
     seconds = 2.0 * hardest / jerk

@@ -198,7 +198,8 @@ class _ArrivalWatch:
         if not profile.speed or not profile.ramp:
             return None
         way = distance + braking_distance(speed, profile.ramp)
-        return 2.0 * (speed / profile.ramp + duration(way, profile.speed, profile.ramp)) + 2.0
+        soft = profile.soft_seconds(abs(self._parameters.units.position.factor))
+        return 2.0 * (speed / profile.ramp + duration(way, profile.speed, profile.ramp) + soft) + 2.0
 
     def spare(self, seconds: float) -> None:
         """Let so many seconds of this cycle not count in the caller's time: the motion is slower by an override."""

@@ -11,7 +11,8 @@ class Profile(NamedTuple):
 
     ``velocity``, ``acceleration`` and ``deceleration`` are the drive's own increments (6081h, 6083h, 6084h). ``speed`` and ``ramp``
     are the same in position increments per s and per s² (the weaker one), or None where the ratio is not known. ``timeout`` in
-    seconds is the caller's own deadline. ``up`` and ``down`` are 6083h and 6084h in position increments per s².
+    seconds is the caller's own deadline. ``up`` and ``down`` are 6083h and 6084h in position increments per s². ``softness`` is the
+    jerk in units per s³ (None: not limited), and ``jerk`` the same for 60A4h:01, where the drive limits it (None: the master does).
     """
 
     velocity: int
@@ -22,6 +23,14 @@ class Profile(NamedTuple):
     timeout: float | None = None
     up: float | None = None
     down: float | None = None
+    softness: float | None = None
+    jerk: int | None = None
+
+    def soft_seconds(self, unit: float) -> float:
+        """Return by how many seconds a limit of jerk prolongs the move at most; ``unit``: position increments in a unit."""
+        if self.softness is None or self.up is None or self.down is None:
+            return 0.0
+        return (self.up + self.down) / (self.softness * unit)
 
 
 def duration(distance: float, speed: float, ramp: float) -> float:

@@ -122,6 +122,7 @@ class Obeyed:
         self._after = math.inf
         if before and profile.speed and profile.ramp and abs(before - profile.speed) > _CHANGE * before:
             self._after = now + 2.0 * abs(before - profile.speed) / profile.ramp + _LATE
+            self._after += 2.0 * profile.soft_seconds(abs(parameters.units.position.factor))
 
     def look(self, image: Image) -> None:
         """Take this cycle's position.

@@ -5,7 +5,8 @@ Theory of operation
 A rising edge of bit 4 presents a set-point, with its target and its limits as the objects are at that moment. It is *taken* when
 bit 12 rises: at once it becomes the active one (bit 5, or nothing under way), else it waits in a buffer of one. Bit 12 falls when
 bit 4 has fallen and the buffer is free. With bit 9 the active set-point is passed at profile velocity when another waits. With a
-profile velocity or acceleration of 0 a move is accepted and does not get on until both are set.
+profile velocity or acceleration of 0 a move is accepted and does not get on until both are set. With 6086h at 2 or 3 and a profile
+jerk (60A4h:01) above 0 the jerk is limited (``soft``); a halt is not.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from axisbus.sim.axis import Axis
 from axisbus.sim.modes.base import Mode
 from axisbus.sim.power import Effort
 from axisbus.sim.ramp import Profile, plan_move
+from axisbus.sim.soft import SoftProfile
 from axisbus.sim.words import (
     CW_BIT_4,
     CW_CHANGE_ON_SET_POINT,
@@ -58,7 +60,7 @@ class ProfilePosition(Mode):
         self._active: SetPoint | None = None
         self._former: SetPoint | None = None  # the last one that became active
         self._buffer: SetPoint | None = None
-        self._profile: Profile | None = None
+        self._profile: Profile | SoftProfile | None = None
         self._goal: float | None = None
         self._bit_4 = False
         self._acknowledge = False
@@ -204,22 +206,30 @@ class ProfilePosition(Mode):
         self._reached = False
         self._window_timer = 0.0
         axis.clamped = point.clamped
-        self._profile = None
-        self._plan(axis, point)
+        before, self._profile = self._profile, None
+        self._plan(axis, point, before)
         self._watch_window(axis, 0.0)
 
-    def _plan(self, axis: Axis, point: SetPoint) -> None:
+    def _plan(self, axis: Axis, point: SetPoint, before: Profile | SoftProfile | None = None) -> None:
         settings = axis.settings
         speed = point.speed or min(axis.speed(settings.profile_velocity), axis.profile_speed_limit)
         acceleration = point.acceleration or axis.acceleration
         deceleration = point.deceleration or axis.deceleration
         if speed <= 0.0 or acceleration <= 0.0 or deceleration <= 0.0:
             return
-        self._profile = plan_move(
-            axis.position, axis.velocity, point.target, speed, acceleration, deceleration, point.end_speed
-        )
+        jerk = axis.profile_jerk
+        if not jerk or point.end_speed:
+            begin, soft, seconds = (axis.position, axis.velocity), None, 0.0
+        else:
+            seconds = (acceleration + deceleration) / jerk
+            soft = before if isinstance(before, SoftProfile) and before.seconds == seconds else None
+            soft = soft if soft is not None and soft.is_at(axis.position, axis.velocity) else None
+            begin = (axis.position + 0.5 * axis.velocity * seconds, axis.velocity)
+            begin = begin if soft is None else soft.ahead
+        plain = plan_move(*begin, point.target, speed, acceleration, deceleration, point.end_speed)
+        self._profile = SoftProfile(plain, seconds, begin, soft) if seconds else plain
 
-    def _run(self, axis: Axis, profile: Profile, dt: float) -> None:
+    def _run(self, axis: Axis, profile: Profile | SoftProfile, dt: float) -> None:
         position, velocity = profile.advance(dt)
         if axis.forbidden and velocity * axis.forbidden > 0.0:
             self._drop(axis)

@@ -1,0 +1,1 @@
+"""Limits of jerk in moves of one axis: by its drive, or led by the master."""

@@ -1,0 +1,78 @@
+"""Moves with a limited jerk: a trapezoid, of which the axis is always at the mean of the last while.
+
+Theory of operation
+-------------------
+Over a time of (acceleration + deceleration) / jerk the mean of a trapezoid changes its acceleration by no more than the jerk in a
+second: within that time the trapezoid's own changes by the sum of both at most. It begins and ends as the trapezoid does, later by
+that time. Positions are pieces of parabolas, so that Simpson's rule between their joints is no approximation. A new target goes on
+with the trapezoid and with its past; from anywhere else the past is a straight line, which leads to where the axis is.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from axisbus.sim.ramp import Profile
+
+_SAME = 1e-6  # increments, increments/s
+
+
+class SoftProfile:
+    """A move under way; holds the time that has passed in it, and the trapezoid before it as long as that counts."""
+
+    __slots__ = ("_before", "_line", "_raw", "_time", "done", "seconds")
+
+    def __init__(
+        self, raw: Profile, seconds: float, line: tuple[float, float], before: SoftProfile | None = None
+    ) -> None:
+        """``seconds`` (> 0): over which the mean is taken; ``line``: where the trapezoid begins, and how fast."""
+        self._raw = raw
+        self.seconds = seconds
+        self._line = line
+        self._before = before
+        self._time = 0.0
+        self.done = False
+
+    @property
+    def ahead(self) -> tuple[float, float]:
+        """Position and velocity of the trapezoid now."""
+        return self._at(self._time)
+
+    def is_at(self, position: float, velocity: float) -> bool:
+        """Whether the axis is where this move has led it."""
+        here, speed = self._mean()
+        return abs(here - position) <= _SAME and abs(speed - velocity) <= _SAME
+
+    def advance(self, dt: float) -> tuple[float, float]:
+        """Return position and velocity ``dt`` seconds (>= 0) later; at the end, exactly the target."""
+        self._time += dt
+        if self._time >= self.seconds:
+            self._before = None
+        if self._time >= self._raw.duration + self.seconds:
+            self.done = True
+            return self._raw.target, 0.0
+        return self._mean()
+
+    def _mean(self) -> tuple[float, float]:
+        begin, end = self._time - self.seconds, self._time
+        joints = sorted({begin, end, *(joint for joint in self._joints() if begin < joint < end)})
+        total = 0.0
+        for a, b in pairwise(joints):
+            first, middle, last = (self._at(t)[0] for t in (a, 0.5 * (a + b), b))
+            total += (b - a) / 6.0 * (first + 4.0 * middle + last)
+        return total / self.seconds, (self._at(end)[0] - self._at(begin)[0]) / self.seconds
+
+    def _joints(self) -> list[float]:
+        """The times at which the trapezoid, or what was before it, changes its acceleration."""
+        own = [*self._raw.joints, self._raw.duration, 0.0]
+        if self._before is None:
+            return own
+        return own + [joint - self._before._time for joint in self._before._joints()]
+
+    def _at(self, t: float) -> tuple[float, float]:
+        if t >= 0.0:
+            return self._raw.at(t)
+        if self._before is not None:
+            return self._before._at(self._before._time + t)
+        position, velocity = self._line
+        return position + velocity * t, velocity

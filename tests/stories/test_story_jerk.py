@@ -1,0 +1,296 @@
+"""Moves with a limit of jerk: by the drive where it has one, else led by the master; and never a halt that waits for it."""
+
+from __future__ import annotations
+
+import math
+import random
+from itertools import pairwise
+
+import pytest
+
+from axisbus.eds.builtin import resolve
+from axisbus.errors import ArgumentError, DriveError, LimitError, StateError
+from axisbus.motion.states import AxisState
+from axisbus.sim.device import Device
+from kit.cell import GENERIC, MODULE, cell_text
+from kit.virtual import virtual
+
+PERIOD = 0.01
+NEAR = 0.3  # degrees
+JERK = 5000.0  # deg/s³
+TYPE, LIMIT = 0x6086, 0x60A4
+LINEAR, LIMITED, JERK_FREE = 0, 3, 2
+
+
+class Demand:
+    """Where a drive leads its axis (degrees), cycle by cycle."""
+
+    def __init__(self, cell, name="x"):
+        self.places = []
+        drive, scale = cell.drive(name), cell.scale_of(name)
+        cell.each_cycle(lambda *_: self.places.append(drive.axis.position / scale))
+
+    def worst(self, order: int) -> float:
+        """The highest difference of an order, per s: 2 is the acceleration, 3 the jerk."""
+        rows = self.places
+        for _ in range(order):
+            rows = [(b - a) / PERIOD for a, b in pairwise(rows)]
+        return max(map(abs, rows))
+
+    def forget(self) -> None:
+        self.places.clear()
+
+
+class Led:
+    """Where the master leads an axis, as it was computed."""
+
+    worst, forget = Demand.worst, Demand.forget
+
+    def __init__(self, cell, name="x"):
+        self.places = []
+        core = cell.core(name)
+
+        def look(*_) -> None:
+            path = core.leading_path
+            if path is not None and path._step is not None:
+                self.places.append(path.last_step.position)
+
+        cell.each_cycle(look)
+
+
+def soft(story, eds=GENERIC, **changes):
+    """A cell of one axis whose moves have a limit of jerk by default, enabled."""
+    text = cell_text("x", eds=eds, **changes).replace(
+        "acceleration = 500.0\n", f"acceleration = 500.0\njerk = {JERK}\n", 1
+    )
+    return story.simulated(text=text).enabled()
+
+
+def of(cell, index, subindex=0):
+    return cell.device().read(index, subindex)
+
+
+# -- by the drive --------------------------------------------------------------------------------------------------------
+
+
+def test_a_drive_with_a_profile_jerk_limits_it_itself(story):
+    cell = story.simulated("x").enabled()
+    demand = Demand(cell)
+    begun = cell.now
+    assert cell.end_of(cell.x.move_absolute(100.0)) is None
+    at_once = cell.now - begun
+    assert demand.worst(3) > 3 * JERK
+    demand.forget()
+    begun = cell.now
+    assert cell.end_of(cell.x.move_absolute(0.0, jerk=JERK)) is None
+    assert (of(cell, TYPE), of(cell, LIMIT, 1)) == (LIMITED, JERK * 100)
+    # A mean of ramps: all of the jerk only where one ramp follows the other.
+    assert demand.worst(3) == pytest.approx(0.5 * JERK, rel=1e-3)
+    assert 450.0 < demand.worst(2) <= 500.5
+    assert cell.now - begun == pytest.approx(at_once + 2 * 500.0 / JERK, abs=0.05)
+    assert cell.where("x") == pytest.approx(0.0, abs=NEAR)
+    demand.forget()
+    assert cell.end_of(cell.x.move_absolute(20.0, velocity=300.0, jerk=JERK)) is None
+    assert demand.worst(3) == pytest.approx(JERK, rel=1e-3)
+
+
+def test_the_type_of_profile_is_put_back_for_what_has_no_jerk(story):
+    cell = story.simulated("x").enabled()
+    cell.end_of(cell.x.move_absolute(10.0, jerk=JERK))
+    assert of(cell, TYPE) == LIMITED
+    cell.end_of(cell.x.move_absolute(20.0))
+    assert of(cell, TYPE) == LINEAR
+    cell.end_of(cell.x.move_relative(10.0, jerk=JERK))
+    cell.end_of(cell.x.move_velocity(10.0))
+    assert of(cell, TYPE) == LINEAR
+
+
+def types_up_to(story, highest):
+    """A cell whose drive takes no more than ``highest`` in 6086h, enabled."""
+    text = resolve(GENERIC, story.folder).read_text(encoding="utf-8")
+    file = story.folder / "drive.eds"
+    file.write_text(text.replace("LowLimit=0\nHighLimit=3\n", f"LowLimit=0\nHighLimit={highest}\n"))
+    return story.simulated("x", eds="drive.eds").enabled()
+
+
+def test_a_drive_that_calls_it_by_another_number_is_asked_by_that(story):
+    cell = types_up_to(story, JERK_FREE)
+    demand = Demand(cell)
+    assert cell.end_of(cell.x.move_absolute(50.0, jerk=JERK)) is None
+    assert of(cell, TYPE) == JERK_FREE
+    assert demand.worst(3) <= JERK * 1.001
+
+
+def test_a_drive_that_refuses_both_is_told_with_its_abort_code_and_does_not_move(story):
+    cell = types_up_to(story, 1)
+    error = cell.failure_of(cell.x.move_absolute(50.0, jerk=JERK))
+    assert isinstance(error, DriveError)
+    assert "6086h" in str(error)
+    assert "abort code" in str(error)
+    assert cell.where("x") == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("index", [TYPE, LIMIT])
+def test_a_drive_that_does_not_keep_what_was_written_is_told_and_does_not_move(story, monkeypatch, index):
+    cell = story.simulated("x").enabled()
+    plain = Device.read
+    monkeypatch.setattr(Device, "read", lambda self, at, *sub: 0 if at == index else plain(self, at, *sub))
+    error = cell.failure_of(cell.x.move_absolute(10.0, jerk=JERK))
+    assert isinstance(error, DriveError)
+    assert "it is 0 after" in str(error)
+    assert cell.where("x") == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_default_limits_all_moves_and_one_of_them_may_be_without(story):
+    cell = soft(story)
+    demand = Demand(cell)
+    cell.end_of(cell.x.move_absolute(50.0))
+    assert demand.worst(3) <= JERK * 1.001
+    demand.forget()
+    cell.end_of(cell.x.move_absolute(0.0, jerk=math.inf))
+    assert demand.worst(3) > 3 * JERK
+
+
+@pytest.mark.parametrize("eds", [GENERIC, MODULE])
+def test_a_default_of_jerk_changes_no_halt_and_no_stop(story, eds):
+    ways = {}
+    for kind in ("plain", "soft"):
+        for call in ("halt", "stop", "quick_stop"):
+            cell = soft(story, eds) if kind == "soft" else story.simulated("x", eds=eds).enabled()
+            cell.x.move_absolute(500.0)
+            cell.run(1.5)
+            assert cell.x.velocity == pytest.approx(100.0, abs=3.0)
+            begun = cell.where("x")
+            assert cell.end_of(getattr(cell.x, call)()) is None
+            ways[kind, call] = cell.where("x") - begun
+    for call in ("halt", "stop", "quick_stop"):
+        assert ways["soft", call] == pytest.approx(ways["plain", call], abs=1.5)
+
+
+def test_an_override_of_a_move_with_jerk_keeps_its_jerk(story):
+    cell = soft(story)
+    demand = Demand(cell)
+    handle = cell.x.move_absolute(300.0)
+    cell.run(0.8)
+    for factor in (0.3, 1.5, 0.5):
+        cell.x.set_override(factor).wait()
+        cell.run(0.7)
+        assert cell.x.velocity == pytest.approx(100.0 * factor, abs=2.0)
+    cell.x.set_override(1.0).wait()
+    assert cell.end_of(handle) is None
+    assert demand.worst(3) <= JERK * 1.001
+    assert cell.where("x") == pytest.approx(300.0, abs=NEAR)
+
+
+# -- by the master -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("eds", [MODULE])
+def test_a_drive_without_a_profile_jerk_is_led(story, eds):
+    cell = soft(story, eds)
+    led = Led(cell)
+    handle = cell.x.move_absolute(100.0)
+    cell.run(0.8)
+    assert cell.x.snapshot.mode == 8
+    assert cell.end_of(handle) is None
+    assert 0.45 * JERK < led.worst(3) <= JERK * 1.001
+    assert 450.0 < led.worst(2) <= 500.5
+    assert cell.where("x") == pytest.approx(100.0, abs=NEAR)
+    assert cell.x.state is AxisState.STANDSTILL
+    assert cell.end_of(cell.x.move_relative(-30.0)) is None
+    assert cell.where("x") == pytest.approx(70.0, abs=NEAR)
+
+
+def test_a_led_move_is_overridden_held_and_keeps_its_jerk(story):
+    cell = soft(story, MODULE)
+    led = Led(cell)
+    handle = cell.x.move_absolute(300.0, timeout=8.0)
+    cell.run(0.8)
+    for factor in (0.3, 0.0, 1.5, 0.5):
+        cell.x.set_override(factor).wait()
+        cell.run(0.8)
+        assert cell.x.velocity == pytest.approx(100.0 * factor, abs=2.0)
+        if not factor:
+            cell.run(20.0)
+    assert cell.end_of(handle) is None
+    assert led.worst(3) <= JERK * 1.001
+    assert cell.where("x") == pytest.approx(300.0, abs=NEAR)
+
+
+def test_a_virtual_axis_is_led_softly_too(story):
+    cell = story.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
+    v = cell["v"]
+    v.enable().wait(5)
+    led = Led(cell, "v")
+    assert cell.end_of(v.move_absolute(100.0, jerk=JERK)) is None
+    assert led.worst(3) <= JERK * 1.001
+    assert v.position == 100.0
+
+
+def test_several_axes_move_directly_each_in_its_own_way(story):
+    text = cell_text("x", eds=GENERIC) + cell_text("y", eds=MODULE).partition("\n[nodes.1]")[2].join(
+        ["\n[nodes.2]", ""]
+    )
+    text = text.replace("node = 1\nunit", "node = 2\nunit").replace(
+        "[axes.x]\nnode = 2", "[axes.x]\nnode = 1"
+    )
+    text = text.replace("acceleration = 500.0\n", f"acceleration = 500.0\njerk = {JERK}\n")
+    cell = story.simulated(text=text).enabled()
+    assert cell.end_of(cell.machine.group("x", "y").move_direct((50.0, -50.0))) is None
+    assert [cell.where(name) for name in "xy"] == pytest.approx([50.0, -50.0], abs=NEAR)
+
+
+# -- what is refused, and told ---------------------------------------------------------------------------------------------
+
+
+def test_a_led_move_begins_at_rest_and_says_why(story):
+    cell = soft(story, MODULE)
+    first = cell.x.move_absolute(300.0)
+    cell.run(0.5)
+    error = cell.failure_of(cell.x.move_absolute(0.0))
+    assert isinstance(error, StateError)
+    assert "no profile jerk (60A4h with 6086h)" in str(error)
+    assert first.active
+    assert cell.end_of(first) is None
+
+
+def test_a_jerk_that_would_take_seconds_is_refused_and_nothing_moves(story):
+    cell = soft(story, MODULE)
+    error = cell.failure_of(cell.x.move_absolute(10.0, jerk=10.0))
+    assert isinstance(error, LimitError)
+    assert "jerk 10 is too small" in str(error)
+    assert cell.x.state is AxisState.STANDSTILL
+    assert cell.where("x") == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_drive_without_csp_and_without_a_profile_jerk_cannot(story):
+    cell = soft(story, MODULE, axis='modes = ["pp", "pv", "hm"]')
+    error = cell.failure_of(cell.x.move_absolute(10.0))
+    assert isinstance(error, StateError)
+    assert "its jerk cannot be limited" in str(error)
+    assert "it has not that mode" in str(error)
+    assert cell.end_of(cell.x.move_absolute(10.0, jerk=math.inf)) is None
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, "soft", 1e30])
+def test_what_is_no_jerk_is_refused_at_the_call(story, value):
+    cell = story.simulated("x")
+    with pytest.raises(ArgumentError, match=r"jerk|60A4h"):
+        cell.x.move_absolute(10.0, jerk=value)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("eds", [GENERIC, MODULE])
+def test_random_moves_under_random_overrides_keep_their_jerk(story, eds, seed):
+    cell, chance = soft(story, eds), random.Random(seed)
+    seen = Demand(cell) if eds == GENERIC else Led(cell)
+    for _ in range(4):
+        target = chance.uniform(-150.0, 150.0)
+        handle = cell.x.move_absolute(target, velocity=chance.choice([30.0, 150.0, 300.0]))
+        while handle.busy:
+            cell.run(chance.choice([0.02, 0.1, 0.4]))
+            cell.x.set_override(chance.choice([0.3, 0.7, 1.0, 1.5])).wait()
+        assert handle.done
+        assert cell.where("x") == pytest.approx(target, abs=NEAR)
+    assert seen.worst(3) <= JERK * 1.001
+    assert seen.worst(2) <= 500.0 * 1.001
