@@ -15,7 +15,7 @@ from axisbus.machine.commanding import Commanding
 from axisbus.machine.coupling import Coupling
 from axisbus.machine.handle import Handle
 from axisbus.machine.probing import ProbeHandle, input_number, probe_command, require_objects
-from axisbus.machine.request import Request, override_of, shown
+from axisbus.machine.request import Request, buffering_of, override_of, shown
 from axisbus.machine.streaming.answering import Ramps, answering_of
 from axisbus.machine.streaming.controller import Controller, Function
 from axisbus.motion import commands as c
@@ -351,7 +351,7 @@ class Axis:
         direction: int = 0,
         jerk: float | None = None,
         timeout: float | None = None,
-        buffer: bool = False,
+        buffer: bool | str = False,
     ) -> Handle:
         """Move to ``position`` (MC_MoveAbsolute, profile position mode).
 
@@ -359,8 +359,10 @@ class Axis:
         with 60A4h and 6086h limits it; any other, and a virtual axis, is led by the master in csp, from rest. A halt and a stop are
         as without.
         ``direction`` is for endless axes (``modulo``): 0 shortest way, 1 positive, -1 negative. ``timeout`` in seconds replaces the
-        deadline that the master works out. With ``buffer`` it begins when what the axis does has ended well (100 may wait), else it
-        replaces that.
+        deadline that the master works out.
+
+        With ``buffer`` (True, or ``"buffered"``) it begins when what the axis does has ended well (100 may wait), else it replaces
+        that. PLCopen's blending is for lines of a group, which may be one of this axis alone (``Group.move_linear``).
 
         Raises:
             LimitError: beyond ``position_limits``, ``max_velocity`` or ``max_acceleration``, or beyond what the object holds.
@@ -380,7 +382,7 @@ class Axis:
         deceleration: float | None = None,
         jerk: float | None = None,
         timeout: float | None = None,
-        buffer: bool = False,
+        buffer: bool | str = False,
     ) -> Handle:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
         ways = velocity, acceleration, deceleration, timeout, jerk
@@ -395,7 +397,7 @@ class Axis:
         deceleration: float | None = None,
         jerk: float | None = None,
         timeout: float | None = None,
-        buffer: bool = False,
+        buffer: bool | str = False,
     ) -> Handle:
         """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
         ways = velocity, acceleration, deceleration, timeout, jerk
@@ -408,7 +410,7 @@ class Axis:
         acceleration: float | None = None,
         deceleration: float | None = None,
         timeout: float | None = None,
-        buffer: bool = False,
+        buffer: bool | str = False,
     ) -> Handle:
         """Move at ``velocity`` (signed, unit/s) until something else is wanted (MC_MoveVelocity, profile velocity mode).
 
@@ -775,8 +777,16 @@ class Axis:
             remedy='give an axis: cell["x"]',
         )
 
-    def _submit_motion(self, name: str, command: c.Move | c.MoveVelocity, buffer: bool) -> Handle:
-        return self._submit(name, c.Buffered(command) if buffer else command)
+    def _submit_motion(self, name: str, command: c.Move | c.MoveVelocity, buffer: bool | str) -> Handle:
+        mode = buffering_of(f"{self.name}.{name}", buffer)
+        if mode is not None and mode.blends:
+            raise ArgumentError(
+                f"{self.name}.{name}: its drive would stop between both moves",
+                observed=f'buffer is "{mode.value}", and moves of one axis are planned by its drive, each to its own rest',
+                remedy="let the master lead the axis: make a group of it alone, and give all of its moves as move_linear of that with "
+                f'this buffer: cell.group("{self.name}"); or let it begin from rest: buffer="buffered"',
+            )
+        return self._submit(name, command if mode is None else c.Buffered(command))
 
     def _move_by(
         self,
@@ -784,7 +794,7 @@ class Axis:
         distance: float,
         given: tuple[float | None, float | None, float | None, float | None, float | None],
         *,
-        buffer: bool,
+        buffer: bool | str,
     ) -> Handle:
         """``given``: velocity, acceleration, deceleration, timeout and jerk."""
         name = f"move_{reference.value}({shown(distance)} {self.unit})"

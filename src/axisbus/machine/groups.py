@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
-from axisbus.machine.paths import PathRequest, one_each
-from axisbus.machine.request import override_of, shown
+from axisbus.machine.paths import PathRequest, blend_of, one_each
+from axisbus.machine.request import buffering_of, override_of, shown
 from axisbus.machine.streaming.options import options_of
 from axisbus.machine.streaming.points import PointStream
 from axisbus.motion import commands as c
+from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import (
     ForEach,
     GroupCommand,
@@ -26,6 +28,14 @@ from axisbus.motion.group.pieces import Place
 from axisbus.motion.numbers import number, told
 from axisbus.session import Target
 from axisbus.wording import counted
+
+
+class _Path(NamedTuple):
+    """What was asked for of a path, and holds for what is added to it."""
+
+    velocity: float
+    acceleration: float | None
+    blend: float
 
 
 class Group:
@@ -49,6 +59,7 @@ class Group:
         self._commanding = commanding
         self._override = 1.0
         self._kinematics = kinematics
+        self._path: _Path | None = None  # the last one, for what is added to it
         self._last: tuple[Handle, Place] | None = None  # what has moved all last, and where it ends
 
     def __repr__(self) -> str:
@@ -104,25 +115,40 @@ class Group:
         velocity: float,
         acceleration: float | None = None,
         jerk: float | None = None,
-        buffer: bool = False,
+        buffer: bool | str = False,
+        blend: float = 0.0,
     ) -> Handle:
         """Move all on a straight line to ``positions`` (in the group's order of axes) in cyclic synchronous position mode.
 
         ``velocity`` (unit/s) and ``acceleration`` (unit/s², by default the smallest of the defaults) are those of the path: the
         Euclidean length over all axes. Axes that would be asked for more than their own limits slow all down. ``jerk``
         (unit/s³): the acceleration along the path changes by no more, also in a halt and under an override; None: at once. With
-        ``buffer`` it begins when what the group does has ended well, from where that ends; at most 100 commands wait.
+        ``buffer`` (True, or ``"buffered"``) it begins when what the group does has ended well, from where that ends; at most 100
+        commands wait.
+
+        With ``"blending_low"``, ``"blending_previous"``, ``"blending_next"`` or ``"blending_high"`` (PLCopen's BufferMode) it goes
+        on from the line or path under way without a stop. The corner comes within ``blend`` (units; one axis alone needs none) of
+        the joint, and is passed with the lowest velocity of both, that of the one before, that of this one, or the highest, as far
+        as the axes' limits allow. Where the way turns back, and where it comes too late for a corner, the axes stop at the joint.
+        The handle of the one before is done when the joint has been passed. With nothing under way it begins at once.
 
         Raises:
             LimitError: an end lies beyond an axis's position limits.
-            ArgumentError: a value is missing, not finite or not positive.
+            ArgumentError: a value is missing, not finite or not positive; or it cannot blend: with ``jerk``, in a workspace.
         """
         name = f"move_linear({_list(positions)}, velocity={shown(velocity)})"
+        mode = buffering_of(f"{self.name}.{name}", buffer)
         if self._kinematics is not None:
-            request = self._request(name, "move_linear", velocity, acceleration, jerk, buffer=buffer)
-            return self._move(name, request.along([positions], 0.0))
+            self._blend(name, blend, mode, jerk)
+            request = self._request(name, "move_linear", velocity, acceleration, jerk, mode)
+            return self._move(name, request.along([positions]))
         ends = self._ends(name, positions)
-        line = MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk), buffer)
+        self._path = _Path(velocity, acceleration, blend)
+        if mode is not None and mode.blends:
+            wide = self._blend(name, blend, mode, jerk)
+            request = self._request(name, "move_linear", velocity, acceleration, None, mode, blend=wide)
+            return self._move(name, request.along([positions]))
+        line = MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk), mode is not None)
         return self._move(name, line, tuple(ends.values()))
 
     def move_path(
@@ -132,13 +158,15 @@ class Group:
         velocity: float,
         acceleration: float | None = None,
         blend: float = 0.0,
-        buffer: bool = False,
+        buffer: bool | str = False,
+        more: bool = False,
     ) -> Handle:
         """Move all on straight lines through ``points`` (positions in the group's order of axes), to the last one (MC_MovePath).
 
         Each corner is rounded so that the path comes within ``blend`` (units, Euclidean) of it, and less where a line is too short
         for that; with 0 the axes stop there. ``velocity`` and ``acceleration`` as ``move_linear``; the velocity is kept through
         corners as far as the axes' velocities and accelerations allow. At most 1000 points. ``buffer`` as ``move_linear``.
+        With ``more`` half of the last line is kept for the corner of what is added to it (``extend_path``).
 
         Raises:
             LimitError: a point lies beyond an axis's position limits.
@@ -146,8 +174,49 @@ class Group:
             StaleError: where an axis stands is not known.
         """
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
-        request = self._request(text, "move_path", velocity, acceleration, None, buffer=buffer)
-        return self._move(text, request.along(points, blend))
+        mode = buffering_of(f"{self.name}.{text}", buffer)
+        wide = self._blend(text, blend, mode)
+        request = self._request(
+            text, "move_path", velocity, acceleration, None, mode, blend=wide, more=more or _blends(mode)
+        )
+        handle = self._move(text, request.along(points))
+        self._path = _Path(velocity, acceleration, wide)
+        return handle
+
+    def extend_path(
+        self,
+        points: Sequence[Sequence[float]],
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        blend: float | None = None,
+    ) -> Handle:
+        """Add ``points`` to the path that is under way, from its end on; the handle is done when the last of them has been reached.
+
+        What comes in time is looked at together with what is ahead already: the velocity is kept through the new corner as well.
+        Where no more comes, the axes come to rest at the last point, on the path, and go on from there if more comes before its
+        handle has ended. ``velocity``, ``acceleration`` and ``blend`` are those of the last ``move_path`` of this object where they
+        are left out; of two velocities the corner is passed with the lower one. At most 1000 points in a call; what is ahead may
+        be 100 calls with 2000 lines and corners. The handles of the path, and of what was added before, are done as their ends are
+        passed. A halt, a stop or a fault ends all of them, and ``resume`` goes on to the end of all.
+
+        The handle ends with a StateError where the path has ended, or too much is ahead. Raises as ``move_path``.
+        """
+        text = f"extend_path({counted(len(points), 'point')})"
+        last = self._path
+        if last is None:
+            raise ArgumentError(
+                f"{self.name}.{text}: no path was begun to which points could be added",
+                remedy="begin one: group.move_path(points, velocity=..., blend=..., more=True)",
+            )
+        mode = BufferMode.LOW
+        speed = last.velocity if velocity is None else velocity
+        ramp = last.acceleration if acceleration is None else acceleration
+        wide = self._blend(text, last.blend if blend is None else blend, mode)
+        request = self._request(text, "extend_path", speed, ramp, None, mode, blend=wide, extends=True)
+        handle = self._move(text, request.along(points))
+        self._path = _Path(speed, ramp, wide)
+        return handle
 
     def move_circular(
         self,
@@ -159,13 +228,13 @@ class Group:
         velocity: float,
         acceleration: float | None = None,
         jerk: float | None = None,
-        buffer: bool = False,
+        buffer: bool | str = False,
     ) -> Handle:
         """Move all on an arc to ``end``, by the point ``via`` or about ``centre`` (MC_MoveCircularAbsolute, BORDER and CENTER).
 
         About a centre, for two axes: counter-clockwise as the first axis turns to the second, or ``clockwise``; once round where
         ``end`` is where they stand. ``velocity``, ``acceleration`` and ``jerk`` (that of the speed along it) as ``move_linear``;
-        the circle is slower where its curvature asks for it. ``buffer`` as ``move_linear``.
+        the circle is slower where its curvature asks for it. ``buffer`` as ``move_linear``, without blending.
 
         Raises:
             LimitError: the arc leaves an axis's position limits.
@@ -178,7 +247,13 @@ class Group:
                 f"{self.name}.{text}: one of via and centre says which circle it is",
                 remedy="give via = a point that the circle goes through, or centre = its centre",
             )
-        request = self._request(text, "move_circular", velocity, acceleration, jerk, buffer=buffer)
+        mode = buffering_of(f"{self.name}.{text}", buffer)
+        if _blends(mode):
+            raise ArgumentError(
+                f"{self.name}.{text}: a circle does not go on from another way without a stop",
+                remedy='let it begin from rest: buffer="buffered"',
+            )
+        request = self._request(text, "move_circular", velocity, acceleration, jerk, mode)
         if centre is not None:
             return self._move(text, request.about(centre, end, clockwise=clockwise))
         assert via is not None
@@ -273,14 +348,40 @@ class Group:
         velocity: float,
         acceleration: float | None,
         jerk: float | None,
+        mode: BufferMode | None,
         *,
-        buffer: bool,
+        blend: float = 0.0,
+        more: bool = False,
+        extends: bool = False,
     ) -> PathRequest:
         pace = self._pace(text, velocity, acceleration, jerk)
-        waits = buffer and self._last is not None and self._last[0].busy
+        waits = mode is not None and self._last is not None and self._last[0].busy
         after = self._last[1] if waits and self._last is not None else None
         name, kinematics = f"{self.name}.{text}", self._kinematics
-        return PathRequest(self._axes, name, call, *pace, after=after, buffer=buffer, kinematics=kinematics)
+        return PathRequest(
+            self._axes,
+            name,
+            call,
+            *pace,
+            after=after,
+            buffer=mode,
+            blend=blend,
+            more=more,
+            extends=extends,
+            kinematics=kinematics,
+        )
+
+    def _blend(self, text: str, blend: float, mode: BufferMode | None, jerk: float | None = None) -> float:
+        """Return how far corners are cut, where the group can do so."""
+        wide = blend_of(f"{self.name}.{text}", blend, mode, len(self._axes))
+        if _blends(mode) and (jerk is not None or self._kinematics is not None):
+            why = "in a workspace" if jerk is None else "with a limit of jerk"
+            raise ArgumentError(
+                f"{self.name}.{text}: {why} no corner is passed without a stop",
+                remedy='let it begin from rest: buffer="buffered"'
+                + ("; or give all points to one move_path" if jerk is None else "; or leave jerk out"),
+            )
+        return wide
 
     def _move(self, name: str, command: MoveLinear | MovePath, end: Place | None = None) -> Handle:
         """Give a command that moves all, and note where it ends: what waits for it begins there."""
@@ -334,6 +435,10 @@ class Group:
                 remedy=f"give the {what} of the path, a magnitude in the axes' unit",
             )
         return magnitude
+
+
+def _blends(mode: BufferMode | None) -> bool:
+    return mode is not None and mode.blends
 
 
 def _list(values: Sequence[float]) -> str:

@@ -7,8 +7,9 @@ from typing import TypeVar
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.axis import Axis
+from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.bent import Bent, survey
-from axisbus.motion.group.commands import MovePath
+from axisbus.motion.group.commands import MovePath, Takeover
 from axisbus.motion.group.kinematics import Kinematics
 from axisbus.motion.group.path import arc_about, arc_through, polyline, require_end
 from axisbus.motion.group.pieces import Arc, Piece, Place
@@ -30,6 +31,27 @@ def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Seque
     return values
 
 
+def blend_of(text: str, blend: float, mode: BufferMode | None = None, axes: int = 2) -> float:
+    """Return the distance within which corners are cut; a motion that takes over by ``mode`` without a stop needs one.
+
+    Raises:
+        ArgumentError: it is none; ``text`` says what was asked for. One axis alone (of ``axes``) has no corners.
+    """
+    wide = number(blend)
+    if wide is None or wide < 0.0:
+        raise ArgumentError(
+            f"{text}: blend {told(blend)} is no distance",
+            remedy="give the distance within which corners are cut, or 0 to stop at each",
+        )
+    if wide == 0.0 and axes > 1 and mode is not None and mode.blends:
+        raise ArgumentError(
+            f"{text}: without blend it would stop at the corner",
+            observed=f'buffer is "{mode.value}", blend 0',
+            remedy='give blend = the distance within which the corner may be cut, or let it begin from rest: buffer="buffered"',
+        )
+    return wide
+
+
 class PathRequest:
     """One call, such as ``xy.move_path(...)``, on its way to a ``MovePath``. ``text`` names it in messages."""
 
@@ -43,13 +65,17 @@ class PathRequest:
         jerk: float | None,
         *,
         after: Place | None = None,
-        buffer: bool = False,
+        buffer: BufferMode | None = None,
+        blend: float = 0.0,
+        more: bool = False,
+        extends: bool = False,
         kinematics: Kinematics | None = None,
     ) -> None:
         """``velocity``, ``acceleration`` and ``jerk`` (of an arc) are checked already; ``call`` is the name of the method.
 
-        ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: see ``MovePath``. Points are
-        places of the axes, with ``kinematics`` of the workspace.
+        ``after``: where what it waits for ends; None: it begins where the axes stand. ``buffer``: how it takes over, with
+        which ``blend``; it ``extends`` what is under way, or leaves room for ``more``. Points are places of the axes, with
+        ``kinematics`` of the workspace.
 
         Raises:
             ArgumentError: an axis is endless.
@@ -68,27 +94,28 @@ class PathRequest:
         start: Place = after or tuple(axis.led_to for axis in axes.values())
         self._kinematics = kinematics
         self._start = start if kinematics is None else self._reached(lambda: kinematics.forward(start))
-        self._buffer = buffer
+        self._buffer, self._blend, self._more, self._extends = buffer, blend, more, extends
 
-    def along(self, points: Sequence[Sequence[float]], blend: float) -> MovePath:
+    @property
+    def _takeover(self) -> Takeover | None:
+        if self._buffer is None or not self._buffer.blends:
+            return None
+        return Takeover(self._buffer, self._blend, self._extends)
+
+    def along(self, points: Sequence[Sequence[float]]) -> MovePath:
         """Return the path through ``points``; corners are cut by at most ``blend``.
 
         Raises:
             LimitError, ArgumentError: a point is none, there are none or too many, or ``blend`` is no distance.
         """
-        wide = number(blend)
-        if wide is None or wide < 0.0:
-            raise ArgumentError(
-                f"{self._text}: blend {told(blend)} is no distance",
-                remedy="give the distance within which corners are cut, or 0 to stop at each",
-            )
         if not 0 < len(points) <= MOST:
             raise ArgumentError(
                 f"{self._text}: a path has 1 to {MOST} points, this one has {len(points)}",
                 remedy="give its points in turn, as positions of the axes in the group's order",
             )
         places = [self.point(f"point {place + 1}", point) for place, point in enumerate(points)]
-        pieces, stops = polyline([self._start, *places], wide)
+        joins = self._takeover is not None
+        pieces, stops = polyline([self._start, *places], self._blend, joins=joins, more=joins or self._more)
         return self._path(pieces, stops)
 
     def through(self, via: Sequence[float], end: Sequence[float]) -> MovePath:
@@ -189,4 +216,5 @@ class PathRequest:
                 remedy="leave jerk out, and give less acceleration",
             )
         require_end(way, self._velocity, self._text)
-        return MovePath(tuple(self._axes), way, self._velocity, self._jerk, self._buffer)
+        waits = self._buffer is BufferMode.BUFFERED
+        return MovePath(tuple(self._axes), way, self._velocity, self._jerk, waits, self._takeover)

@@ -7,6 +7,7 @@ from numbers import Real
 
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
+from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.commands import CyclicVelocity
 from axisbus.motion.jerk.shape import has_shape
 from axisbus.motion.moves.lookahead import Known, widened
@@ -46,6 +47,24 @@ def override_of(call: str, factor: float) -> float:
             remedy="1 is the velocity of the command; 0 holds what moves, on its way",
         )
     return found
+
+
+def buffering_of(call: str, buffer: bool | str) -> BufferMode | None:
+    """Return how a motion takes over from the one before it; None: it replaces that (PLCopen's BufferMode *Aborting*).
+
+    Raises:
+        ArgumentError: ``buffer`` is none of them; ``call`` says in the text what was asked for.
+    """
+    if isinstance(buffer, bool):
+        return BufferMode.BUFFERED if buffer else None
+    try:
+        return BufferMode(buffer)
+    except ValueError:
+        raise ArgumentError(
+            f"{call}: buffer {told(buffer)} is no way to take over",
+            remedy=f"give True or one of {', '.join(mode.value for mode in BufferMode)}; or leave it out, and what is under way is "
+            "replaced",
+        ) from None
 
 
 class Request:

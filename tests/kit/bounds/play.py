@@ -138,6 +138,24 @@ class Player:
         blend = self.random.choice([0.0, 0.5, 5.0, 40.0])
         return self.group.move_path(points, **self._pace(), blend=blend, buffer=self.random.random() < 0.2)
 
+    def _blended(self) -> Handle:
+        """Lines that pass into each other, and points that are added, in time, late, or when there is nothing any more."""
+        self._rest(0.7)
+        random, handle = self.random, self.group.move_linear(self._point(), **self._pace())
+        for _ in range(random.randint(1, 8)):
+            self.cell.run(random.choice(PAUSES))
+            blend = random.choice([0.5, 5.0, 40.0])
+            with suppress(AxisbusError):
+                if random.random() < 0.5:
+                    mode = f"blending_{random.choice(['low', 'previous', 'next', 'high'])}"
+                    handle = self.group.move_linear(self._point(), **self._pace(), buffer=mode, blend=blend)
+                else:
+                    points = [self._point() for _ in range(random.randint(1, 5))]
+                    handle = self.group.extend_path(points, **self._pace(), blend=blend)
+            if random.random() < 0.2:
+                self.group.set_override(random.choice([0.2, 0.7, 1.0, 1.5]))
+        return handle
+
     def _circle(self) -> Handle:
         self._rest(0.6)
         return self.group.move_circular(self._point(), via=self._point(), **self._pace())
@@ -202,6 +220,7 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
     "line": Player._line,
     "line or circle with jerk": Player._smooth,
     "path": Player._path,
+    "lines blended": Player._blended,
     "circle": Player._circle,
     "stream": Player._stream,
     "trajectory": Player._trajectory,
@@ -215,6 +234,7 @@ ORDER: dict[str, Callable[[Player], Handle]] = {
 ORDERS = [
     *["line"] * 4,
     *["path"] * 4,
+    *["lines blended"] * 4,
     *["circle"] * 2,
     *["stream"] * 2,
     *["trajectory"] * 2,

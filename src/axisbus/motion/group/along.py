@@ -42,6 +42,10 @@ class Along:
         more_ramp = hardest / least([limit.acceleration for limit in limits], slopes)
         return self.way.slower(1.0 / (1.0 + max(more_speed, more_ramp)))
 
+    def scale(self, way: Way, by: float) -> None:
+        """Go on along ``way``, which is the same with places ``by`` times as large."""
+        self.way, self._begin, self._fade, self._last = way, self._begin * by, self._fade * by, math.nan
+
     def at(self, s: float) -> Place:
         """Return the place at ``s``."""
         if s == self._last:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from axisbus.motion import commands as c
+from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.coupling.entries import By, Entry
 from axisbus.motion.coupling.laws import Law
 from axisbus.motion.group.way import Way
@@ -45,10 +46,23 @@ class MoveLinear:
 
 
 @dataclass(frozen=True, slots=True)
+class Takeover:
+    """How a path takes over from the one that is under way, without a stop: the corner stays within ``blend`` (units) of the joint.
+
+    ``extends``: its points belong to that path, and are refused when it has ended.
+    """
+
+    mode: BufferMode
+    blend: float
+    extends: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class MovePath:
     """MC_MovePath, MC_MoveCircularAbsolute: along a ``way`` of these axes, which begins where they stand, with ``velocity``.
 
-    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited. ``buffer``: as ``MoveLinear``.
+    ``jerk`` in units/s³, where the way is one stretch; None: it is not limited. ``buffer``: as ``MoveLinear``. With ``takeover`` it
+    goes on with what is under way.
     """
 
     axes: tuple[str, ...]
@@ -56,6 +70,7 @@ class MovePath:
     velocity: float
     jerk: float | None = None
     buffer: bool = False
+    takeover: Takeover | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,8 @@ from axisbus.motion.axis.accept import accept
 from axisbus.motion.axis.accept_motion import begin_coupled, begin_follow, path_of
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.axis.queue import Queue
+from axisbus.motion.blending.join import Following
+from axisbus.motion.blending.refusals import no_path_to_extend, not_a_line, require_joint
 from axisbus.motion.broken import broken
 from axisbus.motion.coupling.joint import Joint
 from axisbus.motion.coupling.ring import require_no_ring
@@ -25,6 +27,7 @@ from axisbus.motion.group.commands import (
     MoveLinear,
     MovePath,
     ProbeMove,
+    Takeover,
 )
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.group.line import Line
@@ -71,6 +74,8 @@ class GroupCore:
             undertaking.step(self._period)
             if isinstance(undertaking.line, Stream):
                 self._look_at_stream(undertaking.line, undertaking.busy)
+            elif isinstance(undertaking.line, Line):
+                self._ended = undertaking.line.take_news() or self._ended
             if undertaking.busy is not was_busy:
                 self._ended = True
                 self._go_on_after(undertaking)
@@ -112,6 +117,9 @@ class GroupCore:
         return any(undertaking.busy for undertaking in self._under_way)
 
     def _move_along(self, command: MoveLinear | MovePath, ticket: Ticket) -> None:
+        if isinstance(command, MovePath) and command.takeover is not None:
+            self._take_over(command, command.takeover, ticket)
+            return
         if command.buffer and self._is_busy:
             self._require_no_stop(command.axes, ticket)
             self._queue.add(ticket, partial(self.accept, replace(command, buffer=False), ticket))
@@ -119,6 +127,38 @@ class GroupCore:
         self._require_rest(command.axes, ticket)
         gate = Gate()
         self._go_along(Line(command, self.axes, gate), gate, ticket)
+
+    def _take_over(self, command: MovePath, takeover: Takeover, ticket: Ticket) -> None:
+        """Let a path go on with what is under way, without a stop; where nothing is, it begins."""
+        self._require_no_stop(command.axes, ticket)
+        plain = replace(command, takeover=None)
+        if not self._is_busy:
+            if takeover.extends:
+                raise no_path_to_extend(ticket.name)
+            self._move_along(plain, ticket)
+            return
+        undertaking = self._to_join(command, takeover, ticket)
+        line = undertaking.line
+        assert isinstance(line, Line)
+        if (
+            line.is_at_its_end or not undertaking.leads_all()
+        ):  # it is coming to rest there, and nothing is kept
+            self._move_along(replace(plain, buffer=True), ticket)
+            return
+        following = Following(command.way, command.velocity, takeover.mode, takeover.blend)
+        require_joint(line, following, ticket.name)
+        line.join(following, undertaking.pass_on(ticket), ticket)
+
+    def _to_join(self, command: MovePath, takeover: Takeover, ticket: Ticket) -> Undertaking:
+        """Return what is under way, where it is one line that the command can go on with (StateError)."""
+        busy = [each for each in self._under_way if each.busy]
+        if len(busy) == 1 and not self._queue and isinstance(busy[0], Undertaking):
+            line = busy[0].line
+            if isinstance(line, Line) and line.names == command.axes:
+                return busy[0]
+        if takeover.extends:
+            raise no_path_to_extend(ticket.name)
+        raise not_a_line(ticket.name)
 
     def _continue(self, _command: GroupContinue, ticket: Ticket) -> None:
         left = self._line

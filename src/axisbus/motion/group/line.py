@@ -7,15 +7,21 @@ from collections.abc import Mapping
 
 from axisbus.errors import AxisbusError, StateError
 from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.blending.join import Following, Going, going_of, joined
+from axisbus.motion.blending.milestones import Milestones
 from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.commands import MoveLinear, MovePath
 from axisbus.motion.group.gate import Gate
 from axisbus.motion.group.path import plan_line, window_of
-from axisbus.motion.group.pieces import Place
+from axisbus.motion.group.pieces import Place, Straight
 from axisbus.motion.group.travel import Travel
-from axisbus.motion.group.way import NOWHERE
+from axisbus.motion.group.way import NOWHERE, Way
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.override.factor import FASTER
+from axisbus.motion.ticket import Ticket
+
+_NEAR = 1e-6  # units: ends that are as near are one
+MOST = 2000  # pieces (lines and corners) that are ahead, before more are refused
 
 
 class Line:
@@ -33,6 +39,13 @@ class Line:
         self._axes = {name: axes[name] for name in command.axes}
         self._left = left if left is not None and left.planned else None
         self._way, self._velocity, self._window = NOWHERE, 0.0, 1
+        self._going: Going | None = None  # once another command has joined it
+        self._along: Along | None = None
+        self._unit = 1.0  # what 1 of the way is in units
+        self._period = 0.0
+        self._coming: list[tuple[Following, Ticket]] = []  # what has joined before it was planned
+        self._milestones = Milestones()
+        self._news = False
         self.travel = Travel()
         self.planned: bool = False
         self.follows = {
@@ -63,13 +76,88 @@ class Line:
         """
         if self.planned:
             self.travel.advance(period)
+            if self._milestones:
+                self._news = self._milestones.pass_to(self.travel.t) or self._news
         elif begins:
             self._plan(name, period)
+            for following, ticket in self._coming:
+                self._join(following, ticket)
 
     def leads(self) -> bool:
         """Whether any axis was led along the way since this was asked last."""
         led = [follow.take_stepped() for follow in self.follows.values()]
         return any(led)
+
+    @property
+    def commands(self) -> int:
+        """How many commands share it, and have not ended."""
+        return 1 + len(self._milestones)
+
+    @property
+    def pieces(self) -> int:
+        """How many lines and corners are ahead, at most."""
+        return len(self._way.pieces) + sum(len(following.way.pieces) for following, _ in self._coming)
+
+    def why_not(self, following: Following) -> str:
+        """Return why another way cannot go on from this one without a stop; "" where it can."""
+        if self._command.jerk is not None:
+            return "what is under way has a limit of jerk, with which no corner is passed"
+        way = self._last_way
+        if way is not None and not isinstance(way.pieces[-1], Straight):
+            return "what is under way does not end in a straight line, of which the end could be rounded"
+        if way is not None and math.dist(way.at(way.length), following.way.at(0.0)) > _NEAR:
+            return "it does not begin where that ends"
+        return ""
+
+    @property
+    def _last_way(self) -> Way | None:
+        """The way that ends where all ends; None where that is not known yet."""
+        if self._coming and not self.planned:
+            return self._coming[-1][0].way
+        if self.planned:
+            return self._way
+        return self._command.way if isinstance(self._command, MovePath) else None
+
+    def join(self, following: Following, ticket: Ticket, next_ticket: Ticket) -> None:
+        """Go on with another way, from the end of this one; ``ticket`` ends there, and ``next_ticket`` takes over."""
+        self._milestones.add(ticket, next_ticket)
+        if self.planned:
+            self._join(following, ticket)
+        else:
+            self._coming.append((following, ticket))
+
+    def take_news(self) -> bool:
+        """Return whether a command that shares it has ended since this was asked last."""
+        news, self._news = self._news, False
+        return news
+
+    def _join(self, following: Following, ticket: Ticket) -> None:
+        going, along = self._going or self._in_units(), self._along
+        assert along is not None
+        limits = [core.parameters.limits for core in self._axes.values()]
+        found = joined(going, self.travel, following, limits, self._period)
+        self._going, self._way = found.going, found.going.way
+        self._velocity = max(self._velocity, following.velocity)
+        self.travel.take(self._way, self._going.asked)
+        along.scale(self._way, 1.0)
+        self._follow_along(along)
+        self._milestones.mark(ticket, found.mark)
+
+    def _in_units(self) -> Going:
+        """Count places in units from now on, as what joins it does."""
+        along, by = self._along, self._unit
+        assert along is not None
+        if by != 1.0:
+            self._way, self._velocity, self._unit = along.way.larger(by), self._velocity * by, 1.0
+            self.travel.scale(self._way, by)
+            along.scale(self._way, by)
+        return going_of(self._way, self._velocity)
+
+    def _follow_along(self, along: Along) -> None:
+        """Let the axes that are still on it have their shares of it."""
+        for number, follow in enumerate(self.follows.values()):
+            if follow.clock is self.travel:
+                follow.begin(Share(along, number, FASTER * self._velocity))
 
     def again(self, gate: Gate, group: Mapping[str, AxisCore], name: str) -> Line:
         """Return what goes on with it from where it was left.
@@ -98,12 +186,14 @@ class Line:
     def _plan(self, name: str, period: float) -> None:
         begin = self._take_way(name, period)
         here = tuple(self._start(axis) for axis in self._axes)
-        along = Along(self._way, begin, here)
-        for number, follow in enumerate(self.follows.values()):
-            follow.begin(Share(along, number, FASTER * self._velocity))
+        self._along = along = Along(self._way, begin, here)
+        self._follow_along(along)
         limits = [core.parameters.limits for core in self._axes.values()]
-        way = along.eased(limits, FASTER * self._velocity)
-        self.travel.begin(way, self._velocity, begin, self._window)
+        self._period, along.way = period, along.eased(limits, FASTER * self._velocity)
+        self.travel.begin(along.way, self._velocity, begin, self._window)
+        if self._going is not None:
+            self._going = self._going._replace(way=along.way)
+            self.travel.take(along.way, self._going.asked)
         self.planned = True
 
     def _take_way(self, name: str, period: float) -> float:
@@ -111,6 +201,7 @@ class Line:
         command, left = self._command, self._left
         if left is not None:
             self._way, self._velocity, self._window = left._way, left._velocity, left._window
+            self._going, self._unit = left._going, left._unit
             return left.travel.t
         if isinstance(command, MovePath):
             self._way, self._velocity = command.way, command.velocity
@@ -124,6 +215,7 @@ class Line:
                 starts, command.ends, parameters, command.velocity, command.acceleration, name
             )
             unit = math.dist(self._way.at(0.0), self._way.at(1.0))
+            self._unit = unit or 1.0
             self._window = window_of(self._way, unit, command.jerk, period, name)
         return 0.0
 

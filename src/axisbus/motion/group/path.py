@@ -85,11 +85,16 @@ def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
     return max(1, math.ceil(seconds / period))
 
 
-def polyline(points: Sequence[Place], blend: float) -> tuple[list[Piece], set[int]]:
+def polyline(
+    points: Sequence[Place], blend: float, *, joins: bool = False, more: bool = False
+) -> tuple[list[Piece], set[int]]:
     """Return the pieces of straight lines through ``points``, and at the end of which of them there is a stop.
 
     Each corner is rounded so that the way comes within ``blend`` (units) of it, and takes no more than half of a line between two
     corners; with 0, and where it goes straight back, it stops there. Points that are the same count once.
+
+    ``joins``: it goes on from another way, so that half of its first line is left for the corner between both; ``more``: another
+    one may go on from it.
     """
     least = _SAME * _size(points)
     points = _different(points, least)
@@ -98,7 +103,9 @@ def polyline(points: Sequence[Place], blend: float) -> tuple[list[Piece], set[in
     stops: set[int] = set()
     here = points[0]
     for number, tip in enumerate(points[1:], 1):
-        bend, stands = _turn(rays, number, tip, blend) if number < last else (None, False)
+        bend, stands = (
+            _turn(rays, number, tip, blend, joins=joins, more=more) if number < last else (None, False)
+        )
         end = tip if bend is None else bend.at(0.0)
         if (length := math.dist(here, end)) > least:
             pieces.append(Straight(here, end, length))
@@ -156,11 +163,12 @@ def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
 
 
 def _turn(
-    rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float
+    rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float, *, joins: bool, more: bool
 ) -> tuple[Corner | None, bool]:
     """Return how the way turns behind line ``number``: the corner, and whether it stops there instead; neither where it goes on."""
     (into, came), (out, goes) = rays[number - 1], rays[number]
-    room = min(came if number == 1 else 0.5 * came, goes if number + 1 == len(rays) else 0.5 * goes)
+    is_first, is_last = number == 1 and not joins, number + 1 == len(rays) and not more
+    room = min(came if is_first else 0.5 * came, goes if is_last else 0.5 * goes)
     try:
         found = corner(tip, into, out, within=blend, room=room)
     except ValueError:

@@ -9,7 +9,10 @@ its time is gone on with in the next stretch. So the way can be slowed down, hel
 nothing of that leads off it: what changes is the speed along it.
 
 Where the jerk along the way is limited, the place is the mean of those of the last cycles (``window``). It is on the way, too, is
-no faster and no harder, and its acceleration changes by no more than twice the acceleration in the time of those cycles.
+no faster and no harder, and its acceleration changes by no more than twice the acceleration in the time of those cycles. At a
+stop on the way it waits until the mean has come there, too.
+
+Where several commands share a way (``blending``), each stretch has its own velocity, and that with which it is to be left.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from axisbus.motion.group.way import NOWHERE
 
@@ -56,11 +59,19 @@ class Goes(Protocol):
         """Whether nothing follows it."""
 
 
+class Asked(NamedTuple):
+    """What is asked for on each stretch of a way: its velocity, and that at its end."""
+
+    velocities: Sequence[float]
+    exits: Sequence[float]
+
+
 class Travel:
     """Goes along a way; holds the place ``t``, the speed, and whether it brakes. To the axes it is their clock (``Follow``)."""
 
     __slots__ = (
         "_ahead",
+        "_asked",
         "_near",
         "_number",
         "_places",
@@ -74,6 +85,7 @@ class Travel:
 
     def __init__(self) -> None:
         self._way: Goes = NOWHERE
+        self._asked: Asked | None = None  # where it is not the same velocity everywhere
         self.velocity = 0.0
         self.factor = 1.0  # the override
         self.t = self._ahead = 0.0  # where it is, and where it would be without a limit of jerk
@@ -92,6 +104,37 @@ class Travel:
         self._ahead, self._places = at, deque([at] * window, maxlen=window)
         self._number = way.number(at)
         self._near = _NEXT * way.length
+
+    @property
+    def ahead(self) -> float:
+        """Where it would be without a limit of jerk."""
+        return self._ahead
+
+    @property
+    def window(self) -> int:
+        """Of how many cycles the mean is taken."""
+        return self._places.maxlen or 1
+
+    def take(self, way: Goes, asked: Asked) -> None:
+        """Go on along ``way``, which is the same up to where this is, and has the same numbers for places."""
+        self._way, self._asked = way, asked
+        self._number = way.number(self._ahead)
+        self._near = _NEXT * way.length
+
+    def scale(self, way: Goes, by: float) -> None:
+        """Go on along ``way``, which is the same with places ``by`` times as large."""
+        self._way, self.velocity, self.speed = way, self.velocity * by, self.speed * by
+        self.t, self._ahead = self.t * by, self._ahead * by
+        self._places = deque([place * by for place in self._places], maxlen=self._places.maxlen)
+        self._near = _NEXT * way.length
+
+    def fits(self, way: Goes, period: float) -> bool:
+        """Whether ``way`` can be gone on along from here with the present speed, within what its stretch allows."""
+        number = way.number(self._ahead)
+        slowest = self.speed - way.ramps[number] * period
+        top, leave, left = way.tops[number], way.leaves[number], way.marks[number + 1] - self._ahead
+        bound = self._bound_by(leave, way.ramps[number], left, period)
+        return slowest <= min(top, bound) + _LEAST * top or self.speed == 0.0
 
     @property
     def stopped(self) -> bool:
@@ -119,6 +162,10 @@ class Travel:
         """Go on within the stretch; return the time that is left where it was left before."""
         way, number, v = self._way, self._number, self.speed
         ramp, mark = way.ramps[number], way.marks[number + 1]
+        if self._asked is not None:
+            if v == 0.0 and self._places[0] != self._ahead == way.marks[number]:
+                return 0.0  # a stop, to which the mean comes only now
+            self._ask(self._asked, period)
         w = self._wanted(ramp * period, way.tops[number], self._bound(number, period))
         covered = 0.5 * v * v / ramp if w == 0.0 and v < ramp * period else 0.5 * (v + w) * period
         if self._ahead + covered < mark - self._near:
@@ -143,9 +190,22 @@ class Travel:
 
     def _bound(self, number: int, period: float) -> float:
         """Return the highest speed after ``period`` with which the stretch can be left as slowly as it must."""
-        way, v = self._way, self.speed
-        ramp, leave = way.ramps[number], way.leaves[number]
+        way = self._way
         left = way.marks[number + 1] - self._ahead
+        return self._bound_by(way.leaves[number], way.ramps[number], left, period)
+
+    def _ask(self, asked: Asked, period: float) -> None:
+        """Find the velocity that is asked for now, so that the stretch is left with what is asked for there."""
+        number, factor = self._number, self.factor
+        ramp, left = self._way.ramps[number], self._way.marks[number + 1] - self._ahead
+        self.velocity = asked.velocities[number]
+        if asked.exits[number] < self.velocity and factor > 0.0:
+            bound = self._bound_by(factor * asked.exits[number], ramp, left, period)
+            self.velocity = min(self.velocity, bound / factor)
+
+    def _bound_by(self, leave: float, ramp: float, left: float, period: float) -> float:
+        """Return the same for a stretch of which ``left`` is ahead, and that is to be left with ``leave``."""
+        v = self.speed
         half = 0.5 * ramp * period
         more = leave * leave + ramp * (
             2.0 * left - v * period

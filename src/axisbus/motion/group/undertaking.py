@@ -62,6 +62,21 @@ class Undertaking:
         self._reason: AxisbusError | None = None  # why, where no axis's own error says it
         ticket.begin()
 
+    @property
+    def ticket(self) -> Ticket:
+        """That of its command."""
+        return self._ticket
+
+    def leads_all(self) -> bool:
+        """Whether each of its axes is still under way by it, and nobody has dropped out."""
+        under_way = all(child.busy for child in self._children.values())
+        return self.busy and under_way and not self._called_off and self._dropped_out() is None
+
+    def pass_on(self, ticket: Ticket) -> Ticket:
+        """Be the motion of another command from now on, which has joined it; return the ticket of the one before."""
+        before, self._ticket = self._ticket, ticket
+        return before
+
     def child(self, axis: str) -> Ticket:
         """Return the ticket of what ``axis`` is told for this command."""
         child = Ticket(f"{self._ticket.name} [{axis}]")

@@ -78,6 +78,17 @@ class Way:
             for length, top, ramp in zip(lengths, self.tops, self.ramps, strict=True)
         )
 
+    def larger(self, by: float) -> Way:
+        """Return the same way with places that are ``by`` times as large, for pieces that are straight lines."""
+        rows = (self.starts, self.marks, self.tops, self.ramps, self.leaves)
+        starts, marks, tops, ramps, leaves = (tuple(by * one for one in each) for each in rows)
+        pieces = tuple(
+            replace(piece, length=by * piece.length) for piece in self.pieces if isinstance(piece, Straight)
+        )
+        shares = tuple(share / by for share in self.shares)
+        way = replace(self, pieces=pieces, starts=starts, marks=marks, tops=tops, ramps=ramps)
+        return replace(way, leaves=leaves, shares=shares)
+
     def slower(self, share: float) -> Way:
         """Return the same way with ``share`` (above 0, at most 1) of its speeds and accelerations: it can be gone along as well."""
         tops, ramps, leaves = ([share * one for one in each] for each in (self.tops, self.ramps, self.leaves))
