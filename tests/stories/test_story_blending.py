@@ -84,8 +84,10 @@ def test_where_it_turns_back_it_stops(story):
 def test_lines_round_a_square_keep_their_speed_through_the_corners(story):
     cell, group, ledger = two(story)
     lines = [group.move_linear((60.0, 0.0), velocity=60.0)]
-    for corner in [(60.0, 60.0), (0.0, 60.0), (0.0, 0.0)]:
-        lines.append(group.move_linear(corner, velocity=60.0, buffer="blending_previous", blend=4.0))
+    lines += [
+        group.move_linear(corner, velocity=60.0, buffer="blending_previous", blend=4.0)
+        for corner in [(60.0, 60.0), (0.0, 60.0), (0.0, 0.0)]
+    ]
     for line in lines:
         assert cell.end_of(line) is None
     assert place(cell) == pytest.approx([0.0, 0.0], abs=0.1)
@@ -225,7 +227,7 @@ def test_what_would_be_a_stop_is_refused_with_what_is_needed(story):
         group.move_linear((1.0, 1.0), velocity=10.0, jerk=5000.0, buffer="blending_low", blend=1.0)
     with pytest.raises(ArgumentError, match="circle"):
         group.move_circular((1.0, 1.0), via=(1.0, 0.0), velocity=10.0, buffer="blending_low")
-    with pytest.raises(ArgumentError, match="make a group of it alone"):
+    with pytest.raises(ArgumentError, match="as a group of this axis alone"):
         cell["x"].move_absolute(10.0, buffer="blending_low")
     assert cell["x"].state is AxisState.STANDSTILL
 
