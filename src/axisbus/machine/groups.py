@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -28,6 +29,8 @@ from axisbus.motion.group.pieces import Place
 from axisbus.motion.numbers import number, told
 from axisbus.session import Target
 from axisbus.wording import counted
+
+_KEPT = 256  # commands of which the ends are kept: more cannot be under way
 
 
 class _Path(NamedTuple):
@@ -60,7 +63,7 @@ class Group:
         self._override = 1.0
         self._kinematics = kinematics
         self._path: _Path | None = None  # the last one, for what is added to it
-        self._last: tuple[Handle, Place] | None = None  # what has moved all last, and where it ends
+        self._ends_at: deque[tuple[Handle, Place]] = deque(maxlen=_KEPT)  # what moves all, and where it ends
 
     def __repr__(self) -> str:
         known = self._commanding.session.dead is None
@@ -355,8 +358,7 @@ class Group:
         extends: bool = False,
     ) -> PathRequest:
         pace = self._pace(text, velocity, acceleration, jerk)
-        waits = mode is not None and self._last is not None and self._last[0].busy
-        after = self._last[1] if waits and self._last is not None else None
+        after = None if mode is None else self._end_of_all
         name, kinematics = f"{self.name}.{text}", self._kinematics
         return PathRequest(
             self._axes,
@@ -383,12 +385,18 @@ class Group:
             )
         return wide
 
+    @property
+    def _end_of_all(self) -> Place | None:
+        """Where what is under way ends, with all that goes on from it; what was refused is none of it."""
+        return next((end for handle, end in reversed(self._ends_at) if handle.busy), None)
+
     def _move(self, name: str, command: MoveLinear | MovePath, end: Place | None = None) -> Handle:
         """Give a command that moves all, and note where it ends: what waits for it begins there."""
         if end is None and isinstance(command, MovePath):
             end = command.way.at(command.way.length)
         handle = self._submit(name, command)
-        self._last = None if end is None else (handle, end)
+        if end is not None:
+            self._ends_at.append((handle, end))
         return handle
 
     def _pace(

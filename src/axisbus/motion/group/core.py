@@ -147,7 +147,10 @@ class GroupCore:
             return
         following = Following(command.way, command.velocity, takeover.mode, takeover.blend)
         require_joint(line, following, ticket.name)
-        line.join(following, undertaking.pass_on(ticket), ticket)
+        try:
+            line.join(following, undertaking.pass_on(ticket), ticket)
+        except Exception as error:  # noqa: BLE001  # whatever it is, it ends this motion
+            undertaking.break_off(broken(error, ticket.name))
 
     def _to_join(self, command: MovePath, takeover: Takeover, ticket: Ticket) -> Undertaking:
         """Return what is under way, where it is one line that the command can go on with (StateError)."""

@@ -80,7 +80,8 @@ class Line:
                 self._news = self._milestones.pass_to(self.travel.t) or self._news
         elif begins:
             self._plan(name, period)
-            for following, ticket in self._coming:
+            coming, self._coming = self._coming, []
+            for following, ticket in coming:
                 self._join(following, ticket)
 
     def leads(self) -> bool:
@@ -112,7 +113,7 @@ class Line:
     @property
     def _last_way(self) -> Way | None:
         """The way that ends where all ends; None where that is not known yet."""
-        if self._coming and not self.planned:
+        if self._coming:
             return self._coming[-1][0].way
         if self.planned:
             return self._way

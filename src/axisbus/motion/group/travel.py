@@ -110,11 +110,6 @@ class Travel:
         """Where it would be without a limit of jerk."""
         return self._ahead
 
-    @property
-    def window(self) -> int:
-        """Of how many cycles the mean is taken."""
-        return self._places.maxlen or 1
-
     def take(self, way: Goes, asked: Asked) -> None:
         """Go on along ``way``, which is the same up to where this is, and has the same numbers for places."""
         self._way, self._asked = way, asked
