@@ -47,7 +47,7 @@ from axisbus.motion.override.factor import Override
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
-from axisbus.motion.states import AxisState
+from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.aftermath import Aftermath
 from axisbus.motion.stop.diagnosis import FaultStory, History, chained, enrich, join_remedies
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
@@ -443,6 +443,8 @@ class AxisCore:
         self._arrival.begin(activity, self.image.now)
         if state is not None:
             self.state = state
+        if state in MOVING:
+            self.stopping.set_going_at = self.image.now
 
     def go_on(self, ticket: Ticket) -> None:
         """Let what runs go on for another command, which it has been given; the one before ends as replaced."""
@@ -633,6 +635,8 @@ class AxisCore:
         ended = ladder.step(image, order, self.run_down)
         if self.state is AxisState.STANDSTILL and ladder.seen not in _MAY_BE_ENERGISED:
             self.state = AxisState.DISABLED  # it may turn without power, and is waited for
+        elif self.state is AxisState.STANDSTILL and ladder.blind:
+            self.state = AxisState.STOPPING  # nobody sees any more that it stands
         if ended:
             self._stopped(ladder, image)
 
