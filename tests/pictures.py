@@ -155,7 +155,7 @@ def override_axis() -> None:
 
 
 def superimposed() -> None:
-    """A distance laid over a line, and two over an axis that is nearly as fast as it may be."""
+    """A distance laid over a line, and one over an axis that is nearly as fast as it may be."""
 
     def over_line(cell: Machine, xy: Group) -> None:
         line = xy.move_linear((60.0, 30.0), velocity=60.0, acceleration=300.0)
@@ -163,26 +163,31 @@ def superimposed() -> None:
         cell["y"].move_superimposed(8.0, velocity=25.0, acceleration=200.0).wait()
         line.wait()
 
-    def near_limit(cell: Machine, _: Group, distances: tuple[float, ...] = (-60.0, 35.0)) -> None:
-        below = cell["x"].follow(Trapezoid(cell["x"].led_to, 140.0, 324.0, 2000.0))
-        cell.sleep(0.2)
-        for distance in distances:
-            cell["x"].move_superimposed(distance, velocity=200.0, acceleration=1500.0)
-            cell.sleep(0.1)
+    def near_limit(cell: Machine, _: Group, distance: float = 0.0) -> None:
+        cell["x"].move_absolute(-160.0).wait()
+        below = cell["x"].follow(Trapezoid(cell["x"].led_to, 110.0, 324.0, 2000.0))
+        cell.sleep(0.3)
+        cell["x"].move_superimposed(distance, velocity=200.0, acceleration=1000.0)
         below.wait()
 
     figure, (path, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
     trace = traced(over_line)
     path.plot(trace.x, trace.y, color=COLOURS[0], linewidth=1.3, label="led")
     path.plot([0.0, 60.0], [0.0, 30.0], color="#999999", linewidth=1.0, linestyle=":", label="the line")
-    for name, distances, colour in (("sum", (-60.0, 35.0), COLOURS[0]), ("what is below", (), COLOURS[1])):
-        trace = traced(partial(near_limit, distances=distances))
+    for name, distance, colour in (("sum", 50.0, COLOURS[0]), ("what is below", 0.0, COLOURS[1])):
+        trace = traced(partial(near_limit, distance=distance))
         step = OVER * (trace.times[1] - trace.times[0])
         rates = [(b - a) / step for a, b in zip(trace.x, trace.x[OVER:], strict=False)]
-        speed.plot(trace.times[OVER:], rates, color=colour, linewidth=1.3, label=name)
+        begin = next(
+            n
+            for n, (rate, place) in enumerate(zip(rates, trace.x, strict=False))
+            if place < -155.0 and rate > 1.0
+        )
+        times = [time - trace.times[begin] for time in trace.times[begin + OVER :]]
+        speed.plot(times, rates[begin:], color=colour, linewidth=1.3, label=name)
     speed.axhline(360.0, color="#999999", linewidth=0.8, linestyle=":")
     path.set(xlabel="x in deg", ylabel="y in deg", title="8 deg laid over y")
-    speed.set(xlabel="s", ylabel="deg/s", title="-60 deg, superseded by 35: held to max_velocity")
+    speed.set(xlabel="s", ylabel="deg/s", title="50 deg laid over x: held to max_velocity")
     path.legend(fontsize=8)
     speed.legend(fontsize=8)
     save(figure, "superimposed.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from itertools import pairwise
 
@@ -133,6 +134,63 @@ def test_a_slave_in_step_is_displaced_and_so_is_who_follows_it(story):
     assert cell.end_of(cell["y"].gear_out()) is None
     cell.run(0.3)
     assert cell.where("y") == pytest.approx(70.0, abs=2.0 * INCREMENT)
+
+
+def test_a_shift_of_the_master_and_a_distance_of_the_slave_go_on_together(story):
+    cell = one(story, "xy")
+    assert cell.end_of(cell["y"].gear_in(cell["x"], 1.0)) is None
+    cell["x"].follow(Trapezoid(0.0, 90.0, 30.0, 100.0))
+    cell.run(0.5)
+    over = cell["y"].move_superimposed(10.0, velocity=10.0)
+    phase = cell["y"].phase_by(-4.0, velocity=5.0, acceleration=50.0)
+    assert [cell.end_of(handle) for handle in (phase, over)] == [None, None]
+    cell.run(3.0)
+    assert cell.where("y") == pytest.approx(96.0, abs=2.0 * INCREMENT)
+
+
+def test_a_stream_goes_on_beneath(story):
+    cell = one(story, "xy")
+    points = cell.machine.group("x", "y").stream(period=0.01, buffer=3.0)
+    targets = Targets(cell)
+    for number in range(250):
+        points.try_push((20.0 - 20.0 * math.cos(0.01 * number), 0.1 * number))
+    points.end()
+    cell.run(0.5)
+    assert cell.end_of(cell["x"].move_superimposed(-8.0, velocity=50.0)) is None
+    assert cell.end_of(points.handle) is None
+    assert cell.where("x") == pytest.approx(20.0 - 20.0 * math.cos(2.49) - 8.0, abs=2.0 * INCREMENT)
+    assert cell.where("y") == pytest.approx(24.9, abs=2.0 * INCREMENT)
+    assert targets.hardest <= 600.0 + STEP
+
+
+@pytest.mark.parametrize("on_fault", ["path", "each", "quick"])
+def test_the_fault_of_one_axis_of_a_line_ends_the_addition_of_another(story, on_fault):
+    more = f'[groups.table]\naxes = ["x", "y"]\non_fault = "{on_fault}"\n'
+    cell = one(story, "xy", more=more)
+    line = cell.machine.group("x", "y").move_linear((150.0, 150.0), velocity=60.0)
+    cell.run(0.5)
+    over = cell["x"].move_superimposed(60.0, velocity=30.0)
+    cell.run(0.4)
+    targets = Targets(cell)
+    cell.machine.stand_in(2).fault(0x2310)
+    assert cell.end_of(line) is not None
+    assert isinstance(cell.end_of(over), Interrupted)
+    cell.run(0.5)
+    cell.must_stand("x", within=0.1, stages=(*OFF, ENABLED) if on_fault == "quick" else ENABLED)
+    assert on_fault == "quick" or targets.hardest <= 2000.0 + STEP
+
+
+def test_cycles_that_come_late_make_an_addition_late_and_no_jump(story):
+    cell, below = going(story)
+    targets = Targets(cell)
+    over = cell.x.move_superimposed(30.0, velocity=40.0, acceleration=300.0)
+    for late in (0.0, 0.02, 0.0, 0.02, 0.0):
+        cell.cycle.dials.wait_late = late
+        cell.run(0.1)
+    assert cell.end_of(over) is None
+    assert cell.end_of(below) is None
+    assert cell.where("x") == pytest.approx(180.0, abs=INCREMENT)
+    assert targets.hardest <= 300.0 + STEP
 
 
 # Limits.

@@ -428,7 +428,7 @@ class Follow(Activity):
         if pace is None or step is None or self._told is None:
             return  # the first target is where the axis stands
         if not addition.is_admitted:
-            pace = self._pace = self._admit(addition, self._told, pace)
+            pace = self._pace = self._admit(addition, self._told)
         velocity = (place + self.shifted - step.position) / self._period
         if self._limits is not None and not self._is_known:
             error = look_ahead(addition, place + self.shifted, velocity, pace, self._limits, self._parameters)
@@ -447,9 +447,9 @@ class Follow(Activity):
             self._addition = None
         self._known_way = None
 
-    def _admit(self, addition: Addition, path: Trajectory, pace: Pace) -> Pace:
+    def _admit(self, addition: Addition, path: Trajectory) -> Pace:
         """Look at what the path tells in advance; return the pace of the sum."""
-        addition.is_admitted = True
+        addition.is_admitted, pace = True, pace_of(self._parameters, path)
         try:
             admit(addition, path, self.shifted, self._parameters)
         except LimitError as error:

@@ -3,8 +3,9 @@
 Theory of operation
 -------------------
 In each cycle the rate comes nearer to what is wanted by no more than its ramp, and stays so low that it can be at rest at the end.
-A place is the one before and the rate times the period, so a rate of n times d T leaves d T² (n² + n) / 2 until rest: the highest
-rate with which that is still there is the root of a quadratic equation, and falls by d T in each cycle from then on.
+A place is the one before and the rate times the period. So a rate w (in units of d T, d the deceleration) is followed by w - 1,
+w - 2 and so on, and leads (k + 1) w - k (k + 1) / 2 units of d T² far with its own cycle, k being the whole number below w.
+``_bound`` is the rate for which that is what is left; a cycle later it is one less, and in the last one it leads to the end.
 
 Who is held back while it should brake goes beyond its end, and comes back to it.
 """
@@ -61,15 +62,8 @@ class Shift:
 
     def wanted(self, factor: float = 1.0) -> float:
         """Return the rate of the next cycle, with ``factor`` times the velocity; nothing changes by this."""
-        left, period = self.end - self.value, self._period
-        half = 0.5 * self._down * period
-        size = abs(left)
-        bound = (
-            size / period
-            if size <= 2.0 * half * period
-            else math.sqrt(half * half + 2.0 * self._down * size) - half
-        )
-        return self._nearer(math.copysign(min(bound, self._velocity * factor), left))
+        left = self.end - self.value
+        return self._nearer(math.copysign(min(self._bound(abs(left)), self._velocity * factor), left))
 
     def braked(self) -> float:
         """Return the rate of the next cycle of one that is to come to rest; nothing changes by this."""
@@ -81,6 +75,13 @@ class Shift:
         self.value += rate * self._period
         if abs(self.end - self.value) <= _NEAR * max(abs(self.end), abs(self.value)):
             self.value = self.end
+
+    def _bound(self, left: float) -> float:
+        """Return the highest rate of the next cycle with which it can be at rest when ``left`` more is gone."""
+        change = self._down * self._period
+        length = left / (change * self._period)
+        k = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * length) - 1.0))
+        return change * (length / (k + 1) + 0.5 * k)
 
     def _nearer(self, target: float) -> float:
         """Return ``target``, or the rate that is nearest to it after one cycle."""
