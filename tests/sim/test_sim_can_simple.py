@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from itertools import pairwise
 
 import pytest
 
@@ -11,9 +12,34 @@ from axisbus.sim.can_simple import mit
 from axisbus.sim.can_simple.firmware import Firmware
 from axisbus.sim.can_simple.module import Module
 from kit.sim.module import (
-    BUS, CLEAR, CLOSED_LOOP, COUNT, ESTIMATES, ESTOP, GET_ERROR, HEARTBEAT, IDLE, IQ, LIMITS, LINEAR, MIT, POS,
-    POS_GAIN, POWERS, REBOOT, SET_ID, SET_MODE, SET_STATE, TORQUE, TORQUES, TRAJ_ACCEL, TRAJ_INERTIA, TRAJ_VEL, VEL,
-    VEL_GAINS, Bench, Wire,
+    BUS,
+    CLEAR,
+    CLOSED_LOOP,
+    COUNT,
+    ESTIMATES,
+    ESTOP,
+    GET_ERROR,
+    HEARTBEAT,
+    IDLE,
+    IQ,
+    LIMITS,
+    LINEAR,
+    POS,
+    POS_GAIN,
+    POWERS,
+    REBOOT,
+    SET_ID,
+    SET_MODE,
+    SET_STATE,
+    TORQUE,
+    TORQUES,
+    TRAJ_ACCEL,
+    TRAJ_INERTIA,
+    TRAJ_VEL,
+    VEL,
+    VEL_GAINS,
+    Bench,
+    Wire,
 )  # fmt: skip
 
 CONTROLLER = "axis0.controller.config."
@@ -34,9 +60,7 @@ def test_it_beats_and_tells_its_position_by_the_factorys_periods(bench):
     beats = [frame.time for frame in bench.heard if frame.can_id == 0x0A1]
     estimates = [frame.time for frame in bench.heard if frame.can_id == 0x0A9]
     assert len(beats) in (10, 11)
-    assert [after - before for before, after in zip(beats, beats[1:], strict=False)] == pytest.approx(
-        [0.1] * (len(beats) - 1)
-    )
+    assert [after - before for before, after in pairwise(beats)] == pytest.approx([0.1] * (len(beats) - 1))
     assert len(estimates) in (100, 101, 102)
     assert {frame.command for frame in bench.heard} == {HEARTBEAT, ESTIMATES}
 

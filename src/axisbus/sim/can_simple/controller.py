@@ -5,9 +5,9 @@ Theory of operation
 An input mode makes a set-point of the input; the position loop makes of that a velocity (feed-forward plus ``pos_gain`` times the
 error), which is limited by ``vel_limit`` and by what the current limit lets the motor accelerate. The motor follows the integral of
 this velocity. So nothing jumps, whatever comes in: on entering closed loop, and with each change of mode, all begins where the
-motor is and as fast as it is. The velocity loop is the motor model's own; of its gains only whether there is one is seen. Torque and MIT
-push the motor by their formula. Units are those of the firmware: turns, turns/s, N·m, all of the rotor; MIT's gains act on rotor
-turns and give torque at the output.
+motor is and as fast as it is. The velocity loop is the motor model's own; of its gains only whether there are any is seen. Torque
+and MIT push the motor by their formula. Units are those of the firmware: turns, turns/s, N·m, all of the rotor; MIT's gains act on
+rotor turns and give torque at the output.
 """
 
 from __future__ import annotations
