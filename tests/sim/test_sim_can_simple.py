@@ -260,7 +260,7 @@ def test_the_manuals_example_of_position_control():
         (0x00C, "CDCC0C4000000000"),
     ):
         bench.send(can_id, bytes.fromhex(data))
-    bench.run(6.0)
+    bench.run(8.0)
     assert bench.module.position == pytest.approx(2.2, abs=1e-4)
     assert max(plant.position for plant in bench.plant) < 2.2001  # the filter does not overshoot
     bench.must_be_smooth()
