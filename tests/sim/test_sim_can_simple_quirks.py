@@ -86,9 +86,9 @@ def test_after_a_restart_the_turns_are_forgotten_and_the_branch_may_be_another(b
     assert bench.floats(ESTIMATES)[0] == 0.25
     bench.order(SET_STATE, IDLE)
     bench.module.dials.branch = 0.142469
-    bench.order(REBOOT)
-    bench.order(REBOOT)
-    bench.run(2.0)
+    for _ in range(2):
+        bench.order(REBOOT)
+        bench.run(2.0)
     bench.enable()
     assert bench.floats(ESTIMATES)[0] == pytest.approx(0.25 + 0.142469)
 
