@@ -67,7 +67,7 @@ class Controller:
 
     def start(self) -> None:
         """Closed loop begins."""
-        self._running, self._since_input = True, None
+        self._running = True
         self.mode_changed()
 
     def mode_changed(self) -> None:
@@ -77,7 +77,7 @@ class Controller:
         self._setpoint = self.input_pos = shaft.turns - shaft.origin
         self._rate = self._velocity
         self._profile, self.trajectory_done = None, True
-        self._running_away = None
+        self._since_input = self._running_away = None
         self.torque_setpoint = 0.0
 
     def stop(self) -> None:

@@ -118,9 +118,9 @@ class Talk:
             Command.SET_LINEAR_COUNT: (4, self._set_linear_count),
             Command.DISABLE_CAN: (0, lambda _: wishes.disable_can()),
             Command.SAVE_CONFIGURATION: (0, lambda _: wishes.save()),
-        } | {
-            command: (struct.calcsize(row[0]), partial(self._set, *row)) for command, row in _SETTINGS.items()
         }
+        for command, row in _SETTINGS.items():
+            self._commands[command] = (struct.calcsize(row[0]), partial(self._set, *row))
 
     @property
     def bus_current(self) -> float:
