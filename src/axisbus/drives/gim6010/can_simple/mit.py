@@ -28,6 +28,10 @@ from axisbus.errors import ArgumentError
 MIT_CONTROL = named("Mit_Control")
 
 
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
 @dataclass(frozen=True, slots=True)
 class MitRanges:
     """What the ends of the wire's values mean: ± rad, ± rad/s and ± N·m at the output; gains from 0, as the firmware has them.
@@ -160,10 +164,6 @@ def output_stiffness(kp: float, gear: float) -> float:
 def output_damping(kd: float, gear: float) -> float:
     """Return the damping at the output, in N·m per rad/s, of a gain of MIT control; as ``output_stiffness``."""
     return kd * gear / math.tau
-
-
-def _finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _spans(table: tuple[Field, ...], ranges: MitRanges) -> Iterator[tuple[Field, str, float, float]]:
