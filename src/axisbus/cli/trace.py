@@ -93,7 +93,7 @@ def command(
     With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
     names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.
 
-    A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. Nothing in a frame tells which protocol it is of.
+    A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. Nothing in a frame tells its protocol.
 
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
     """

@@ -52,7 +52,7 @@ class Modules:
         found = readings(frame.can_id, frame.data, remote=frame.remote)
         said = " or ".join(filter(None, (_one(each, frame.data) for each in found)))
         wrong = [each.words for each in found if isinstance(each, Unexpected)]
-        from_module = all(isinstance(each, Reading) and each.from_module for each in found)
+        from_module = any(isinstance(each, Reading) and each.from_module for each in found)
         text = said or frame.data.hex(" ").upper() or "no data"
         return Told(node, _named(command, Words(text, problem="; ".join(wrong))), from_module or bool(wrong))
 

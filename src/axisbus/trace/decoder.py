@@ -5,8 +5,9 @@ Theory of operation
 ``Decoder.feed`` takes frames in the order of the wire and never raises: whatever cannot be read is a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
 connection set (CiA 301 7.3.5). Before all of them come the frames of the nodes that are named as CAN Simple's
-(``can_simple``) and of a module that was found to speak another protocol (``drives.gim6010.factory``). What a finished SDO transfer has set or read of the communication objects (1005h, 1014h, 12xxh,
-14xxh to 1Bxxh) changes how the frames after it are read, exactly as it changes what the node does.
+(``can_simple``) and of a module that was found to speak another protocol (``drives.gim6010.factory``). What a finished SDO transfer
+has set or read of the communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how the frames after it are read, exactly
+as it changes what the node does.
 """
 
 from __future__ import annotations
