@@ -118,10 +118,9 @@ def test_nothing_but_an_argument_error_comes_of_a_bad_list(document):
     text = document if isinstance(document, bytes) else json.dumps(document)
     try:
         found = parse(text, "x")
-    except ArgumentError as error:
-        assert error.remedy
-    else:
-        assert all(each.type in FORMATS for each in found.endpoints.values())
+    except ArgumentError:
+        return
+    assert all(each.type in FORMATS for each in found.endpoints.values())
 
 
 # -- whether it fits ------------------------------------------------------------------------------------------------------------
@@ -138,7 +137,7 @@ def test_a_list_that_has_the_version_elsewhere_is_refused(number):
         each for each in LIST if each["name"] != "fw_version_minor" and each["name"] != "fw_version_major"
     ]
     moved = [*members, leaf("fw_version_major", 9), *([leaf("fw_version_minor", 12)] if number else [])]
-    with pytest.raises(ArgumentError, match="it has fw_version_minor (at 12|not at all), and every list"):
+    with pytest.raises(ArgumentError, match=r"it has fw_version_minor (at 12|not at all), and every list"):
         FittedList(parse(json.dumps(moved), "x"), V13, V13)
 
 
