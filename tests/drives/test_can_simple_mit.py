@@ -47,6 +47,16 @@ def test_no_command_becomes_eight_zeros(position, velocity, kp, kd, torque, rang
     assert any(packed.frame.data)
 
 
+@pytest.mark.parametrize("node", [0, 1, 63])
+@pytest.mark.parametrize(
+    ("data", "remote"), [(bytes(8), False), (b"", False), (bytes(3), False), (b"", True), (b"\1", True)]
+)
+def test_no_caller_makes_a_frame_of_zeros_by_hand(node, data, remote):
+    with pytest.raises(ArgumentError, match="full negative torque"):
+        Outgoing(node << 5 | 8, data, remote)
+    assert Outgoing(node << 5 | 9, data, remote).data == data
+
+
 def test_what_keeps_it_from_zeros_has_no_effect_and_is_told():
     packed = mit.pack(1, MitCommand(-12.5, -65, 0, 0, -50))
     assert packed.frame.data == bytes.fromhex("00 00 00 10 00 00 00 00")

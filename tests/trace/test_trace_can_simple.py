@@ -102,4 +102,4 @@ def test_the_command_line(monkeypatch, capsys, tmp_path):
     assert "701h" not in out
     code, _, err = run("trace", log, "--can-simple", "99")
     assert code != 0
-    assert "99 is no node ID of CAN Simple" in err
+    assert "'99' is no node ID of CAN Simple" in err

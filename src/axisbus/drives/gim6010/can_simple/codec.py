@@ -22,16 +22,29 @@ from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
 Outcome = Reading | Request | Unexpected
+_MIT = messages.named("Mit_Control").command
 _OWN_ENCODERS = {"Mit_Control": "mit", "RxSdo": "endpoint_messages", "TxSdo": "endpoint_messages"}
 
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A classic CAN frame with an 11-bit identifier, to be sent; a ``remote`` one asks for eight bytes and carries none."""
+    """A classic CAN frame with an 11-bit identifier, to be sent; a ``remote`` one asks for eight bytes and carries none.
+
+    Raises:
+        ArgumentError: it is one of Mit_Control with nothing but zeros, or a remote one, of which nobody knows what the module takes
+            for its data: zeros are full negative torque. So no caller can make one by mistake either.
+    """
 
     can_id: int
     data: bytes = b""
     remote: bool = False
+
+    def __post_init__(self) -> None:
+        if self.can_id & 0x1F == _MIT and (self.remote or not any(self.data)):
+            raise ArgumentError(
+                "Mit_Control without data, or with zeros alone, is full negative torque and never sent",
+                remedy="pack the command that is meant",
+            )
 
 
 def encode(node: int, message: Message, values: Mapping[str, Number] | None = None) -> Outgoing:
