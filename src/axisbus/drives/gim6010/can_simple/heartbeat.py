@@ -6,7 +6,7 @@ The manual has three layouts (v2.2, 4.1.2), and no frame names its own. Firmware
 and controller; 0.5.12 put these into bits and added a life counter; 0.5.13 added the system's bit. Owners report more: bit 3
 instead of bit 7 for "trajectory done" in the oldest, and a temperature in the byte that the manual reserves. A frame with all
 flags down fits every layout. So a reading keeps all layouts that its bytes allow, and says of a flag only what they agree on; where
-one of them says fault, it is a fault. What follows from several frames (a counter counts, a flag byte does not) narrows them:
+one of them says fault, it is a fault. What follows from several frames (a counter goes on, a flag byte stands) narrows them:
 ``Heartbeats``. A flag of 1 is taken for a fault, as the manual's first layout and most owners say; one owner reads it the other
 way.
 """
@@ -160,15 +160,9 @@ class Heartbeats:
         fresh = replace(self, layouts=ALL, _still=0) if not fits.layouts else self
         still = fresh._still + 1 if data[7] == self._byte else 0
         layouts = fresh.layouts - _WITH_LIFE if still >= _STILL else fresh.layouts
-        if self._counts_on(data[7]):
-            layouts -= {Layout.FIRST}
         beat = read(node, data, layouts)
         assert isinstance(beat, Heartbeat)  # its length is good
         return fresh._noted(beat, data[7], still)
-
-    def _counts_on(self, byte: int) -> bool:
-        """Whether the last byte went on by one: flags could do so from 0 to 1 and from 8 to 9, and back to 0 from none."""
-        return self._byte >= 0 and (byte - self._byte) % 256 == 1 and byte & ~0x89 != 0
 
     def _noted(self, beat: Heartbeat, byte: int, still: int) -> Heartbeats:
         gap = restarted = 0
