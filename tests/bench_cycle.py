@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 import can
 from can.interfaces.socketcan import socketcan
 
-from axisbus.bus.link.cyclic import CyclicSocket
+from axisbus.bus.link.raw.cyclic import CyclicSocket
 from kit.again import again
 from kit.bench import echo
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -151,6 +152,45 @@ def override_axis() -> None:
     speed.set(xlabel="s", ylabel="deg/s", title="how fast, and the override of the cell")
     place.legend(fontsize=8)
     save(figure, "override-axis.png")
+
+
+def superimposed() -> None:
+    """A distance laid over a line, and one over an axis that is nearly as fast as it may be."""
+
+    def over_line(cell: Machine, xy: Group) -> None:
+        line = xy.move_linear((60.0, 30.0), velocity=60.0, acceleration=300.0)
+        cell.sleep(0.3)
+        cell["y"].move_superimposed(8.0, velocity=25.0, acceleration=200.0).wait()
+        line.wait()
+
+    def near_limit(cell: Machine, _: Group, distance: float = 0.0) -> None:
+        cell["x"].move_absolute(-160.0).wait()
+        below = cell["x"].follow(Trapezoid(cell["x"].led_to, 110.0, 324.0, 2000.0))
+        cell.sleep(0.3)
+        cell["x"].move_superimposed(distance, velocity=200.0, acceleration=1000.0)
+        below.wait()
+
+    figure, (path, speed) = plt.subplots(1, 2, figsize=(10, 3.4), layout="constrained")
+    trace = traced(over_line)
+    path.plot(trace.x, trace.y, color=COLOURS[0], linewidth=1.3, label="led")
+    path.plot([0.0, 60.0], [0.0, 30.0], color="#999999", linewidth=1.0, linestyle=":", label="the line")
+    for name, distance, colour in (("sum", 50.0, COLOURS[0]), ("what is below", 0.0, COLOURS[1])):
+        trace = traced(partial(near_limit, distance=distance))
+        step = OVER * (trace.times[1] - trace.times[0])
+        rates = [(b - a) / step for a, b in zip(trace.x, trace.x[OVER:], strict=False)]
+        begin = next(
+            n
+            for n, (rate, place) in enumerate(zip(rates, trace.x, strict=False))
+            if place < -155.0 and rate > 1.0
+        )
+        times = [time - trace.times[begin] for time in trace.times[begin + OVER :]]
+        speed.plot(times, rates[begin:], color=colour, linewidth=1.3, label=name)
+    speed.axhline(360.0, color="#999999", linewidth=0.8, linestyle=":")
+    path.set(xlabel="x in deg", ylabel="y in deg", title="8 deg laid over y")
+    speed.set(xlabel="s", ylabel="deg/s", title="50 deg laid over x: held to max_velocity")
+    path.legend(fontsize=8)
+    speed.legend(fontsize=8)
+    save(figure, "superimposed.png")
 
 
 def jerk() -> None:
@@ -389,6 +429,18 @@ def workspace() -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for draw in (corners, override, override_axis, jerk, jerk_axis, gear, cam, controller, stream, workspace):
+    for draw in (
+        corners,
+        override,
+        override_axis,
+        superimposed,
+        jerk,
+        jerk_axis,
+        gear,
+        cam,
+        controller,
+        stream,
+        workspace,
+    ):
         draw()
         print(draw.__name__, flush=True)

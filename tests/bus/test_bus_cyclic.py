@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.bus.link import cyclic
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.cyclic import CyclicSocket, all_but, cyclic_socket
+from axisbus.bus.link.raw import cyclic
+from axisbus.bus.link.raw.cyclic import CyclicSocket, all_but, cyclic_socket
 from axisbus.errors import AdapterError
 from kit.bus.peer import FakeBus
 
@@ -101,6 +101,29 @@ def test_a_clock_that_is_set_makes_no_frame_older_than_the_last_look_or_of_the_f
 def test_a_short_frame_ends_the_look(line):
     line.far.send(b"\1\2")
     assert list(line.drain()) == []
+
+
+def test_more_frames_than_one_call_brings_come_all(line):
+    for number in range(200):
+        line.far.send(frame(0x181, bytes((number,))))
+    assert [data[0] for _, data, _ in line.drain()] == list(range(200))
+    assert line.drain() == []
+
+
+def test_the_frames_of_a_pair_whose_other_end_has_gone_are_the_last(line):
+    line.far.send(frame(0x181, b"\1"))
+    line.far.close()
+    assert [data for _, data, _ in line.drain()] == [b"\1"]
+    assert line.drain() == []
+
+
+def test_the_time_of_a_frame_is_not_that_of_the_one_before_in_its_place(line):
+    line.far.send(frame(0x181, b""))
+    ((_, _, first),) = line.drain()
+    time.sleep(0.02)
+    line.far.send(frame(0x181, b""))
+    ((_, _, second),) = line.drain()
+    assert 0.015 <= second - first <= 1.0
 
 
 # -- on a channel ---------------------------------------------------------------------------------------------------------

@@ -14,8 +14,8 @@ import can
 import pytest
 
 from axisbus.bus.link.cable import cable
-from axisbus.bus.link.line import PythonCanLine, SocketCanLine, line_of
 from axisbus.bus.link.pair import PairBus
+from axisbus.bus.link.raw.line import PythonCanLine, SocketCanLine, line_of
 
 
 @pytest.fixture
@@ -243,3 +243,38 @@ def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
     assert not [
         told for told in caplog.messages if PairBus.__name__ in told
     ]  # others' buses may go here, too
+
+
+def test_many_frames_go_out_in_order_by_few_calls(ends):
+    line = SocketCanLine(ends[0])
+    sent = [(0x200 + number, bytes((number,) * (number % 9))) for number in range(150)]
+    sent[77] = (0x1234_5678, b"\7")
+    assert line.send_all(sent) == 150
+    ends[1].setblocking(False)
+    single = SocketCanLine(ends[0])
+    received = [ends[1].recv(100) for _ in sent]
+    for can_id, data in sent:
+        single.send(can_id, data)
+        assert ends[1].recv(100) == received.pop(0)
+
+
+def test_of_many_frames_as_many_are_taken_as_the_queue_has_room_for(ends):
+    line = SocketCanLine(ends[0])
+    filled = 0
+    while (took := line.send_all([(0x205, bytes(8))] * 100)) == 100:
+        filled += took
+    assert took < 100
+    assert line.send_all([(0x205, b"")]) == 0
+    ends[1].recv(100)
+    assert line.send_all([(0x206, b"")] * 9) < 9
+
+
+def test_a_socket_that_is_gone_takes_none_of_many():
+    line = SocketCanLine(_closed())
+    assert line.send_all([(0x205, b"")]) == 0
+    with pytest.raises(can.CanOperationError):
+        line.send(0x205, b"")
+
+
+def test_another_adapter_takes_frames_one_at_a_time():
+    assert PythonCanLine(None, None).send_all([(0x205, b"")]) == 0

@@ -41,6 +41,8 @@ COMMANDS: dict[str, Callable] = {
     "set position": lambda x: x.set_position(1.0),
     "probe": lambda x: x.probe(),
     "probe abort": lambda x: x.probe_abort(),
+    "superimposed": lambda x: x.move_superimposed(5.0),
+    "halt superimposed": lambda x: x.halt_superimposed(),
     "follow": lambda x: x.follow(Trapezoid(x.position, x.position + 2.0, 20.0, 100.0)),
 }
 

@@ -6,6 +6,7 @@ Every wait is for a condition with a generous deadline, so that a busy computer 
 from __future__ import annotations
 
 import itertools
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,6 +18,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from axisbus.errors import AdapterError
+from axisbus.sim.can_simple.module import Module
 from axisbus.sim.device import Device
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.node.node import object_dictionary
@@ -271,3 +273,16 @@ def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
     wait_for(lambda: not broken._thread.is_alive(), "the failure")
     with pytest.raises(AdapterError, match="ZeroDivisionError"):
         broken.close()
+
+
+def test_a_module_of_another_protocol_stands_beside_the_devices(channel):
+    module = Module(16, eds=drive_eds())
+    with StandIns(channel, [Device(drive_eds(), 40)], guests=[module]):
+        master = Master(channel)
+        try:
+            master.until(lambda message: message.arbitration_id == 16 << 5 | 1, "its heartbeat")
+            master.send(16 << 5 | 0x17, "0000000000000000")
+            answer = master.until(lambda message: message.arbitration_id == 16 << 5 | 0x17, "its supply")
+            assert bytes(answer.data) == struct.pack("<ff", 24.0, 0.0)
+        finally:
+            master.bus.shutdown()

@@ -663,6 +663,28 @@ FOUND: Mapping[str, Script] = {
         scene="usual",
         ending="busy-close",
     ),
+    # Nothing of the way had been seen yet, as the feedback was late: the halt was done while the axis turned.
+    "a halt of a motion that feedback has not shown yet": Script(
+        "lagging",
+        (
+            Event(0.2, "late_feedback", "x", 0.33),
+            Event(0.1, "move_velocity", "x", 0.92),
+            Event(0.1, "halt", "x", 0.89),
+        ),
+        scene="no-demand",
+        ending="busy-close",
+    ),
+    # The quick stop of a halt at rest went out blind, and Standstill was said until it was over.
+    "feedback that is lost while an axis is halted at rest": Script(
+        "lagging",
+        (
+            Event(0.5, "halt", "y", 0.0),
+            Event(0.0, "sync_lost", "y", -0.82),
+            Event(0.0, "other_sets_point", "y", 0.75),
+        ),
+        scene="usual",
+        ending="closed-twice",
+    ),
 }
 
 

@@ -172,16 +172,14 @@ class CanCycle:
             BusError: the channel failed, does not receive any more, or refuses to send.
         """
         try:
-            self._channel.check()
+            frames: list[Frame] = []
             for port in self._ports:
-                for can_id, data in port.take_frames():
-                    if self._stopped:  # while the frame before was stuck: this one may enable the drive again
-                        return
-                    self._channel.send(can_id, data)
+                frames += port.take_frames()
+            if self._stopped or not self._send(frames):
+                return
+            for port in self._ports:
                 if port.asks:
                     self._ask(port)
-                if self._stopped:
-                    return
         except BusOff:
             for port in self._ports:
                 port.drop_frames()
@@ -189,6 +187,14 @@ class CanCycle:
             now = self._clock()
             for events in self._events:
                 events.look(now)
+
+    def _send(self, frames: list[Frame]) -> bool:
+        """Send them in this order; return False where all was stopped meanwhile."""
+        for can_id, data in frames[self._channel.send_all(frames) :]:
+            if self._stopped:  # while the frame before was stuck: this one may enable the drive again
+                return False
+            self._channel.send(can_id, data)
+        return not self._stopped
 
     def _ask(self, port: Sender) -> None:
         """Ask for the TPDOs that come on request."""

@@ -55,6 +55,12 @@ class Count(NamedTuple):
 @bus_options
 @source_options
 @click.option(
+    "--can-simple",
+    default="",
+    metavar="N,N,...",
+    help="Node IDs of modules that speak CAN Simple; their frames are decoded as such.",
+)
+@click.option(
     "--filter", "filters", multiple=True, metavar="KEY=VALUE,...", help="Show only node=, kind= or object=."
 )
 @click.option("--without", multiple=True, metavar="KEY=VALUE,...", help="Leave out what this filter names.")
@@ -73,6 +79,7 @@ def command(
     option: tuple[str, ...],
     cell: Path | None,
     eds: tuple[str, ...],
+    can_simple: str,
     filters: tuple[str, ...],
     without: tuple[str, ...],
     errors_only: bool,
@@ -86,29 +93,33 @@ def command(
     With a cell.toml, or with -i and -c, it listens to the bus; it sends nothing. Objects have names and units by the cell file,
     names by --eds 5=drive.eds, and else by the standards; mappings that are set during the recording are learned from it.
 
+    A GIM6010-8 that speaks CAN Simple is decoded when it is named: --can-simple 0,1. Nothing in a frame tells its protocol.
+
     Filters are joined by "and", the values of one by "or": --filter node=1,x --filter kind=sdo,emcy --filter object=6041.
     """
     from axisbus.trace import filters as wanted
+    from axisbus.trace.can_simple import nodes_of
 
     asked = Asked(source, interface, channel, bitrate, option, cell, eds)
     axes = asked.axes if filters or without else ()
     unwanted = wanted.parse(without, axes) if without else None
     look = Look(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
+    simple = nodes_of(can_simple) if can_simple else ()
     with ExitStack() as stack:
         opened = open_frames(stack, asked, seconds)
-        seen = _show(opened, look, count)
+        seen = _show(opened, look, count, simple)
     _tell(opened, seen)
     if not seen.frames and interface is not None:
         _listen_elsewhere(opening_of(None, interface, channel, bitrate, option))
     return WRONG if errors_only and seen.trouble else OK
 
 
-def _show(opened: Opened, look: Look, most: int | None) -> Count:
+def _show(opened: Opened, look: Look, most: int | None, simple: tuple[int, ...]) -> Count:
     from axisbus.drives.gim6010.factory import told
     from axisbus.trace.decoder import Decoder
     from axisbus.trace.tally import Tally
 
-    decoder, seen, tally, start = Decoder(opened.known), Count(), Tally(), None
+    decoder, seen, tally, start = Decoder(opened.known, simple), Count(), Tally(), None
     with suppress(KeyboardInterrupt):  # the usual end of listening
         for frame in opened.frames:
             start = frame.time if start is None and not look.absolute else start

@@ -10,7 +10,8 @@ time.
 
 from __future__ import annotations
 
-from collections import Counter
+from array import array
+from collections.abc import Sequence
 from enum import Enum
 from math import frexp
 
@@ -32,51 +33,85 @@ class Cause(Enum):
     NOT_RUN = "this program was not run in time"
 
 
+_CAUSES = tuple(Cause)
+# Where which number stands; behind them those of each cause, and of each class.
+_CYCLES, _SKIPPED, _LAST, _TOTAL, _WORST, _FIRST_CAUSE = range(6)
+_FIRST_CLASS = _FIRST_CAUSE + len(_CAUSES)
+COUNTS = _FIRST_CLASS + _CLASSES  # numbers in all
+
+
 class Lateness:
-    """Counts the cycles of one scan; written by its thread, read by any."""
+    """Counts the cycles of one scan; written by its thread, read by any, also of another process where the numbers are shared."""
 
-    __slots__ = ("_causes", "_classes", "cycles", "last", "skipped", "total", "worst")
+    __slots__ = ("_counts",)
 
-    def __init__(self) -> None:
-        self.cycles = 0
-        self.skipped = 0
-        self.last = 0.0
-        self.worst = 0.0
-        self.total = 0.0
-        self._causes: Counter[Cause] = Counter()
-        self._classes = [0] * _CLASSES
+    def __init__(self, counts: array[float] | memoryview[float] | None = None) -> None:
+        """``counts``: where its ``COUNTS`` numbers stand, as they are; None: here, from 0 on."""
+        self._counts: array[float] | memoryview[float] = (
+            array("d", bytes(8 * COUNTS)) if counts is None else counts
+        )
+
+    def share(self, other: Lateness) -> None:
+        """Go on counting where the other one does."""
+        for place, number in enumerate(self._counts):
+            other._counts[place] = number
+        self._counts = other._counts
+
+    @property
+    def cycles(self) -> int:
+        """How many were done."""
+        return int(self._counts[_CYCLES])
+
+    @property
+    def skipped(self) -> int:
+        """How many were not."""
+        return int(self._counts[_SKIPPED])
+
+    @property
+    def last(self) -> float:
+        """How late the last one was, in seconds."""
+        return self._counts[_LAST]
+
+    @property
+    def worst(self) -> float:
+        """How late the latest one was, in seconds."""
+        return self._counts[_WORST]
 
     def note(self, late: float) -> None:
         """Count one cycle that began ``late`` seconds after its time."""
-        self.cycles += 1
-        self.last = late
-        self.total += late
-        if late > self.worst:
-            self.worst = late
-        self._classes[_class_of(late)] += 1
+        counts = self._counts
+        counts[_LAST] = late
+        counts[_TOTAL] += late
+        if late > counts[_WORST]:
+            counts[_WORST] = late
+        counts[_FIRST_CLASS + _class_of(late)] += 1
+        counts[_CYCLES] += 1
 
     def skip(self, cycles: int, cause: Cause) -> None:
         """Count cycles that were not done."""
-        self.skipped += cycles
-        self._causes[cause] += cycles
+        self._counts[_SKIPPED] += cycles
+        self._counts[_FIRST_CAUSE + _CAUSES.index(cause)] += cycles
 
     def report(self) -> LatenessReport:
         """Return what was counted so far."""
-        mean = self.total / self.cycles if self.cycles else 0.0
-        causes = {cause.value: count for cause, count in self._causes.copy().items()}
+        seen = [*self._counts]
+        cycles, skipped, worst = int(seen[_CYCLES]), int(seen[_SKIPPED]), seen[_WORST]
+        found = zip(_CAUSES, seen[_FIRST_CAUSE:_FIRST_CLASS], strict=True)
+        causes = {cause.value: int(count) for cause, count in found if count}
+        half, most = (_quantile(share, seen[_FIRST_CLASS:], worst) for share in (0.5, 0.99))
         return LatenessReport(
-            self.cycles, self.skipped, mean, self._quantile(0.5), self._quantile(0.99), self.worst, causes
+            cycles, skipped, seen[_TOTAL] / cycles if cycles else 0.0, half, most, worst, causes
         )
 
-    def _quantile(self, share: float) -> float:
-        """The upper edge of the class in which this share of all cycles is reached; never more than the worst."""
-        classes = self._classes.copy()
-        wanted, seen = share * sum(classes), 0
-        for number, count in enumerate(classes):
-            seen += count
-            if seen and seen >= wanted:
-                return min(self.worst, _edge(number))
-        return 0.0
+
+def _quantile(share: float, classes: Sequence[float], worst: float) -> float:
+    """The upper edge of the class in which this share of all cycles is reached; never more than the worst."""
+    wanted, seen = share * sum(classes), 0.0
+    for number, count in enumerate(classes):
+        seen += count
+        if seen and seen >= wanted:
+            return min(worst, _edge(number))
+    return 0.0
 
 
 def cause_of(late: float, overrun: float, sending: float, collecting: float) -> Cause:

@@ -665,6 +665,49 @@ class Axis:
             ),
         )
 
+    def move_superimposed(
+        self,
+        distance: float,
+        *,
+        velocity: float | None = None,
+        acceleration: float | None = None,
+        deceleration: float | None = None,
+    ) -> Handle:
+        """Lay ``distance`` over what leads the axis along a path, which goes on meanwhile (MC_MoveSuperimposed). Does not block.
+
+        For an axis that the master leads: on a line, path or stream of a group, a trajectory, a gear or cam, a soft move of the
+        master's, what goes on from these. The motion below goes on displaced: at its end ``position`` is its own end and
+        ``distance``, and its handle waits for an addition under way. Another one supersedes this one, from its present speed.
+
+        ``velocity`` (unit/s) and ramps (unit/s²) are those of the addition, by default the axis's. The sum keeps ``max_velocity``
+        and ``max_acceleration``: the addition is slower, or waits. ``position_limits`` hold for the sum: a LimitError ends the
+        handle, and brakes the addition alone. An override slows it, too. There is no limit of jerk.
+
+        The handle is done when all is laid over. It ends with a StateError where nothing leads the axis (at standstill, or where
+        its drive plans the move), with a LimitError where what leads it takes all of ``max_acceleration``, or with what ends the
+        motion below: a halt, a stop, a fault, another command.
+
+        Raises:
+            LimitError: beyond ``max_velocity`` or ``max_acceleration``.
+            ArgumentError: not finite, not positive, or a default is missing.
+        """
+        name = f"move_superimposed({shown(distance)} {self.unit})"
+        command = self._request(name).superimposed(distance, velocity, acceleration, deceleration)
+        return self._submit(name, command)
+
+    def halt_superimposed(self, *, deceleration: float | None = None) -> Handle:
+        """Brake what is laid over the motion, by ``deceleration`` (unit/s²) or its own (MC_HaltSuperimposed). Does not block.
+
+        The motion below goes on, displaced by what has been laid over it until then. Harmless where nothing is.
+
+        Raises:
+            LimitError: beyond ``max_acceleration``.
+            ArgumentError: not finite or not above 0.
+        """
+        name = "halt_superimposed()"
+        down = None if deceleration is None else self._request(name).acceleration(deceleration)
+        return self._submit(name, c.HaltSuperimposed(down))
+
     # -- touch probe -------------------------------------------------------------------------------------------------
 
     def probe(

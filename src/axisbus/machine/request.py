@@ -8,7 +8,7 @@ from numbers import Real
 from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.commands import CyclicVelocity
+from axisbus.motion.commands import CyclicVelocity, MoveSuperimposed
 from axisbus.motion.jerk.shape import has_shape
 from axisbus.motion.moves.lookahead import Known, widened
 from axisbus.motion.moves.profile import Profile
@@ -279,6 +279,15 @@ class Request:
             what = f"velocity increments per {self._unit}/s, without which no ramp can be made"
             raise self.missing("velocity_scale", what, in_call=False)
         return CyclicVelocity(self._turn(velocity), abs(up * scale.factor), abs(down * scale.factor))
+
+    def superimposed(
+        self, distance: float, velocity: float | None, acceleration: float | None, deceleration: float | None
+    ) -> MoveSuperimposed:
+        """Return a distance that is to be laid over a motion, and how; what is left out comes from the defaults."""
+        self.distance(distance)  # no more than a position can hold
+        speed = self.positive("velocity", self._or_default("velocity", velocity), f"{self._unit}/s")
+        self._check_velocity(speed)
+        return MoveSuperimposed(float(distance), speed, *self._magnitudes(acceleration, deceleration))
 
     def _check_velocity(self, velocity: float) -> None:
         limit = self._parameters.limits.velocity

@@ -205,6 +205,23 @@ class PhaseBy:
 
 
 @dataclass(frozen=True, slots=True)
+class MoveSuperimposed:
+    """MC_MoveSuperimposed: ``distance`` is laid over what leads the axis, in its unit, per s and per s²; all but it above 0."""
+
+    distance: float
+    velocity: float
+    acceleration: float
+    deceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class HaltSuperimposed:
+    """MC_HaltSuperimposed: the addition comes to rest, by ``deceleration`` (unit/s²; None: its own); the path goes on."""
+
+    deceleration: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """The stop ladder down to a disabled drive, on the way out of the program; ``quick`` begins with quick stop."""
 
@@ -251,6 +268,8 @@ Command = (
     | ProbeAbort
     | SetOverride
     | PhaseBy
+    | MoveSuperimposed
+    | HaltSuperimposed
     | Shutdown
     | PolicyStop
     | HandOver

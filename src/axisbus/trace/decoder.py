@@ -4,14 +4,15 @@ Theory of operation
 -------------------
 ``Decoder.feed`` takes frames in the order of the wire and never raises: whatever cannot be read is a value that says so.
 Identifiers are looked up in this order: SYNC, EMCY and SDO channels as learned, PDOs as known or learned, and then the predefined
-connection set (CiA 301 7.3.5). Before all of them come the frames of a module that was found to speak another protocol
-(``drives.gim6010.factory``). What a finished SDO transfer has set or read of the communication objects (1005h, 1014h, 12xxh,
-14xxh to 1Bxxh) changes how the frames after it are read, exactly as it changes what the node does.
+connection set (CiA 301 7.3.5). Before all of them come the frames of the nodes that are named as CAN Simple's
+(``can_simple``) and of a module that was found to speak another protocol (``drives.gim6010.factory``). What a finished SDO transfer
+has set or read of the communication objects (1005h, 1014h, 12xxh, 14xxh to 1Bxxh) changes how the frames after it are read, exactly
+as it changes what the node does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from axisbus.bus.link import errorframe
 from axisbus.cia301 import abort, cob
@@ -19,7 +20,7 @@ from axisbus.cia301 import objects as o
 from axisbus.cia301.frame import Frame
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010 import factory
-from axisbus.trace import lss, services, shown
+from axisbus.trace import can_simple, lss, services, shown
 from axisbus.trace.decoded import Decoded, Kind, ObjectValue, Sdo
 from axisbus.trace.known import NOTHING, Known, KnownNode
 from axisbus.trace.pdos import Parameters, PdoTable
@@ -42,8 +43,10 @@ _PREDEFINED_PDOS = {
 class Decoder:
     """Decodes one bus; holds state: the running SDO transfers, learned identifiers and mappings, last NMT states and modes."""
 
-    def __init__(self, known: Known = NOTHING) -> None:
+    def __init__(self, known: Known = NOTHING, simple: Collection[int] = ()) -> None:
+        """``simple`` are the node IDs (0 to 63) of modules that speak CAN Simple."""
         self._known = known
+        self._modules = can_simple.Modules(simple)
         self._values = Values(known)
         self._pdos = PdoTable(tuple(known.nodes.values()))
         self._dialogues: dict[tuple[int, int], Dialogue] = {}  # request and response identifier
@@ -60,6 +63,11 @@ class Decoder:
         """Return what a frame says."""
         delta = 0.0 if self._before is None else frame.time - self._before
         self._before = frame.time
+        told = self._modules.told(frame)
+        if told is not None:
+            return _Making(frame, delta, Kind.FOREIGN, told.node, "").words(
+                told.words, from_node=told.from_node
+            )
         self.foreign.note(frame)
         speaker = self.foreign.speaker(frame)
         if speaker is not None:

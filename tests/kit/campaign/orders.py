@@ -134,6 +134,12 @@ ORDERS: Mapping[str, Order] = {
     "phase": Order(
         lambda cell, name, value: cell[name].phase_by(20.0 * value, velocity=30.0, acceleration=200.0)
     ),
+    "superimposed": Order(
+        lambda cell, name, value: cell[name].move_superimposed(
+            60.0 * value, velocity=20.0 + 200.0 * abs(value)
+        )
+    ),
+    "halt_superimposed": Order(lambda cell, name, _: cell[name].halt_superimposed()),
     "cam": Order(_cam),
     "gear_out": Order(lambda cell, name, _: cell[name].gear_out()),
     "move_softly": Order(

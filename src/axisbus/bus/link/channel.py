@@ -28,7 +28,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -37,11 +37,11 @@ import can
 
 from axisbus.bus.link import adapter, errorframe, failures
 from axisbus.bus.link.controller import Controller, ControllerEvent
-from axisbus.bus.link.cyclic import CyclicSocket, cyclic_socket
 from axisbus.bus.link.errorframe import Condition
 from axisbus.bus.link.inherited import disown_in_children
-from axisbus.bus.link.line import line_of
 from axisbus.bus.link.network import Network
+from axisbus.bus.link.raw.cyclic import CyclicSocket, cyclic_socket
+from axisbus.bus.link.raw.line import line_of
 from axisbus.bus.link.recording import of_message
 from axisbus.cia301 import cob
 from axisbus.cia301.drops import Drops, Fault
@@ -220,9 +220,10 @@ class Channel:
             return
         try:
             counters, receivers = self.counters, self._receivers
-            for can_id, data, stamp in self._cyclic.drain():
-                counters.received += 1
-                counters.octets += len(data)
+            taken = self._cyclic.drain()
+            counters.received += len(taken)
+            counters.octets += sum([len(data) for _, data, _ in taken])
+            for can_id, data, stamp in taken:
                 if self._ears or self._taps:
                     self._tell_ears(Frame(stamp, can_id, data))
                 for receiver in receivers.get(can_id, ()):
@@ -281,6 +282,25 @@ class Channel:
         counters.octets += len(data)
         if self._taps:
             self._tell_taps(can_id, data)
+
+    def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
+        """Send data frames by as few calls as the adapter needs, without waiting; return how many it took. For the scan's thread.
+
+        The others are for ``send``, which waits for a full queue and says what is wrong.
+
+        Raises:
+            BusOff: the controller is bus-off; no frame was queued.
+            AdapterError: the channel has failed.
+        """
+        self.check()
+        taken = self._line.send_all(frames)
+        counters = self.counters
+        counters.sent += taken
+        counters.octets += sum([len(data) for _, data in frames[:taken]])
+        if self._taps:
+            for can_id, data in frames[:taken]:
+                self._tell_taps(can_id, data)
+        return taken
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
         """Send a remote frame (node guarding needs it) with the data length of the frame that it asks for.

@@ -10,7 +10,8 @@ from typing import Any
 
 import can
 
-from axisbus.bus.link.line import EXTENDED, FRAME, REMOTE
+from axisbus.bus.link.raw.batch import FRAME
+from axisbus.bus.link.raw.line import EXTENDED, REMOTE
 from axisbus.cia301 import cob
 
 if sys.platform != "win32":  # only Unix has them

@@ -13,6 +13,7 @@ from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.numbers import Seconds
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.paths import PATH
+from axisbus.cli.sim.modules import CanSimple, Wanted, modules, told
 from axisbus.cli.sim.served_cell import with_bus
 from axisbus.core.served.faults_file import load_faults
 from axisbus.core.served.served import Served
@@ -25,7 +26,14 @@ _PORT = 29536  # socketcand's own
 
 
 @click.command("sim")
-@click.argument("cell", type=PATH)
+@click.argument("cell", type=PATH, required=False)
+@click.option(
+    "--can-simple",
+    "wanted",
+    type=CanSimple(),
+    multiple=True,
+    help="Beside them a GIM6010-8 that speaks CAN Simple, with this node ID (0 to 63) and firmware; repeat it for more.",
+)
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any that is free."
 )
@@ -37,7 +45,8 @@ _PORT = 29536  # socketcand's own
 )
 @click.option("--for", "seconds", type=Seconds(), help="How long, in seconds; without, until Ctrl-C.")
 def command(
-    cell: Path,
+    cell: Path | None,
+    wanted: tuple[Wanted, ...],
     port: int,
     output: Path | None,
     force: bool,
@@ -47,23 +56,40 @@ def command(
 ) -> int:
     """Simulate the drives of CELL for other terminals and programs, on a port of this computer alone.
 
+    With --can-simple there may be no CELL. From firmware 0.6.8 on such a module only beats in its 29-bit protocol.
+
     It speaks the protocol of socketcand, so that python-can's interface of that name and other tools which know it join. No
     hardware is needed or touched, whatever [bus] says in CELL. Ctrl-C ends it; then its drives are gone.
     """
-    config = checked(cell)
-    _require_beside(config, output)
+    config = None if cell is None else checked(cell)
+    _require_enough(config, wanted, {"-o": output, "--faults": faults, "--control": control})
+    if config is not None:
+        _require_beside(config, output)
     require_free(output, force=force)
-    planned = () if faults is None else load_faults(faults, config)
-    served = Served(config, planned)
+    planned = () if faults is None or config is None else load_faults(faults, config)
+    served = Served(config, planned, modules(wanted))
     with served.serve(port, control) as server:
-        _tell(config, server, control)
-        if output is not None:
+        _tell(config, wanted, server, control)
+        if output is not None and config is not None:
             write_whole(output, with_bus(config.source, _bus(server)).encode())
             say(f"or take {output}, which is {cell} with this bus: axisbus boot {output}")
         with suppress(KeyboardInterrupt):  # the usual end
             for line in served.play(seconds):
                 say(line)
     return OK
+
+
+def _require_enough(
+    config: CellConfig | None, wanted: tuple[Wanted, ...], options: dict[str, Path | None]
+) -> None:
+    """Without a cell file there must be modules, and nothing that is said of a cell."""
+    if config is not None:
+        return
+    if not wanted:
+        raise click.UsageError("give a cell file, or modules with --can-simple")
+    for option, value in options.items():
+        if value is not None:
+            raise click.UsageError(f"{option} belongs to the drives of a cell file: give one, too")
 
 
 def _require_beside(config: CellConfig, output: Path | None) -> None:
@@ -77,11 +103,19 @@ def _require_beside(config: CellConfig, output: Path | None) -> None:
         )
 
 
-def _tell(config: CellConfig, server: Server, control: Path | None) -> None:
+def _tell(
+    config: CellConfig | None, wanted: tuple[Wanted, ...], server: Server, control: Path | None
+) -> None:
+    if wanted:
+        say(f"{told(wanted)}; on port {server.port}")
+    options = f"-i socketcand -c {server.channel} -O host={LOOPBACK} -O port={server.port}"
+    if config is None:
+        say("in another terminal:")
+        say(f"  axisbus trace {options}")
+        return
     say(
         f"{counted(len(config.nodes), 'simulated node')} of {config.file} on port {server.port}; in another terminal:"
     )
-    options = f"-i socketcand -c {server.channel} -O host={LOOPBACK} -O port={server.port}"
     say(f"  axisbus scan {options}")
     say("in a cell file:")
     for line in ("[bus]", *_bus(server)):

@@ -12,12 +12,10 @@ from axisbus.wire.messages import Condition
 
 # Of the core itself; in the order of ``Session``.
 OF_CORE: Mapping[str, Callable[[Session], Any]] = {
-    "lateness": lambda session: session.lateness,
     "node_events": lambda session: session.node_events,
     "bus_events": lambda session: session.bus_events,
     "commands": lambda session: session.commands,
     "drops": lambda session: session.drops,
-    "carried": lambda session: session.carried,
     "programs": lambda session: session.programs,  # while the core lives its clients tell (``desk``)
     "bus_time": lambda session: session.bus_time,
 }

@@ -19,6 +19,7 @@ from axisbus.core.process.feeding import Feeder
 from axisbus.core.process.launch import Processes
 from axisbus.core.process.nodes import RemoteEvents, RemoteNode, RemoteObjects
 from axisbus.core.process.session import Errors, RemoteSession
+from axisbus.core.process.tally import Tally
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 from axisbus.wire import messages as m
@@ -65,7 +66,8 @@ class RemoteCore:
         self._calls = Calls(stream, self._soon(), self._later(), self._gone)
         image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
         io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
-        self.session = RemoteSession(self._calls, image, io, self._errors, {}, cell.bus.scan_period)
+        tally = Tally(process.memory, len(cell.axes), len(cell.io))
+        self.session = RemoteSession(self._calls, image, io, tally, self._errors, {}, cell.bus.scan_period)
         self._calls.start()
         self._warden_over = threading.Event()
         self._warden = self._watch_warden(process.warden)

@@ -15,9 +15,9 @@ import axisbus
 from axisbus.bus.link import ownership
 from axisbus.bus.link.cable import cable
 from axisbus.cell.model import SIMULATED, BusConfig, CellConfig
+from axisbus.core.process import tally
 from axisbus.core.process.duty import Duty
 from axisbus.core.tuning import APART, FIFO, IN_A_THREAD, LOCKED, OWN_PROCESS, isolated, permitted
-from axisbus.wire import io_image
 
 _END = (
     15.0  # seconds that core and warden may take to end once they have been left: a rescue may be under way
@@ -67,7 +67,7 @@ class Processes:
         near, control = socket.socketpair() if simulated else none
         self.control: socket.socket | None = near
         memory = os.memfd_create("axisbus image")
-        os.ftruncate(memory, io_image.offset(axes) + io_image.size_of(len(cell.io)))
+        os.ftruncate(memory, tally.offset(axes, len(cell.io)) + tally.SIZE)
         self.memory = mmap.mmap(memory, 0)
         others = (drives, far, control, lock)
         own = (line.fileno(), memory, tell.fileno(), os.getpid())

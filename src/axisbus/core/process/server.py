@@ -41,6 +41,7 @@ from axisbus.core.process.kept.journal import journal
 from axisbus.core.process.lifeline import Lifeline
 from axisbus.core.process.outlet import Outlet
 from axisbus.core.process.reach import reach
+from axisbus.core.process.tally import Tally
 from axisbus.core.runtime import Runtime
 from axisbus.core.tuning import OWN_PROCESS, IdleCollector, take_priority, take_processor
 from axisbus.eds.model import Eds
@@ -168,6 +169,9 @@ class Server:
         self._faults = Faults(cell, core.session, core.nodes, outlet, reader, self._degree)
         if cell.io:
             core.scan.io.note = IoImage(self._memory, self._axes, tuple(cell.io)).write
+        tally = Tally(self._memory, self._axes, len(cell.io))
+        tally.take(core.scan.lateness)
+        core.session.observe(tally.writer(link.carried))
         core.session.observe(outlet.after_cycle)
         core.session.observe(self._faults.after_cycle)
         core.session.observe(self._lifeline.after_cycle)

@@ -17,6 +17,7 @@ from axisbus.core.inherited import inherited
 from axisbus.core.lateness import hanging
 from axisbus.core.process.calls import Calls, gone
 from axisbus.core.process.streams import Trajectories
+from axisbus.core.process.tally import Tally
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError
 from axisbus.interruption import sheltered
@@ -80,6 +81,7 @@ class RemoteSession:
         calls: Calls,
         image: ImageReader,
         io: IoImage,
+        tally: Tally,
         errors: Errors,
         axes: Mapping[str, AxisFacts],
         period: float,
@@ -88,6 +90,7 @@ class RemoteSession:
         self._calls = calls
         self._image = image
         self._io = io
+        self._tally = tally
         self._errors = errors
         self._axes = dict(axes)
         self._period = period
@@ -163,6 +166,16 @@ class RemoteSession:
         """As ``Session.waiter``."""
         return self._waiter
 
+    @property
+    def lateness(self) -> LatenessReport:
+        """As ``Session.lateness``."""
+        return self._tally.lateness
+
+    @property
+    def carried(self) -> Carried | None:
+        """As ``Session.carried``, up to the last cycle."""
+        return self._tally.carried
+
     # -- questions -----------------------------------------------------------------------------------------------------
 
     @property
@@ -192,21 +205,9 @@ class RemoteSession:
         return found
 
     @property
-    def carried(self) -> Carried | None:
-        """As ``Session.carried``; blocks for an answer of the core."""
-        found: Carried | None = self._calls.ask("carried")
-        return found
-
-    @property
     def programs(self) -> tuple[Program, ...]:
         """As ``Session.programs``; blocks for an answer of the core."""
         return tuple(self._calls.ask("programs"))
-
-    @property
-    def lateness(self) -> LatenessReport:
-        """As ``Session.lateness``; blocks for an answer of the core."""
-        found: LatenessReport = self._calls.ask("lateness")
-        return found
 
     # -- commands ------------------------------------------------------------------------------------------------------
 

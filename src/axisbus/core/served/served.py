@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from axisbus.core.served.control import ControlDoor
 from axisbus.core.served.player import Player
 from axisbus.core.stand_in import StandIn, devices
 from axisbus.core.tuning import take_priority
+from axisbus.eds.model import Eds
+from axisbus.sim.can_simple.module import Module
 from axisbus.sim.faults.plan import PlannedFault
 from axisbus.sim.node.network import StandIns
 from axisbus.sim.served.server import Server
@@ -22,18 +24,21 @@ _STEP = 0.005  # seconds between two looks at what faults wait for
 
 
 class Served:
-    """Holds the devices of a cell, and while they are served the player of their faults."""
+    """Holds the devices of a cell, modules of other protocols beside them, and while they are served the player of the faults."""
 
-    def __init__(self, cell: CellConfig, faults: Sequence[PlannedFault]) -> None:
-        """Make the devices; blocks for the files that they are made from.
+    def __init__(
+        self, cell: CellConfig | None, faults: Sequence[PlannedFault], modules: Sequence[Module] = ()
+    ) -> None:
+        """Make the devices; blocks for the files that they are made from. Without a cell there are ``modules`` alone.
 
         Raises:
             EdsError: one is missing or cannot be read.
         """
         self._cell = cell
         self._faults = tuple(faults)
-        self._dictionaries = load_dictionaries(cell)
-        self._devices = devices(cell, self._dictionaries)
+        self._modules = tuple(modules)
+        self._dictionaries: Mapping[int, Eds] = {} if cell is None else load_dictionaries(cell)
+        self._devices = {} if cell is None else devices(cell, self._dictionaries)
         self._player: Player | None = None
 
     @contextmanager
@@ -48,12 +53,12 @@ class Served:
             server = Server(port)
             stack.callback(server.close)
             network = stack.enter_context(
-                StandIns(server.channel, list(self._devices.values()), bus=server.bus)
+                StandIns(server.channel, list(self._devices.values()), bus=server.bus, guests=self._modules)
             )
             if control is not None:
                 made = {node_id: StandIn(device, network.lock) for node_id, device in self._devices.items()}
                 stack.callback(ControlDoor(control, made).close)
-            if self._faults:
+            if self._faults and self._cell is not None:
                 self._player = Player(
                     self._faults, self._cell, self._dictionaries, self._devices, network.lock
                 )

@@ -31,6 +31,9 @@ from typing import NamedTuple
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import Frame
 from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.can_simple.identifier import split
+from axisbus.drives.gim6010.can_simple.messages import BY_COMMAND
+from axisbus.drives.gim6010.can_simple.states import STATES
 from axisbus.wording import counted
 
 ENOUGH = 4  # frames that make a heartbeat
@@ -50,55 +53,6 @@ _RESERVED = (
 _HEARTBEAT_29 = 0x48
 _FLAGS = 0x8F  # motor, encoder, controller, system fault, trajectory done (bit 7)
 _LEGACY_FLAGS = 0x89  # of firmware 0.5.11 and earlier, in the last byte
-
-STATES = {
-    1: "idle",
-    2: "start-up",
-    3: "full calibration",
-    4: "motor calibration",
-    5: "sensorless control",
-    6: "encoder index search",
-    7: "encoder calibration",
-    8: "closed loop",
-    9: "lock-in spin",
-    10: "encoder direction search",
-    11: "homing",
-    12: "Hall polarity calibration",
-    13: "Hall phase calibration",
-    14: "anticogging or inertia calibration",
-    15: "encoder linearisation",
-    16: "motor dead-time calibration",
-}
-# Manual v2.2, 4.1.2: the table of messages.
-COMMANDS = {
-    0x01: "Heartbeat",
-    0x02: "Estop",
-    0x03: "Get_Error",
-    0x04: "RxSdo",
-    0x05: "TxSdo",
-    0x06: "Set_Axis_Node_ID",
-    0x07: "Set_Axis_State",
-    0x08: "Mit_Control",
-    0x09: "Get_Encoder_Estimates",
-    0x0A: "Get_Encoder_Count",
-    0x0B: "Set_Controller_Mode",
-    0x0C: "Set_Input_Pos",
-    0x0D: "Set_Input_Vel",
-    0x0E: "Set_Input_Torque",
-    0x0F: "Set_Limits",
-    0x10: "Start_Anticogging",
-    0x11: "Set_Traj_Vel_Limit",
-    0x12: "Set_Traj_Accel_Limits",
-    0x13: "Set_Traj_Inertia",
-    0x14: "Get_Iq",
-    0x16: "Reboot",
-    0x17: "Get_Bus_Voltage_Current",
-    0x18: "Clear_Errors",
-    0x19: "Set_Linear_Count",
-    0x1A: "Set_Pos_Gain",
-    0x1B: "Set_Vel_Gains",
-    0x1C: "Get_Torques",
-}
 
 
 class Protocol(Enum):
@@ -309,8 +263,8 @@ def simple_node(can_id: int) -> int:
 
 def command(can_id: int) -> str:
     """Return the name of CAN Simple's command in an identifier."""
-    number = can_id & (1 << _COMMAND_BITS) - 1
-    return COMMANDS.get(number, f"command {number:02X}h")
+    number = split(can_id).command
+    return BY_COMMAND[number].name if number in BY_COMMAND else f"command {number:02X}h"
 
 
 def error_words(error: int) -> str:

@@ -19,22 +19,34 @@ ERROR_REGISTER = (0x1001, 0)
 OBJECTS = (ERROR_BITS_LOW, ERROR_BITS_HIGH, ERROR_REGISTER)
 
 SEE_BITS = 0xFF00
+_NOT_TOLD = "-"
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault: the part of the firmware, its bit (one bit of 36), the code in 603Fh, and the bit of 1001h that goes with it."""
+    """One fault: the part of the firmware, its bit (one bit of 36), the code in 603Fh, and the bit of 1001h that goes with it.
+
+    ``code`` and ``register_bit`` are None where nobody has told them. What to compare is ``objects`` on CANopen, ``parameter`` on
+    the other interfaces; empty where there is nothing.
+    """
 
     category: str
     name: str
     bits: int
-    code: int
-    register_bit: int
+    code: int | None
+    register_bit: int | None
     meaning: str
     remedy: str
+    objects: str = ""
+    parameter: str = ""
 
     def __str__(self) -> str:
-        return f"{self.category} {self.name}: {self.meaning}" + (f" ({self.remedy})" if self.remedy else "")
+        return self.words(self.objects)
+
+    def words(self, compare: str = "") -> str:
+        """Return what it means and what to do, with what to ``compare`` (its objects or its parameter)."""
+        todo = f"{self.remedy}; compare {compare}" if compare else self.remedy
+        return f"{self.category} {self.name}: {self.meaning} ({todo})"
 
 
 def _read() -> tuple[Fault, ...]:
@@ -43,10 +55,12 @@ def _read() -> tuple[Fault, ...]:
             row["category"],
             row["name"],
             int(row["bits"], 16),
-            int(row["code"], 16),
-            int(row["register_bit"]),
+            None if row["code"] == _NOT_TOLD else int(row["code"], 16),
+            None if row["register_bit"] == _NOT_TOLD else int(row["register_bit"]),
             row["meaning"],
             row["remedy"],
+            row["object"],
+            row["parameter"],
         )
         for row in rows(__package__, "faults.tsv")
     )
@@ -90,10 +104,26 @@ def _narrowed(faults: Iterable[Fault], code: int, register: int | None) -> list[
     """Return the faults that fit the code, and of them those that fit the error register, as far as any do."""
     left = list(faults)
     if code:
-        left = [fault for fault in left if fault.code == code] or left
+        left = [fault for fault in left if fault.code in (code, None)] or left
     if register:
-        left = [fault for fault in left if register >> fault.register_bit & 1] or left
+        left = [fault for fault in left if _registered(fault, register)] or left
     return left
+
+
+def _registered(fault: Fault, register: int) -> bool:
+    return fault.register_bit is None or bool(register >> fault.register_bit & 1)
+
+
+def words(category: str, error: int) -> list[str]:
+    """Return what an error word of one category says, a sentence for each bit, with the parameter to compare; none of 0."""
+    return [_of_category(category, bit) for bit in _single(error)]
+
+
+def _of_category(category: str, bit: int) -> str:
+    for fault in FAULTS:
+        if fault.category == category and fault.bits == bit:
+            return f"{fault.words(fault.parameter)} [bit 0x{bit:08X}]"
+    return f"{category} bit 0x{bit:08X} is not in the module's fault table"
 
 
 def _sentence(faults: list[Fault], what: str) -> str:

@@ -10,7 +10,7 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.cia402.state import ENERGISED, State
 from axisbus.errors import AxisbusError, DriveFault, StateError, Stopped
 from axisbus.motion import commands as c
-from axisbus.motion.axis import accept_cyclic, accept_motion
+from axisbus.motion.axis import accept_cyclic, accept_motion, accept_superimposed
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.group.gate import OPEN, Gate
 from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
@@ -314,6 +314,8 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, Ticket, Gate], None]] = {
     c.ProbeAbort: _probe_abort,
     c.SetOverride: _set_override,
     c.PhaseBy: accept_motion.phase_by,
+    c.MoveSuperimposed: accept_superimposed.move,
+    c.HaltSuperimposed: accept_superimposed.halt,
     c.Shutdown: _shutdown,
     c.PolicyStop: _policy_stop,
     c.HandOver: _hand_over,

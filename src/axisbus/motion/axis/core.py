@@ -23,6 +23,7 @@ in (``_let_go``): that takes a new command.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.modes import ModeOfOperation
@@ -47,7 +48,7 @@ from axisbus.motion.override.factor import Override
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
-from axisbus.motion.states import AxisState
+from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.aftermath import Aftermath
 from axisbus.motion.stop.diagnosis import FaultStory, History, chained, enrich, join_remedies
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
@@ -55,6 +56,7 @@ from axisbus.motion.stop.restwait import RestWaits
 from axisbus.motion.stop.rundown import RunDown
 from axisbus.motion.stop.stopping import REMEDIES, StopKind, Stopping, stop_error
 from axisbus.motion.stop.supervision import POWERED, Supervision
+from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.ticket import Ticket
 
 _ENABLED, _UNKNOWN = State.OPERATION_ENABLED, State.UNKNOWN
@@ -291,8 +293,7 @@ class AxisCore:
         tickets += self.probes.drop()
         if self._story is not None:
             tickets += self._story.tickets
-        if self.running.ticket is not None:
-            tickets.append(self.running.ticket)
+        tickets += [each for each in (self.running.ticket, self.running.addition_ticket) if each is not None]
         self.queue.drop(self._doing, None)
         for ticket in tickets:
             self.finish(ticket, ended(ticket.name))
@@ -403,8 +404,10 @@ class AxisCore:
     def _fault(self, image: Image) -> None:
         """The drive reports a fault: stop asking for anything, find out why, then tell."""
         story = FaultStory(self.parameters, image.now)
-        doing, ticket = self._doing, self.running.drop(self.order)
+        doing, ticket, addition = self._doing, self.running.drop(self.order), self.running.take_addition()
         self._drop_waiting(doing, None)
+        if addition is not None:
+            story.tickets.append(addition)
         if ticket is not None:
             story.doing = f" during {ticket.name}" if ticket.busy else ""
             story.tickets.append(ticket)
@@ -443,6 +446,8 @@ class AxisCore:
         self._arrival.begin(activity, self.image.now)
         if state is not None:
             self.state = state
+        if state in MOVING:
+            self.stopping.set_going_at = self.image.now
 
     def go_on(self, ticket: Ticket) -> None:
         """Let what runs go on for another command, which it has been given; the one before ends as replaced."""
@@ -498,9 +503,11 @@ class AxisCore:
     def end_command(self, error: AxisbusError | None) -> None:
         """End the running command, and what waits for its end, keeping a set-point handshake that is under way."""
         doing = self._doing
-        ticket = self.running.drop(self.order)
+        ticket, addition = self.running.drop(self.order), self.running.take_addition()
         if ticket is not None:
             self.finish(ticket, error)
+        if addition is not None:
+            self.finish(addition, copy(error))
         self._drop_waiting(doing, error)
 
     def _drop_waiting(self, before: str, error: AxisbusError | None) -> None:
@@ -536,9 +543,19 @@ class AxisCore:
         except Exception as error:  # noqa: BLE001  # whatever it is, it ends this command and stops this axis
             self._activity_failed(broken(error, self._doing))
             return
+        if self.running.addition is not None and self.running.addition.over:
+            self._addition_ended(self.running.addition)
         if done and self.running.ticket is not None and self.running.ticket.busy:
             self._completed(activity)
             self.queue.next()
+
+    def _addition_ended(self, addition: Addition) -> None:
+        """What was laid over the path goes no farther; the path goes on, displaced."""
+        ticket = self.running.take_addition()
+        if self.state is not _SYNCHRONIZED and self.last_target is not None:
+            self.last_target += self.parameters.units.position.to_increments(addition.value)
+        if ticket is not None:
+            self.finish(ticket, addition.error)
 
     def _completed(self, activity: Activity) -> None:
         """The activity has ended well: set the state that follows it."""
@@ -633,6 +650,8 @@ class AxisCore:
         ended = ladder.step(image, order, self.run_down)
         if self.state is AxisState.STANDSTILL and ladder.seen not in _MAY_BE_ENERGISED:
             self.state = AxisState.DISABLED  # it may turn without power, and is waited for
+        elif self.state is AxisState.STANDSTILL and ladder.blind:
+            self.state = AxisState.STOPPING  # nobody sees any more that it stands
         if ended:
             self._stopped(ladder, image)
 

@@ -8,6 +8,7 @@ from axisbus.motion.axis.order import Order
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.setpoint import SetPoint
+from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.ticket import Status, Ticket, end_as
 
 
@@ -17,12 +18,14 @@ class Running:
     An activity without a ticket has ended well and goes on moving the axis.
     """
 
-    __slots__ = ("activity", "ended", "set_point", "ticket")
+    __slots__ = ("activity", "addition", "addition_ticket", "ended", "set_point", "ticket")
 
     def __init__(self) -> None:
         self.activity: Activity | None = None
         self.ticket: Ticket | None = None
         self.set_point: SetPoint | None = None
+        self.addition: Addition | None = None  # what is laid over the activity, a path
+        self.addition_ticket: Ticket | None = None
         self.ended = False  # whether a ticket of the axis has ended since somebody looked and set it back
 
     def begin(self, activity: Activity, ticket: Ticket) -> None:
@@ -46,6 +49,16 @@ class Running:
         if self.activity is not None:
             self.activity.cancel(order)
         ticket, self.activity, self.ticket = self.ticket, None, None
+        return ticket
+
+    def lay_over(self, addition: Addition, ticket: Ticket) -> None:
+        """Let ``ticket`` end with ``addition``; the one before must have been taken away."""
+        self.addition, self.addition_ticket = addition, ticket
+        ticket.begin()
+
+    def take_addition(self) -> Ticket | None:
+        """Forget what is laid over the activity; return its ticket."""
+        ticket, self.addition, self.addition_ticket = self.addition_ticket, None, None
         return ticket
 
     def finish(self, ticket: Ticket, error: AxisbusError | None = None) -> None:

@@ -134,7 +134,11 @@ class Coupled(Follow):
         leader, limits = self._leader, self._limits
         if leader.failure is not None or not self._is_in_step:
             return None
-        if limits is not None and self._step is not None and self._stop(leader.place, limits) is not None:
+        if (
+            limits is not None
+            and self._step is not None
+            and self._stop(leader.place + self.shifted, limits) is not None
+        ):
             return None
         return super().foresee()
 

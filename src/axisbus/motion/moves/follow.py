@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import ClassVar, NoReturn
 
@@ -27,6 +28,8 @@ from axisbus.motion.override.factor import FASTER
 from axisbus.motion.pace import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import Clock, PathClock
+from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.superimposed.room import admit, look_ahead
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import INT32_HALF, INT32_LEAST
 
@@ -89,6 +92,10 @@ class Follow(Activity):
         self._known_way: _Way | None = None
         self._most = 1.0  # the highest override: by how much it can be faster within the limits of its axis
         self.brakes_along = False
+        self.shifted = (
+            0.0  # by how much it leads the axis elsewhere than where its path has it: what was laid over it
+        )
+        self._addition: Addition | None = None  # that still changes that
         if trajectory is not None:
             self.begin(trajectory)
 
@@ -100,6 +107,8 @@ class Follow(Activity):
         )  # one that runs is prepared, and its gate stays open
         if goes_on and self._own_clock and not self.clock.braking:
             self._keep_pace(image.override)
+        if self._addition is not None:
+            self._addition.factor = image.override
         trajectory = self._trajectory
         if not goes_on and (not self._prepare(image, order) or trajectory is None):
             return False
@@ -113,10 +122,16 @@ class Follow(Activity):
             clock.advance(self._period)
         order.halt = False
         order.target_position = self._target(trajectory)
-        if clock.t < trajectory.duration or clock.braking:
+        if clock.t < trajectory.duration or clock.braking or self._addition is not None:
             self.rests_from = image.now
             return False
         return self._arrived(image)
+
+    def lay_over(self, addition: Addition) -> None:
+        """Lay a distance over the path from the next cycle on, from the rate of another one that it supersedes."""
+        if self._addition is not None:
+            addition.go_on_from(self._addition)
+        self._addition = addition
 
     def foresee(self) -> Foreseen | None:
         """Return the next target where it is as most are: on the way, and nowhere near too much; ``step`` finds the same.
@@ -128,6 +143,7 @@ class Follow(Activity):
             clock.braking
             or before is None
             or not self._running
+            or self._addition is not None
             or (self._own_clock and not self._time.is_even)
         ):
             return None
@@ -164,7 +180,7 @@ class Follow(Activity):
             self._stream is not None or (self._limits is not None and not self._is_known)
         )
         self._known_way = way = (
-            trajectory.position,
+            partial(self._way, trajectory) if self.shifted else trajectory.position,
             trajectory.duration,
             looks,
             self._period,
@@ -226,6 +242,12 @@ class Follow(Activity):
         return self._step
 
     @property
+    def path_step(self) -> Step:
+        """Where the path itself was in the last cycle, and how fast, without what is laid over it."""
+        rate = 0.0 if self._addition is None else self._addition.rate
+        return Step(self.last_step.position - self.shifted, self.last_step.velocity - rate)
+
+    @property
     def leads_now(self) -> Follow:
         """What leads the axis in this cycle: itself, once it has begun."""
         return self
@@ -234,6 +256,8 @@ class Follow(Activity):
         """Begin to slow down along the path; False where nothing moves yet, or no deceleration is known to do it with."""
         if self._trajectory is None or not self._running:
             return False
+        if self._addition is not None:
+            self._addition.halt()
         if self._travel is not None:
             self._travel.brake()
             return True
@@ -256,6 +280,7 @@ class Follow(Activity):
         rest = at + math.copysign(braking_distance(speed, deceleration), speed)
         self.begin(Onward(Start(at, speed), rest, abs(speed) or 1.0, deceleration, deceleration))
         self._travel, self._own_clock = None, True
+        self.shifted, self._addition = 0.0, None  # it is the sum that is braked
         self.clock = self._time = PathClock()
         self.clock.braking = True
         return True
@@ -264,7 +289,8 @@ class Follow(Activity):
     def at_rest(self) -> bool:
         """Whether the commanded motion stands still: before the start, after braking, at the end."""
         ended = self._trajectory is not None and self.clock.t >= self._trajectory.duration
-        return not self._running or self._step is None or self.clock.stopped or ended
+        rests = self.clock.stopped or ended
+        return not self._running or self._step is None or (rests and self._addition is None)
 
     @property
     def leading(self) -> Leading | None:
@@ -278,7 +304,7 @@ class Follow(Activity):
 
     def _way(self, trajectory: Trajectory, t: float) -> float:
         end = trajectory.duration
-        return trajectory.position(0.0 if t < 0.0 else end if t > end else t)
+        return trajectory.position(0.0 if t < 0.0 else end if t > end else t) + self.shifted
 
     def _prepare(self, image: Image, order: Order) -> bool:
         require_position(image, self._parameters.name, "cyclic synchronous position mode")
@@ -333,7 +359,10 @@ class Follow(Activity):
         assert self._pace is not None
         assert self._step is not None
         t, before, end = self._time.next(self._period), self._step, trajectory.duration
-        after = self._pace.next(before, trajectory.position(t if t < end else end))
+        place = trajectory.position(t if t < end else end)
+        if self._addition is not None:
+            self._go_on_with(self._addition, place)
+        after = self._pace.next(before, place + self.shifted)
         found = self._pace.excess(before, after)
         if found is not None:
             self._refuse(found, trajectory, t)
@@ -381,6 +410,8 @@ class Follow(Activity):
         limits, ahead, t = self._limits, self._ahead, self.clock.t
         self._ahead = None  # it counts once
         known = ahead[1] if ahead is not None and ahead[0] == t else None
+        if known is None and self._addition is not None:
+            self._go_on_with(self._addition, self._way(trajectory, t) - self.shifted)
         value = self._way(trajectory, t) if known is None else known.position
         if limits is not None and not limits[0] <= value <= limits[1]:
             raise self._leaves(None, value)
@@ -390,6 +421,43 @@ class Follow(Activity):
             self._step = known
         self._last = last = self._units.to_increments(value) + self._origin
         return last
+
+    def _go_on_with(self, addition: Addition, place: float) -> None:
+        """Lay more over the path, which comes to ``place`` in this cycle, as far as the sum may be so fast and so hard."""
+        pace, step = self._pace, self._step
+        if pace is None or step is None or self._told is None:
+            return  # the first target is where the axis stands
+        if not addition.is_admitted:
+            pace = self._pace = self._admit(addition, self._told)
+        velocity = (place + self.shifted - step.position) / self._period
+        if self._limits is not None and not self._is_known:
+            error = look_ahead(addition, place + self.shifted, velocity, pace, self._limits, self._parameters)
+            if error is not None:
+                addition.halt(error)
+        fastest = math.inf if pace.velocity is None else pace.velocity
+        hardest = math.inf if pace.acceleration is None else pace.acceleration
+        if self.clock.braking:
+            hardest = max(hardest, _BRAKING * (self._parameters.path_deceleration or 0.0))
+        low = max(-fastest, step.velocity - hardest * self._period)
+        high = min(fastest, step.velocity + hardest * self._period)
+        before = addition.value
+        addition.step(velocity, low, high)
+        self.shifted += addition.value - before
+        if addition.over:
+            self._addition = None
+        self._known_way = None
+
+    def _admit(self, addition: Addition, path: Trajectory) -> Pace:
+        """Look at what the path tells in advance; return the pace of the sum."""
+        addition.is_admitted, pace = True, pace_of(self._parameters, path)
+        try:
+            admit(addition, path, self.shifted, self._parameters)
+        except LimitError as error:
+            addition.halt(error)
+            return pace
+        if self._parameters.limits.acceleration is not None or pace.acceleration is None:
+            return pace
+        return replace(pace, acceleration=pace.acceleration + addition.hardest)  # which only tells a jump
 
     def _go_to(self, value: float) -> None:
         """Note the step to the next target; nothing that is too much goes out, whatever was seen of it in advance."""

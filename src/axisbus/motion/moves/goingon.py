@@ -50,7 +50,7 @@ class GoingOn(Follow):
 
     def plan(self, origin: int) -> Onward:
         """Return the way from what the axis was given last; ``origin``: the position that the user calls 0."""
-        units, profile, last = self._parameters.units.position, self._profile, self.last_step
+        units, profile, last = self._parameters.units.position, self._profile, self.path_step
         unit = abs(units.factor)
         assert profile.speed
         assert profile.up

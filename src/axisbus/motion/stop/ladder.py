@@ -79,17 +79,20 @@ class StopLadder:
         follow: Leading | None = None,
         leaving: ModeSwitch | None = None,
         resisted_since: float = math.inf,
+        set_going_at: float = -math.inf,
     ) -> None:
         """``follow``: the trajectory that is being followed, if any; it is braked along its path.
 
         ``leaving``: a change out of its mode that the drive has been asked for. The drive may have taken it already, and to be
         called back for a cycle would be a jolt: it is seen through, along the path. ``resisted_since``: see ``Activity``.
+        ``set_going_at``: when the axis was last given a motion, in seconds of the scan's clock.
         """
         self._parameters = parameters
         self._then = then
         self._follow = follow
         self._leaving = leaving
         self._resisted_since = resisted_since
+        self._set_going_at = set_going_at
         self._deadline: float | None = None
         self._standing: Standing  # since the present rung began, the first one with the first step
         self._relief: Relief | None = None
@@ -168,8 +171,14 @@ class StopLadder:
         return image.standstill and image.now > began + _STARTS and is_blind(image, self._parameters)
 
     def _begin_rung(self, image: Image) -> None:
-        self._standing = Standing(self._parameters, image.now)
         self._deadline = image.now + self._time(self.rung)
+        since = image.now
+        if (
+            image.standstill and since < self._set_going_at + _STARTS
+        ):  # feedback may be late, and the motion not seen yet
+            latest = self._deadline - 2 * self._parameters.timing.standstill_time
+            since = max(since, min(self._set_going_at + _STARTS, latest))
+        self._standing = Standing(self._parameters, since)
 
     def _step(self, image: Image, order: Order, run_down: RunDown) -> bool:
         self._by_sdo.look(image, order)

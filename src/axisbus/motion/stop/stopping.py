@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 
 from axisbus.cia402.state import ENERGISED, State
@@ -50,6 +51,7 @@ class Stopping:
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
         self.reason = ""
+        self.set_going_at = -math.inf  # when the axis was last given a motion
 
     @property
     def name(self) -> str:
@@ -87,7 +89,7 @@ class Stopping:
 
     def _ladder(self, then: Then, rung: Rung, led_by: Activity | None) -> StopLadder:
         if led_by is None:
-            return StopLadder(self._parameters, then, start=rung)
+            return StopLadder(self._parameters, then, start=rung, set_going_at=self.set_going_at)
         return StopLadder(
             self._parameters,
             then,
@@ -95,6 +97,7 @@ class Stopping:
             follow=led_by.leading,
             leaving=led_by.leaving,
             resisted_since=led_by.resisted_since,
+            set_going_at=self.set_going_at,
         )
 
     def join(self, ticket: Ticket) -> None:

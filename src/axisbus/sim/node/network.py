@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Sequence
 from types import TracebackType
+from typing import Protocol
 
 import can
 import canopen
@@ -24,6 +25,30 @@ from axisbus.sim.device import Device
 from axisbus.sim.node.node import StandInNode
 
 _CATCH_UP = 0.1  # s
+
+
+class Guest(Protocol):
+    """A stand-in beside the CANopen ones, of another protocol: frames in, frames out. Times are seconds of a steady clock."""
+
+    @property
+    def node_id(self) -> int:
+        """Two with the same one do not hear each other: on a wire their frames would collide."""
+
+    @property
+    def next_answer(self) -> float | None:
+        """When an answer that waits is due."""
+
+    def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
+        """Take a frame of 11 bits; whatever it is, nothing is raised."""
+
+    def step(self, now: float) -> None:
+        """Let time pass."""
+
+    def serve(self, now: float) -> None:
+        """Answer what is due."""
+
+    def take_frames(self) -> list[tuple[int, bytes]]:
+        """Return what is to be sent; identifiers above 7FFh have 29 bits."""
 
 
 class _Listener(can.Listener):
@@ -54,15 +79,18 @@ class StandIns:
         interface: str = "virtual",
         bitrate: int | None = None,
         bus: can.BusABC | None = None,
+        guests: Sequence[Guest] = (),
         period: float = 0.002,
     ) -> None:
         """Prepare; nothing is opened before ``start`` (or ``with``). ``bitrate`` is for adapters that want one.
 
-        ``bus``: one that is open already. ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
+        ``bus``: one that is open already. ``guests``: stand-ins of other protocols, which hear the devices, and they them.
+        ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
         """
         self.lock = threading.RLock()
         self.devices = list(devices)
         self.nodes = [StandInNode(device, self.lock) for device in self.devices]
+        self.guests = list(guests)
         self.network = canopen.Network(bus)
         self._options: dict[str, str | int] = {"interface": interface, "channel": channel}
         if bitrate is not None:
@@ -131,6 +159,8 @@ class StandIns:
                 for node in self.nodes:
                     if node.slave.listens_to(can_id):
                         node.slave.on_frame(can_id, data, now, remote=remote)
+                for guest in self.guests:
+                    guest.on_frame(can_id, data, now, remote=remote)
                 self._send()
                 if self._next_answer() < self._alarm:
                     self._wake.set()
@@ -160,11 +190,16 @@ class StandIns:
                 node.slave.step(now)
             else:
                 node.slave.serve(now)
+        for guest in self.guests:
+            if stepping:
+                guest.step(now)
+            else:
+                guest.serve(now)
         self._send()
 
     def _next_answer(self) -> float:
         """Return when the next SDO answer is due, by the monotonic clock."""
-        due = [node.slave.next_answer for node in self.nodes]
+        due = [node.slave.next_answer for node in self.nodes] + [guest.next_answer for guest in self.guests]
         return min((time for time in due if time is not None), default=math.inf) + self._lost
 
     def _now(self) -> float:
@@ -182,6 +217,22 @@ class StandIns:
                 self.network.send_message(can_id, data)
                 if node.slave.sync.produces and can_id == node.slave.sync.cob_id:
                     self._hand_over_sync(node, can_id, data)
+                for guest in self.guests:
+                    guest.on_frame(can_id, data, self._now())
+        for guest in self.guests:
+            for can_id, data in guest.take_frames():
+                self.network.send_message(can_id, data)
+                self._hand_over(guest, can_id, data)
+
+    def _hand_over(self, sender: Guest, can_id: int, data: bytes) -> None:
+        """What a guest sends reaches its neighbours, whose answers go with what they send next."""
+        now = self._now()
+        for node in self.nodes:
+            if node.slave.listens_to(can_id):
+                node.slave.on_frame(can_id, data, now)
+        for guest in self.guests:
+            if guest.node_id != sender.node_id:
+                guest.on_frame(can_id, data, now)
 
     def _hand_over_sync(self, producer: StandInNode, can_id: int, data: bytes) -> None:
         """A stand-in's SYNC reaches its neighbours on this channel, which the adapter does not give back to us."""

@@ -14,23 +14,21 @@ from __future__ import annotations
 
 import socket
 import struct
-import sys
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from contextlib import suppress
 
 import can
 
-from axisbus.bus.link.line import EXTENDED, FRAME, REMOTE, raw_socket
+from axisbus.bus.link.raw.batch import MOST, ReceiveBatch, available
+from axisbus.bus.link.raw.line import EXTENDED, REMOTE, raw_socket
 from axisbus.cia301 import cob
 
 _FILTER = struct.Struct("=II")
-_STAMP = struct.Struct("@ll")
 _EXACTLY = EXTENDED | REMOTE | cob.ID_MASK_11  # a data frame with 11 bits of identifier
 _CAN_RAW, _CAN_RAW_FILTER = 101, 1  # linux/can/raw.h
 _SO_TIMESTAMPNS = 35  # asm-generic/socket.h
-_ROOM = 64  # bytes for the time stamp
-_MOST = 512  # filters of a socket
+_FILTERS = 512  # filters of a socket
 _WHOLE = 8  # data bytes of a frame that is full
 
 Taken = tuple[int, bytes, float]
@@ -43,6 +41,7 @@ class CyclicSocket:
         """``raw`` is a CAN_RAW socket that does not block, ``others`` the one that is to leave these frames out."""
         self._raw = raw
         self._others = others
+        self._batch = ReceiveBatch()
         self._looked = time.monotonic()
 
     def listen(self, can_ids: Collection[int]) -> bool:
@@ -52,7 +51,7 @@ class CyclicSocket:
         """
         here = [(can_id, _EXACTLY) for can_id in can_ids]
         elsewhere = all_but(can_ids)
-        if max(len(here), len(elsewhere)) > _MOST:
+        if max(len(here), len(elsewhere)) > _FILTERS:
             return False
         try:
             self._raw.setsockopt(_CAN_RAW, _CAN_RAW_FILTER, _packed(here))
@@ -62,8 +61,8 @@ class CyclicSocket:
             return False
         return True
 
-    def drain(self) -> Iterator[Taken]:
-        """Yield COB-ID, data and monotonic time of reception of each frame that has come, oldest first; does not block.
+    def drain(self) -> list[Taken]:
+        """Return COB-ID, data and monotonic time of reception of each frame that has come, oldest first; does not block.
 
         Raises:
             OSError: the link is down or gone.
@@ -71,20 +70,18 @@ class CyclicSocket:
         now = time.monotonic()
         since, self._looked = self._looked, now
         ahead = time.time() - now
-        receive, unpack, size = self._raw.recvmsg, FRAME.unpack, FRAME.size
+        taken: list[Taken] = []
         while True:
-            try:
-                frame, notes, _, _ = receive(size, _ROOM)
-                can_id, length, data = unpack(frame)
-            except (BlockingIOError, struct.error):  # there is no more, or the other end has gone
-                return
-            stamp = now
-            if notes:
-                seconds, nanoseconds = _STAMP.unpack_from(notes[0][2])
-                came = seconds + nanoseconds * 1e-9 - ahead
-                if came < now:
-                    stamp = came if came > since else since
-            yield can_id, data if length == _WHOLE else data[:length], stamp
+            frames = self._batch.take(self._raw)
+            for can_id, length, data, seconds, nanoseconds in frames:
+                stamp = now
+                if seconds:
+                    came = seconds + nanoseconds * 1e-9 - ahead
+                    if came < now:
+                        stamp = came if came > since else since
+                taken.append((can_id, data if length == _WHOLE else data[:length], stamp))
+            if len(frames) < MOST:
+                return taken
 
     def close(self) -> None:
         """Release the socket."""
@@ -119,7 +116,7 @@ def _packed(filters: Collection[tuple[int, int]]) -> bytes:
 def cyclic_socket(bus: can.BusABC, link: str) -> CyclicSocket | None:
     """Open a second socket on a SocketCAN link; None where this is none, or Linux does not let us."""
     others = raw_socket(bus)
-    if sys.platform != "linux" or others is None:
+    if others is None or not available():
         return None
     raw = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
     made = CyclicSocket(raw, others)

@@ -1,0 +1,136 @@
+"""Many CAN frames by one call of the kernel: ``recvmmsg`` and ``sendmmsg`` of Linux, on a socket that does not block.
+
+Theory of operation
+-------------------
+A call of Python's own for each frame costs a change of the interpreter's lock and, for a frame that is received, a list of what
+came with it: half of what the frame costs. Here the kernel gets the places of all of them once, and each call uses them again. The
+lock is kept meanwhile, since neither call waits for anything.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import socket
+import struct
+import sys
+from collections.abc import Sequence
+from functools import cache
+
+FRAME = struct.Struct("=IB3x8s")  # struct can_frame (linux/can.h)
+MOST = 64  # frames of one call
+_STAMP = struct.Struct("@Niill")  # struct cmsghdr, with the seconds and nanoseconds of SO_TIMESTAMPNS
+_ROOM = struct.calcsize("@Niill0N")  # CMSG_SPACE of that
+_LENGTH = struct.Struct("@I")
+
+Received = tuple[int, int, bytes, int, int]
+"""Wire identifier, length, eight bytes, and the seconds and nanoseconds at which it came (0, 0: not told)."""
+
+
+class _IoVec(ctypes.Structure):
+    _fields_ = (("base", ctypes.c_void_p), ("len", ctypes.c_size_t))
+
+
+class _Message(ctypes.Structure):  # struct msghdr, as glibc has it, and musl where the low byte comes first
+    _fields_ = (
+        ("name", ctypes.c_void_p),
+        ("name_len", ctypes.c_uint),
+        ("iov", ctypes.c_void_p),
+        ("iov_len", ctypes.c_size_t),
+        ("control", ctypes.c_void_p),
+        ("control_len", ctypes.c_size_t),
+        ("flags", ctypes.c_int),
+    )
+
+
+class _Head(ctypes.Structure):  # struct mmsghdr
+    _fields_ = (("message", _Message), ("length", ctypes.c_uint))
+
+
+@cache
+def available() -> bool:
+    """Whether this system has both calls."""
+    if sys.platform != "linux":
+        return False
+    return all(hasattr(ctypes.PyDLL(None), name) for name in ("recvmmsg", "sendmmsg"))
+
+
+class _Batch:
+    """The places of ``MOST`` frames, for one thread at a time; holds state: what the last call left there."""
+
+    def __init__(self, control: int) -> None:
+        """``control``: bytes for what comes with a frame."""
+        size, heads_size = FRAME.size, ctypes.sizeof(_Head) * MOST
+        # One block: the heads, and behind them what comes with each frame, so that one copy makes both as they were.
+        self._heads = ctypes.create_string_buffer(heads_size + control * MOST)
+        self._frames = ctypes.create_string_buffer(size * MOST)
+        self._vectors = (_IoVec * MOST)()
+        self._at, frames = ctypes.addressof(self._heads), ctypes.addressof(self._frames)
+        for number, head in enumerate((_Head * MOST).from_buffer(self._heads)):
+            vector, message = self._vectors[number], head.message
+            vector.base, vector.len = frames + size * number, size
+            message.iov, message.iov_len = ctypes.addressof(vector), 1
+            if control:
+                message.control = self._at + heads_size + control * number
+                message.control_len = control
+        self._came_with = memoryview(self._heads)[heads_size:]
+        self._library = ctypes.PyDLL(None, use_errno=True)  # keeps the interpreter's lock
+
+
+class ReceiveBatch(_Batch):
+    """Takes what has come on a socket."""
+
+    def __init__(self) -> None:
+        super().__init__(_ROOM)
+        self._fresh = self._heads.raw
+        self._call = self._library.recvmmsg
+        self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
+        self._data = memoryview(self._frames)
+
+    def take(self, line: socket.socket) -> list[Received]:
+        """Return the frames that have come, at most ``MOST``; empty where none has. Does not block.
+
+        Raises:
+            OSError: the socket is gone, or its link is.
+        """
+        ctypes.memmove(self._at, self._fresh, len(self._fresh))
+        count = self._call(line.fileno(), self._at, MOST, socket.MSG_DONTWAIT, None)
+        if count < 0:
+            code = ctypes.get_errno()
+            if code in (errno.EAGAIN, errno.EINTR):
+                return []
+            raise OSError(code, os.strerror(code))
+        count = self._whole(count)
+        frames = FRAME.iter_unpack(self._data[: FRAME.size * count])
+        stamps = _STAMP.iter_unpack(self._came_with[: _ROOM * count])
+        return [(*frame, stamp[3], stamp[4]) for frame, stamp in zip(frames, stamps, strict=True)]
+
+    def _whole(self, count: int) -> int:
+        """Return how many of the first ``count`` there are before one that is no frame: the other end of a pair has gone."""
+        size, at = ctypes.sizeof(_Head), _Head.length.offset
+        for number in range(count):
+            if _LENGTH.unpack_from(self._heads, size * number + at)[0] != FRAME.size:
+                return number
+        return count
+
+
+class SendBatch(_Batch):
+    """Gives frames to a socket."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+        self._call = self._library.sendmmsg
+        self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
+
+    def give(self, line: socket.socket, frames: Sequence[tuple[int, bytes]]) -> int:
+        """Send wire identifiers and data, at most ``MOST``; return how many were taken before one was not. Does not block.
+
+        Why one was not is told by who tries it again.
+        """
+        pack, place, size = FRAME.pack_into, self._frames, FRAME.size
+        at = 0
+        for can_id, data in frames:
+            pack(place, at, can_id, len(data), data)
+            at += size
+        return max(0, int(self._call(line.fileno(), self._at, len(frames), socket.MSG_DONTWAIT)))

@@ -1,0 +1,185 @@
+"""Messages into frames and frames into messages, by the table alone.
+
+Theory of operation. One identifier serves both ways: the master's command and the module's answer, or its request and the answer,
+differ in nothing but who sent them. Who receives a frame knows that, since its own frames do not come back; so ``decode`` is told
+the sender, and ``readings`` gives all that the bytes allow where nobody can tell (a recording). What is sent always has eight
+bytes, filled up with zeros (manual v2.2, 4.1.1). An empty request is only made of messages that a module answers to one: eight
+bytes of 0 under Mit_Control would be full negative torque, so that one has no way through here (``mit`` packs it).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from axisbus.drives.gim6010.can_simple import messages
+from axisbus.drives.gim6010.can_simple.fields import Field, Number
+from axisbus.drives.gim6010.can_simple.identifier import Identifier, can_id, split
+from axisbus.drives.gim6010.can_simple.messages import LENGTH, Asked, Message
+from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Request, Unexpected
+from axisbus.errors import ArgumentError
+from axisbus.wording import counted
+
+Outcome = Reading | Request | Unexpected
+_MIT = messages.named("Mit_Control").command
+_OWN_ENCODERS = {"Mit_Control": "mit", "RxSdo": "endpoint_messages", "TxSdo": "endpoint_messages"}
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """A classic CAN frame with an 11-bit identifier, to be sent; a ``remote`` one asks for eight bytes and carries none.
+
+    Raises:
+        ArgumentError: it is one of Mit_Control with nothing but zeros, or a remote one, of which nobody knows what the module takes
+            for its data: zeros are full negative torque. So no caller can make one by mistake either.
+    """
+
+    can_id: int
+    data: bytes = b""
+    remote: bool = False
+
+    def __post_init__(self) -> None:
+        if self.can_id & 0x1F == _MIT and (self.remote or not any(self.data)):
+            raise ArgumentError(
+                "Mit_Control without data, or with zeros alone, is full negative torque and never sent",
+                remedy="pack the command that is meant",
+            )
+
+
+def encode(node: int, message: Message, values: Mapping[str, Number] | None = None) -> Outgoing:
+    """Return the frame that sends ``message`` to ``node`` (0 to 63) with its fields' values, each in its field's unit.
+
+    Mit_Control is packed by ``mit``, endpoints by ``endpoint_messages``: they have rules that no field has.
+
+    Raises:
+        ArgumentError: a field is missing or unknown, a value is no number or none that the manual lists, the node is none, or the
+            message is not one that a master sends with values.
+        LimitError: a value beyond its field's bounds or type.
+    """
+    if message.name in _OWN_ENCODERS:
+        raise ArgumentError(
+            f"{message.name} is not encoded field by field", remedy=f"use {_OWN_ENCODERS[message.name]}"
+        )
+    if message.answer and not message.sent:
+        raise ArgumentError(f"{message.name} is sent by the module", remedy="a master can only ask for it")
+    return Outgoing(can_id(node, message.command), packed(message, values or {}))
+
+
+def packed(message: Message, values: Mapping[str, Number]) -> bytes:
+    """Return the eight bytes of a message's sent fields; raises as ``encode``."""
+    names = [each.name for each in message.sent]
+    if set(values) != set(names):
+        raise ArgumentError(
+            f"{message.name} does not have these fields: {', '.join(values) or 'none'}",
+            remedy=f"it has {', '.join(names)}" if names else "it has no fields",
+        )
+    return pack_places(each.place(values[each.name]) for each in message.sent)
+
+
+def pack_places(places: Iterable[int]) -> bytes:
+    """Return eight bytes in which each field's bits are at their place."""
+    return sum(places).to_bytes(LENGTH, "little")
+
+
+def request(node: int, message: Message, *, remote: bool = True) -> Outgoing:
+    """Return the frame that asks ``node`` (0 to 63) for a message: a remote frame, or a data frame of eight zeros.
+
+    Owners saw both answered. Get_Error is asked for by ``error_query``, since its request says which error.
+
+    Raises:
+        ArgumentError: the node is none, or the message is not one that an empty request asks for.
+    """
+    if message.asked is not Asked.EMPTY:
+        possible = [each.name for each in messages.MESSAGES if each.asked is Asked.EMPTY]
+        raise ArgumentError(
+            f"{message.name} is not answered to an empty request", remedy=f"these are: {', '.join(possible)}"
+        )
+    return Outgoing(can_id(node, message.command), b"" if remote else bytes(LENGTH), remote)
+
+
+def decode(
+    identifier: int, data: bytes, *, from_module: bool, remote: bool = False, extended: bool = False
+) -> Outcome:
+    """Return what a frame says, given who sent it; whatever is wrong with it is a value too.
+
+    Data longer than the fields are taken (answers are padded to eight bytes), shorter ones are not. Never raises for a frame that
+    a CAN bus can carry.
+    """
+    if extended or not 0 <= identifier < 0x800:
+        return Unexpected(-1, -1, data, Reason.NOT_STANDARD)
+    place = split(identifier)
+    message = messages.BY_COMMAND.get(place.command)
+    if message is None:
+        return _unexpected(place, data, Reason.NO_COMMAND)
+    if remote:
+        return _asked(place, message, data, from_module=from_module)
+    return (_from_module if from_module else _to_module)(place, message, data)
+
+
+def readings(
+    identifier: int, data: bytes, *, remote: bool = False, extended: bool = False
+) -> tuple[Outcome, ...]:
+    """Return all that a frame can be where it is not known who sent it; the ``Unexpected`` alone where it can be nothing."""
+    both = [
+        decode(identifier, data, from_module=from_module, remote=remote, extended=extended)
+        for from_module in (True, False)
+    ]
+    good = tuple(each for each in both if not isinstance(each, Unexpected))
+    if good:
+        return good
+    told = [each for each in both if isinstance(each, Unexpected) and each.reason is not Reason.NOT_SENT]
+    return tuple(told[:1] or both[:1])
+
+
+def _asked(place: Identifier, message: Message, data: bytes, *, from_module: bool) -> Outcome:
+    if from_module or message.asked is not Asked.EMPTY:
+        return _unexpected(place, data, Reason.NOT_SENT, f"a remote frame of {message.name}")
+    return Request(place.node, message)
+
+
+def _from_module(place: Identifier, message: Message, data: bytes) -> Outcome:
+    if not message.answer:
+        return _unexpected(place, data, Reason.NOT_SENT, f"{message.name} by a module")
+    needed = message.answer_bytes
+    if len(data) < needed:
+        return short(place, data, needed)
+    return _read(place, message, message.answer, data.ljust(LENGTH, b"\0"), from_module=True)
+
+
+def _to_module(place: Identifier, message: Message, data: bytes) -> Outcome:
+    if message.asked is Asked.EMPTY:
+        if any(data):
+            return _unexpected(place, data, Reason.NOT_SENT, f"{message.name} with data")
+        return Request(place.node, message)
+    if message.answer and not message.sent:
+        return _unexpected(place, data, Reason.NOT_SENT, f"{message.name} by a master")
+    if len(data) < message.sent_bytes:
+        return short(place, data, message.sent_bytes)
+    return _read(place, message, message.sent, data, from_module=False)
+
+
+def _read(
+    place: Identifier, message: Message, fields: tuple[Field, ...], data: bytes, *, from_module: bool
+) -> Outcome:
+    values = {each.name: each.take(data) for each in fields}
+    wild = [name for name, value in values.items() if not math.isfinite(value)]
+    if wild:
+        return _unexpected(place, data, Reason.NOT_FINITE, ", ".join(wild))
+    wrong = [each.name for each in fields if each.values and values[each.name] not in each.values]
+    if wrong:
+        listed = ", ".join(f"{name} {values[name]}" for name in wrong)
+        return _unexpected(place, data, Reason.VALUE, listed)
+    if from_module and values.get("Node_ID", place.node) != place.node:
+        return _unexpected(place, data, Reason.WRONG_NODE, f"node {values['Node_ID']}")
+    return Reading(place.node, message, values, from_module)
+
+
+def short(place: Identifier, data: bytes, needed: int) -> Unexpected:
+    """Return what is told of data with too few bytes."""
+    details = f"{counted(len(data), 'byte')} where {needed} are needed"
+    return _unexpected(place, data, Reason.LENGTH, details)
+
+
+def _unexpected(place: Identifier, data: bytes, reason: Reason, details: str = "") -> Unexpected:
+    return Unexpected(place.node, place.command, data, reason, details)

@@ -1,0 +1,98 @@
+"""Which nodes of CAN Simple and of CANopen can be on one bus: no identifier may have two owners (manual v2.2, 4.1.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+from axisbus.cia301 import cob
+from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id
+from axisbus.errors import ArgumentError
+
+_BUS_WIDE = {cob.NMT: "NMT", cob.SYNC: "SYNC", cob.TIME: "TIME", cob.LSS_TX: "LSS", cob.LSS_RX: "LSS"}
+_OF_A_NODE = {
+    cob.EMCY: "EMCY",
+    **{base: f"TPDO{number}" for number, base in enumerate(cob.TPDO, start=1)},
+    **{base: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)},
+    cob.SDO_TX: "SDO",
+    cob.SDO_RX: "SDO",
+    cob.HEARTBEAT: "heartbeat",
+}
+# The manual's own table: CANopen nodes from the first number on go with these nodes of CAN Simple.
+MANUAL = {
+    32: frozenset({0x10, 0x18, 0x20, 0x28}),
+    64: frozenset({0x10, 0x11, 0x18, 0x19, 0x20, 0x21, 0x28, 0x29}),
+    96: frozenset({0x10, 0x11, 0x12, 0x18, 0x19, 0x1A, 0x20, 0x21, 0x22, 0x28, 0x29, 0x2A}),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Clash:
+    """An identifier that a node of CAN Simple has for one of its commands, and CANopen for something else, in ``words``."""
+
+    node: int
+    can_id: int
+    words: str
+
+    def __str__(self) -> str:
+        return f"node {self.node} of CAN Simple has {self.can_id:03X}h, which is {self.words}"
+
+
+def identifiers(node: int) -> range:
+    """Return the identifiers that belong to a node of CAN Simple (0 to 63): those of the commands 1 to 31.
+
+    Raises:
+        ArgumentError: the node is none.
+    """
+    return range(can_id(node, COMMANDS.start + 1), can_id(node, COMMANDS.stop - 1) + 1)
+
+
+def canopen_identifiers(nodes: Collection[int]) -> dict[int, str]:
+    """Return what the predefined connection set (CiA 301 7.3.5) has for these nodes (1 to 127) and for the bus, in words.
+
+    Raises:
+        ArgumentError: one of them is no node ID of CANopen.
+    """
+    for node in nodes:
+        if node not in cob.NODE_IDS:
+            raise ArgumentError(f"{node!r} is no node ID of CANopen", remedy="give numbers from 1 to 127")
+    return dict(_BUS_WIDE) | {
+        base + node: f"the {name} of CANopen node {node}"
+        for node in nodes
+        for base, name in _OF_A_NODE.items()
+    }
+
+
+def clashes(
+    simple: Collection[int], canopen: Collection[int], cob_ids: Mapping[int, str] | None = None
+) -> tuple[Clash, ...]:
+    """Return the identifiers that nodes of CAN Simple (0 to 63) and CANopen nodes (1 to 127) would both have, lowest first.
+
+    CANopen's are those of the predefined connection set, all of them, and beside them ``cob_ids`` that a cell configures
+    (identifier to words). Two modules with one node ID are not looked for here.
+
+    Raises:
+        ArgumentError: a node ID is none.
+    """
+    taken = canopen_identifiers(canopen) | dict(cob_ids or {})
+    return tuple(sorted(_clashes(simple, taken), key=lambda each: each.can_id))
+
+
+def in_manual(simple: Collection[int], canopen: Collection[int]) -> bool:
+    """Whether the manual lists these node IDs as going together; it leaves out some that do not clash."""
+    lowest = min(canopen, default=max(MANUAL))
+    rows = [nodes for first, nodes in MANUAL.items() if first <= lowest]
+    return any(set(simple) <= nodes for nodes in rows)
+
+
+def free_nodes(canopen: Collection[int], cob_ids: Mapping[int, str] | None = None) -> tuple[int, ...]:
+    """Return the node IDs of CAN Simple that clash with none of these, the manual's first."""
+    free = [node for node in range(64) if not clashes((node,), canopen, cob_ids)]
+    return tuple(sorted(free, key=lambda node: not in_manual((node,), canopen)))
+
+
+def _clashes(simple: Collection[int], taken: Mapping[int, str]) -> Iterator[Clash]:
+    for node in set(simple):
+        for each in identifiers(node):
+            if each in taken:
+                yield Clash(node, each, taken[each])

@@ -1,0 +1,177 @@
+"""Reading, writing and calling endpoints over CAN: RxSdo and TxSdo (manual v2.2, 4.1.2).
+
+Theory of operation. A request goes out on RxSdo, as the manual's detailed part has it; an answer is taken from RxSdo and from
+TxSdo, since the manual names both and the maker's own program takes it from RxSdo. There are four bytes for a value, so that what
+has eight does not travel. All but the version needs a list that is shown to fit (``fitted``): under another firmware's number of a
+parameter there may be a function, and no one knows that reading does not call it. Owners read endpoints of several modules and got
+no answer at all: "not answered by this firmware" is to be expected.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from axisbus.drives.gim6010.can_simple import protected as protection
+from axisbus.drives.gim6010.can_simple.codec import Outgoing, decode, packed
+from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
+from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.fitted import VERSION_ENDPOINTS, FittedList
+from axisbus.drives.gim6010.can_simple.identifier import can_id, split
+from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.reading import Reading, Reason, Unexpected
+from axisbus.errors import ArgumentError, LimitError
+
+RX_SDO, TX_SDO = named("RxSdo"), named("TxSdo")
+COMMANDS = frozenset({RX_SDO.command, TX_SDO.command})
+_READ, _WRITE = 0, 1
+_BYTES = 4
+_VALUE = range(4, 8)
+
+
+@dataclass(frozen=True, slots=True)
+class EndpointAnswer:
+    """An answer: whose, to which endpoint, whether it says read or write, and its four bytes, which ``value`` reads."""
+
+    node: int
+    endpoint: int
+    write: bool
+    data: bytes
+
+
+def request_version(node: int) -> tuple[Outgoing, ...]:
+    """Return the frames that ask ``node`` (0 to 63) for its firmware's version: major, minor, revision, each one byte.
+
+    Raises:
+        ArgumentError: the node is none.
+    """
+    return tuple(_frame(node, _READ, number, 0) for number in VERSION_ENDPOINTS.values())
+
+
+def read(node: int, listed: FittedList, path: str) -> Outgoing:
+    """Return the frame that asks ``node`` (0 to 63) for a parameter.
+
+    Raises:
+        ArgumentError: the node is none, the list has no such parameter, or it is not for reading, or longer than four bytes.
+    """
+    endpoint = listed.endpoint(path)
+    if not endpoint.readable:
+        raise ArgumentError(f"{endpoint.path} is not for reading", remedy="it can be written only")
+    _letter(endpoint)
+    return _frame(node, _READ, endpoint.id, 0)
+
+
+def write(
+    node: int, listed: FittedList, path: str, value: Number | bool, *, by_name: bool = False
+) -> Outgoing:
+    """Return the frame that writes a parameter of ``node`` (0 to 63); read it back, as a module takes what is wrong silently.
+
+    ``by_name`` says that a person named this very parameter: what is protected (``protected``) is written only then.
+
+    Raises:
+        ArgumentError: as ``read``, it is not for writing, is protected, or the value is not of its type.
+        LimitError: the value is beyond its type.
+    """
+    endpoint = listed.endpoint(path)
+    _allow(endpoint.path, by_name=by_name)
+    return _written(node, endpoint, value)
+
+
+def call(
+    node: int,
+    listed: FittedList,
+    path: str,
+    arguments: Sequence[Number | bool] = (),
+    *,
+    by_name: bool = False,
+) -> tuple[Outgoing, ...]:
+    """Return the frames that call a function of ``node`` (0 to 63), to be sent in this order: its arguments, then itself.
+
+    Nobody has called one over CAN and told: the manual says no more than that it can be done. ``by_name`` as in ``write``.
+
+    Raises:
+        ArgumentError: as ``write``, or the number of arguments is not the function's.
+    """
+    function = listed.function(path)
+    _allow(function.path, by_name=by_name)
+    if len(arguments) != len(function.inputs):
+        names = ", ".join(each.path.rpartition(".")[2] for each in function.inputs) or "no arguments"
+        raise ArgumentError(f"{function.path} takes {names}, not {len(arguments)} of them")
+    inputs = [_written(node, each, value) for each, value in zip(function.inputs, arguments, strict=True)]
+    return (*inputs, _frame(node, _WRITE, function.id, 0))
+
+
+def answer(identifier: int, data: bytes) -> EndpointAnswer | Unexpected:
+    """Return what a module's frame under RxSdo or TxSdo answers, or what is wrong with it."""
+    found = decode(identifier, data, from_module=True)
+    if isinstance(found, Unexpected):
+        return found
+    if not isinstance(found, Reading) or found.message.command not in COMMANDS:
+        return Unexpected(*split(identifier), data, Reason.NOT_SENT, "no answer of an endpoint")
+    opcode, number = int(found.values["opcode"]), int(found.values["Endpoint_ID"])
+    return EndpointAnswer(found.node, number, opcode == _WRITE, data[_VALUE.start : _VALUE.stop])
+
+
+def value(endpoint: Endpoint, data: bytes) -> Number | bool:
+    """Return a parameter's value out of the four bytes of an answer; a float may be NaN or infinite, as the module has it.
+
+    Raises:
+        ArgumentError: it has no value of at most four bytes.
+    """
+    letter = _letter(endpoint)
+    (found,) = struct.unpack_from(f"<{letter}", data.ljust(_BYTES, b"\0"))
+    return bool(found) if letter == "?" else found if letter != "f" else float(found)
+
+
+def value_bytes(endpoint: Endpoint, value: Number | bool) -> bytes:
+    """Return the four bytes that hold a value of a parameter, little-endian.
+
+    Raises:
+        ArgumentError: it has no value of at most four bytes, or the value is not of its type.
+        LimitError: the value is beyond its type.
+    """
+    letter = _letter(endpoint)
+    _check(endpoint, letter, value)
+    try:
+        return struct.pack(f"<{letter}", value).ljust(_BYTES, b"\0")
+    except (struct.error, OverflowError):
+        raise LimitError(f"{endpoint.path}: {value} is beyond what a {endpoint.type} holds") from None
+
+
+def _check(endpoint: Endpoint, letter: str, value: Number | bool) -> None:
+    boolean = isinstance(value, bool)
+    if letter == "f":
+        good = isinstance(value, int | float) and not boolean and math.isfinite(value)
+    else:
+        good = boolean if letter == "?" else isinstance(value, int) and not boolean
+    if not good:
+        raise ArgumentError(f"{endpoint.path}: {value!r} is no {endpoint.type} that can be written")
+
+
+def _letter(endpoint: Endpoint) -> str:
+    letter = FORMATS[endpoint.type]
+    if not letter or struct.calcsize(f"<{letter}") > _BYTES:
+        raise ArgumentError(
+            f"{endpoint.path} is of type {endpoint.type}, which does not travel in the four bytes of CAN Simple",
+            remedy="read or write it over USB",
+        )
+    return letter
+
+
+def _allow(path: str, *, by_name: bool) -> None:
+    found = protection.protected(path)
+    if found is not None and not by_name:
+        raise ArgumentError(f"{path} is protected: it {found.why}", remedy="name it by itself if it is meant")
+
+
+def _written(node: int, endpoint: Endpoint, value: Number | bool) -> Outgoing:
+    if not endpoint.writable:
+        raise ArgumentError(f"{endpoint.path} is not for writing", remedy="it can be read only")
+    return _frame(node, _WRITE, endpoint.id, int.from_bytes(value_bytes(endpoint, value), "little"))
+
+
+def _frame(node: int, opcode: int, number: int, value: int) -> Outgoing:
+    values = {"opcode": opcode, "Endpoint_ID": number, "Value": value}
+    return Outgoing(can_id(node, RX_SDO.command), packed(RX_SDO, values))

@@ -1,0 +1,167 @@
+"""The firmware's list of endpoints (JSON) as frozen values: every parameter and function by its path.
+
+Theory of operation. The list is an array of nodes, nested: a parameter has name, id, type and access; an object has members; a
+function has an id of its own, and inputs and outputs that are parameters with ids too. IDs move from one firmware to the next, so
+that a list says nothing about a module before it is shown to fit (``fitted``).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from axisbus.errors import ArgumentError
+
+_DEEPEST = 32
+_IDS = range(1 << 16)
+# Names of the list's types, with struct's letter; those without one hold no number that is read or written here.
+FORMATS = {
+    "bool": "?",
+    "uint8": "B",
+    "int8": "b",
+    "uint16": "H",
+    "int16": "h",
+    "uint32": "I",
+    "int32": "i",
+    "uint64": "Q",
+    "int64": "q",
+    "float": "f",
+    "endpoint_ref": "",
+    "json": "",
+}
+_ACCESS = ("r", "w", "rw")
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A parameter: ``path`` as over USB without ``odrv0.``, ``type`` one of ``FORMATS``, ``access`` r, w or rw."""
+
+    path: str
+    id: int
+    type: str
+    access: str
+
+    @property
+    def readable(self) -> bool:
+        """Whether the list says that it may be read."""
+        return "r" in self.access
+
+    @property
+    def writable(self) -> bool:
+        """Whether the list says that it may be written."""
+        return "w" in self.access
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function of the firmware: calling it is writing to its ``id`` once its ``inputs`` are written."""
+
+    path: str
+    id: int
+    inputs: tuple[Endpoint, ...] = ()
+    outputs: tuple[Endpoint, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class EndpointList:
+    """All endpoints of one firmware by path; ``source`` names the list in messages."""
+
+    source: str
+    endpoints: Mapping[str, Endpoint]
+    functions: Mapping[str, Function]
+
+    def under(self, path: str) -> tuple[Endpoint, ...]:
+        """Return the parameters of an object and of those in it, in the list's order; of "" all."""
+        start = f"{path}." if path else ""
+        return tuple(each for each in self.endpoints.values() if each.path.startswith(start))
+
+
+def parse(text: str | bytes, source: str) -> EndpointList:
+    """Return the endpoints of a list; ``source`` (its file) is named in messages.
+
+    Raises:
+        ArgumentError: it is no JSON, no list of endpoints, or says two things of one path or one ID.
+    """
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ArgumentError(
+            f"{source}: no JSON: {error}",
+            remedy="give the list of endpoints of the module's firmware, as the maker has it",
+        ) from None
+    reader = _Reader(source)
+    reader.members(document, "", 0)
+    return EndpointList(source, reader.endpoints, reader.functions)
+
+
+class _Reader:
+    """Collects a list; holds state: what was found so far, and which IDs are taken."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self.endpoints: dict[str, Endpoint] = {}
+        self.functions: dict[str, Function] = {}
+        self._ids: dict[int, str] = {}
+
+    def members(self, nodes: Any, prefix: str, depth: int) -> None:
+        if not isinstance(nodes, list) or depth > _DEEPEST:
+            raise self._wrong(
+                prefix, "is no list of members" if depth <= _DEEPEST else "is nested too deeply"
+            )
+        for node in nodes:
+            self._node(node, prefix, depth)
+
+    def _node(self, node: Any, prefix: str, depth: int) -> None:
+        path, kind = self._name(node, prefix), node.get("type")
+        if kind == "object":
+            self.members(node.get("members"), path, depth + 1)
+        elif kind == "function":
+            inputs, outputs = (tuple(self._arguments(node, key, path)) for key in ("inputs", "outputs"))
+            self._add(self.functions, path, Function(path, self._id(node, path), inputs, outputs))
+        else:
+            self._add(self.endpoints, path, self._leaf(node, path))
+
+    def _name(self, node: Any, prefix: str) -> str:
+        name = node.get("name") if isinstance(node, dict) else None
+        if not isinstance(name, str):
+            raise self._wrong(prefix, "has a member without a name")
+        return f"{prefix}.{name}" if prefix else name
+
+    def _leaf(self, node: dict[str, Any], path: str, access: str | None = None) -> Endpoint:
+        kind, access = node.get("type"), node.get("access", access or "r")
+        if not isinstance(kind, str) or kind not in FORMATS:
+            raise self._wrong(
+                path, f"has the type {kind!r}; there are {', '.join(FORMATS)}, object, function"
+            )
+        if access not in _ACCESS:
+            raise self._wrong(path, f"has the access {access!r}; there are {', '.join(_ACCESS)}")
+        return Endpoint(path, self._id(node, path), kind, access)
+
+    def _arguments(self, node: dict[str, Any], key: str, path: str) -> Iterator[Endpoint]:
+        arguments = node.get(key, [])
+        if not isinstance(arguments, list):
+            raise self._wrong(path, f"has {key} that are no list")
+        for each in arguments:
+            yield self._leaf(each, self._name(each, path), "rw" if key == "inputs" else "r")
+
+    def _id(self, node: dict[str, Any], path: str) -> int:
+        number = node.get("id")
+        if isinstance(number, bool) or not isinstance(number, int) or number not in _IDS:
+            raise self._wrong(path, f"has the id {number!r}; an id is from 0 to {_IDS.stop - 1}")
+        if number in self._ids:
+            raise self._wrong(path, f"has the id {number}, as {self._ids[number] or 'the list itself'} has")
+        self._ids[number] = path
+        return number
+
+    def _add(self, found: dict[str, Any], path: str, what: Endpoint | Function) -> None:
+        if path in self.endpoints or path in self.functions:
+            raise self._wrong(path, "stands in it twice")
+        found[path] = what
+
+    def _wrong(self, path: str, what: str) -> ArgumentError:
+        return ArgumentError(
+            f"{self._source}: {path or 'the list'} {what}",
+            remedy="give the list of endpoints of the module's firmware, unchanged",
+        )

@@ -1,0 +1,168 @@
+"""One field of a message: where it lies in the data, its type and unit, and which values of it are sent.
+
+Theory of operation. Nearly all fields are little-endian (manual v2.2, 4.1.1): bit ``start`` counts from the lowest bit of byte 0,
+so that byte 5 begins at 40 and its bit 7 is 47. Those of MIT control alone run the other way: bit 0 is the highest of byte 0, and
+a field goes on from there into the bytes behind it. Values are sent only within the field's bounds; what comes is read as it is.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from axisbus.errors import ArgumentError, LimitError
+
+Number = int | float
+
+
+class Kind(Enum):
+    """How the bits of a field are a number."""
+
+    UNSIGNED = "unsigned"
+    SIGNED = "signed"
+    FLOAT = "IEEE 754"
+
+
+class Side(Enum):
+    """Which side of the gear a value counts on; there are ``gear ratio`` turns of the rotor in one of the output."""
+
+    NONE = ""
+    ROTOR = "rotor"
+    OUTPUT = "output"
+
+
+@dataclass(frozen=True, slots=True)
+class DataType:
+    """A type of the manual's tables: its size in bits, and whether its highest bit comes first on the wire."""
+
+    name: str
+    bits: int
+    kind: Kind = Kind.UNSIGNED
+    high_first: bool = False
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """The lowest and the highest whole number that it holds."""
+        half = 1 << self.bits - 1
+        return (-half, half - 1) if self.kind is Kind.SIGNED else (0, 2 * half - 1)
+
+
+BIT = DataType("bit", 1)
+UINT8 = DataType("uint8", 8)
+UINT16 = DataType("uint16", 16)
+UINT32 = DataType("uint32", 32)
+UINT64 = DataType("uint64", 64)
+INT16 = DataType("int16", 16, Kind.SIGNED)
+INT32 = DataType("int32", 32, Kind.SIGNED)
+FLOAT32 = DataType("float32", 32, Kind.FLOAT)
+BYTES4 = DataType("4 bytes", 32)
+MIT8 = DataType("8 bits", 8, high_first=True)
+MIT12 = DataType("12 bits, highest first", 12, high_first=True)
+MIT16 = DataType("16 bits, highest first", 16, high_first=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field; ``name`` is the manual's.
+
+    ``start`` is its first bit as the module's docstring counts. One of its ``unit`` is ``per_unit`` on the wire. ``values`` are all
+    that may be sent, each with its meaning, where the manual lists them; ``low`` and ``high`` (in ``unit``) bound what is sent more
+    narrowly than the type does. ``path`` is the parameter that it writes or shows, as over USB and endpoints.
+    """
+
+    name: str
+    type: DataType
+    start: int = 0
+    unit: str = ""
+    per_unit: int = 1
+    side: Side = Side.NONE
+    values: Mapping[int, str] = field(default_factory=dict)
+    low: float = -math.inf
+    high: float = math.inf
+    path: str = ""
+
+    @property
+    def end(self) -> int:
+        """The first bit behind it."""
+        return self.start + self.type.bits
+
+    def place(self, value: Number) -> int:
+        """Return the value as an integer of the wire, at its place in eight bytes that are read as one little-endian number.
+
+        Raises:
+            ArgumentError: not a number, not finite, or none of the values that the manual lists.
+            LimitError: beyond the field's bounds or its type.
+        """
+        return self.place_raw(self.raw(value))
+
+    def raw(self, value: Number) -> int:
+        """Return the field's bits for a value in its unit; raises as ``place``."""
+        self._check(value)
+        if self.type.kind is Kind.FLOAT:
+            return int.from_bytes(self._packed(value), "little")
+        whole = round(value * self.per_unit)
+        low, high = self.type.bounds
+        if not low <= whole <= high:
+            raise self._beyond(value, low / self.per_unit, high / self.per_unit)
+        return whole & (1 << self.type.bits) - 1
+
+    def place_raw(self, raw: int) -> int:
+        """Return the field's bits at their place in eight bytes that are read as one little-endian number."""
+        if not self.type.high_first:
+            return raw << self.start
+        return int.from_bytes((raw << 64 - self.end).to_bytes(8, "big"), "little")
+
+    def take_raw(self, data: bytes) -> int:
+        """Return the field's bits out of data that are long enough."""
+        if self.type.high_first:
+            number, shift = int.from_bytes(data, "big"), 8 * len(data) - self.end
+        else:
+            number, shift = int.from_bytes(data, "little"), self.start
+        return number >> shift & (1 << self.type.bits) - 1
+
+    def take(self, data: bytes) -> Number:
+        """Return the field's value in its unit out of data that are long enough; a float32 may be NaN or infinite."""
+        raw = self.take_raw(data)
+        if self.type.kind is Kind.FLOAT:
+            (value,) = struct.unpack("<f", raw.to_bytes(4, "little"))
+            return float(value)
+        if self.type.kind is Kind.SIGNED and raw >> self.type.bits - 1:
+            raw -= 1 << self.type.bits
+        return raw if self.per_unit == 1 else raw / self.per_unit
+
+    def _check(self, value: Number) -> None:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ArgumentError(f"{self.name}: {value!r} is no number that can be sent")
+        if self._whole and not isinstance(value, int):
+            raise ArgumentError(f"{self.name}: {value!r} is no whole number")
+        if self.values and value not in self.values:
+            listed = ", ".join(f"{number} ({words})" for number, words in self.values.items())
+            raise ArgumentError(
+                f"{self.name}: {value} is not in the manual's list", remedy=f"there are {listed}"
+            )
+        if not self.low <= value <= self.high:
+            raise self._beyond(value, self.low, self.high)
+
+    @property
+    def _whole(self) -> bool:
+        return self.type.kind is not Kind.FLOAT and self.per_unit == 1
+
+    def _packed(self, value: Number) -> bytes:
+        try:
+            return struct.pack("<f", value)
+        except OverflowError:
+            raise LimitError(f"{self.name}: {value:g} is beyond what a float32 holds") from None
+
+    def _beyond(self, value: Number, low: float, high: float) -> LimitError:
+        unit = f" {self.unit}" if self.unit else ""
+        bounds = " ".join(
+            text
+            for text, bound in ((f"from {low:.10g}", low), (f"to {high:.10g}", high))
+            if math.isfinite(bound)
+        )
+        return LimitError(
+            f"{self.name}: {value:.10g}{unit} is not sent", remedy=f"give a value {bounds}{unit}"
+        )

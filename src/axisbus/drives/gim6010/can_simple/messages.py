@@ -1,0 +1,440 @@
+"""The messages of CAN Simple as one table (manual v2.2, 4.1.2), from which all that reads, writes and documents them comes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from axisbus.drives.gim6010.can_simple.fields import (
+    BIT,
+    BYTES4,
+    FLOAT32,
+    INT16,
+    INT32,
+    MIT8,
+    MIT12,
+    MIT16,
+    UINT8,
+    UINT16,
+    UINT32,
+    UINT64,
+    DataType,
+    Field,
+    Side,
+)
+from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.states import REQUESTED_STATES
+from axisbus.errors import ArgumentError
+
+LENGTH = 8  # bytes of every data frame that is sent (4.1.1)
+
+
+class Direction(Enum):
+    """Who sends a message."""
+
+    TO_MODULE = "to the module"
+    FROM_MODULE = "from the module"
+    BOTH = "both ways"
+
+
+class Asked(Enum):
+    """How a module is made to send a message."""
+
+    NEVER = ""  # it sends none, or of itself only
+    EMPTY = "by a remote frame, or by eight bytes of 0"
+    WITH_DATA = "by a data frame that says what is wanted"
+
+
+class Effect(Enum):
+    """What a message does besides what its name says, and an axis must know beforehand."""
+
+    NONE = ""
+    STOPS = "stops"
+    TURNS = "may turn the motor by itself"
+    REBOOTS = "restarts the module"
+    SHIFTS_ZERO = "shifts the position"
+    MOVES_IDENTIFIER = "changes the identifiers that it answers to"
+
+
+class Heard(Enum):
+    """Whether owners report that a module takes or answers it, over CAN."""
+
+    YES = "seen at work by owners"
+    NO_REPORT = "no owner's report"
+    SILENT = "owners got no answer"
+    OTHERWISE = "owners report something else than the manual"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Message:
+    """One message: the fields that the master sends, those that the module sends, and what it is for.
+
+    ``shortest`` is the least number of data bytes in which what the module sends is of use, where that is not all of its fields.
+    """
+
+    command: int
+    name: str
+    meaning: str
+    sent: tuple[Field, ...] = ()
+    answer: tuple[Field, ...] = ()
+    asked: Asked = Asked.NEVER
+    effect: Effect = Effect.NONE
+    heard: Heard = Heard.NO_REPORT
+    shortest: int = 0
+
+    def __repr__(self) -> str:
+        return f"<{self.command:02X}h {self.name}>"
+
+    @property
+    def direction(self) -> Direction:
+        """Who sends its data; a request without data of its own does not count."""
+        if not self.answer:
+            return Direction.TO_MODULE
+        return Direction.BOTH if self.sent else Direction.FROM_MODULE
+
+    @property
+    def answer_bytes(self) -> int:
+        """The data bytes that an answer has at least."""
+        return self.shortest or max(((each.end + 7) // 8 for each in self.answer), default=0)
+
+    @property
+    def sent_bytes(self) -> int:
+        """The data bytes that the master's fields take; all frames that are sent have ``LENGTH``."""
+        return max(((each.end + 7) // 8 for each in self.sent), default=0)
+
+
+_ROTOR, _OUTPUT = Side.ROTOR, Side.OUTPUT
+_FLAGS = 5 * 8
+
+# The newest layout; ``heartbeat`` has those of other firmware.
+HEARTBEAT_FIELDS = (
+    Field("Axis_Error", UINT32, path="axis0.error"),
+    Field("Axis_State", UINT8, 4 * 8, path="axis0.current_state"),
+    Field("Motor_Fault", BIT, _FLAGS, path="axis0.motor.error"),
+    Field("Encoder_Fault", BIT, _FLAGS + 1, path="axis0.encoder.error"),
+    Field("Controller_Fault", BIT, _FLAGS + 2, path="axis0.controller.error"),
+    Field("System_Fault", BIT, _FLAGS + 3, path="error"),
+    Field("Traj_Done", BIT, _FLAGS + 7, path="axis0.controller.trajectory_done"),
+    Field("Life", UINT8, 7 * 8),
+)
+ERROR_TYPES = {0: "motor", 1: "encoder", 3: "controller", 4: "system"}
+CONTROL_MODES = {0: "voltage", 1: "torque", 2: "velocity", 3: "position"}
+INPUT_MODES = {
+    0: "inactive",
+    1: "direct",
+    2: "velocity ramp",
+    3: "position filter",
+    5: "trapezoidal trajectory",
+    6: "torque ramp",
+    9: "motion control (MIT)",
+}
+OPCODES = {0: "read", 1: "write"}
+HIGHEST_CURRENT = 50.0  # A (3.1.3)
+_COUNTS = 16384  # per turn of the rotor
+
+
+def _float(
+    name: str, byte: int, unit: str, path: str, side: Side = _ROTOR, *, low: float = -math.inf
+) -> Field:
+    return Field(name, FLOAT32, 8 * byte, unit, side=side, low=low, path=path)
+
+
+def _positive(name: str, byte: int, unit: str, path: str) -> Field:
+    return _float(name, byte, unit, path, low=0.0)
+
+
+def _mit(name: str, kind: DataType, start: int, unit: str, side: Side = _OUTPUT) -> Field:
+    """A value as steps of a range that is a setting, and so no number of the table: ``mit`` knows it."""
+    return Field(name, kind, start, f"steps of {unit}" if unit else "", side=side)
+
+
+_ENDPOINT_FIELDS = (
+    Field("opcode", UINT8, values=OPCODES),
+    Field("Endpoint_ID", UINT16, 8),
+    Field("Value", BYTES4, 4 * 8),
+)
+_CONFIG = "axis0.controller.config"
+_TRAJECTORY = "axis0.traj_traj.config"  # as the manual writes it
+
+MESSAGES = (
+    Message(
+        0x01,
+        "Heartbeat",
+        "state and faults, sent by itself",
+        answer=HEARTBEAT_FIELDS,
+        heard=Heard.YES,
+    ),
+    Message(
+        0x02,
+        "Estop",
+        "emergency stop; the axis then reports ESTOP_REQUESTED, which latches",
+        effect=Effect.STOPS,
+    ),
+    Message(
+        0x03,
+        "Get_Error",
+        "one error word; it does not say which, so one is asked for at a time",
+        (Field("Error_Type", UINT8, values=ERROR_TYPES),),
+        (Field("Error", UINT64),),
+        Asked.WITH_DATA,
+        heard=Heard.SILENT,
+        shortest=4,
+    ),
+    Message(
+        0x04,
+        "RxSdo",
+        "reads or writes a parameter by its endpoint",
+        _ENDPOINT_FIELDS,
+        _ENDPOINT_FIELDS,
+        Asked.WITH_DATA,
+        heard=Heard.SILENT,
+    ),
+    Message(
+        0x05,
+        "TxSdo",
+        "as RxSdo, when it writes; answers may come here too",
+        _ENDPOINT_FIELDS,
+        _ENDPOINT_FIELDS,
+        Asked.WITH_DATA,
+        heard=Heard.SILENT,
+    ),
+    Message(
+        0x06,
+        "Set_Axis_Node_ID",
+        "sets the node ID",
+        (
+            Field(
+                "Axis_Node_ID", UINT32, low=NODES.start, high=NODES.stop - 1, path="axis0.config.can.node_id"
+            ),
+        ),
+        effect=Effect.MOVES_IDENTIFIER,
+    ),
+    Message(
+        0x07,
+        "Set_Axis_State",
+        "asks for a state of the axis: 8 enables, 1 lets go, 3, 4 and 7 calibrate",
+        (Field("Axis_Requested_State", UINT32, values=REQUESTED_STATES, path="axis0.requested_state"),),
+        effect=Effect.TURNS,
+        heard=Heard.YES,
+    ),
+    Message(
+        0x08,
+        "Mit_Control",
+        "position, velocity, gains and torque at once",
+        (
+            _mit("Position", MIT16, 0, "rad"),
+            _mit("Velocity", MIT12, 16, "rad/s"),
+            _mit("KP", MIT12, 28, "N·m per turn", _ROTOR),
+            _mit("KD", MIT12, 40, "N·m per turn/s", _ROTOR),
+            _mit("Torque", MIT12, 52, "N·m"),
+        ),
+        (
+            _mit("Node_ID", MIT8, 0, "", Side.NONE),
+            _mit("Position", MIT16, 8, "rad"),
+            _mit("Velocity", MIT12, 24, "rad/s"),
+            _mit("Torque", MIT12, 36, "N·m"),
+        ),
+        Asked.WITH_DATA,
+    ),
+    Message(
+        0x09,
+        "Get_Encoder_Estimates",
+        "position and velocity; dead until closed loop",
+        answer=(
+            _float("Pos_Estimate", 0, "turns", "axis0.encoder.pos_estimate"),
+            _float("Vel_Estimate", 4, "turns/s", "axis0.encoder.vel_estimate"),
+        ),
+        asked=Asked.EMPTY,
+        heard=Heard.YES,
+    ),
+    Message(
+        0x0A,
+        "Get_Encoder_Count",
+        "the encoder's counts, also in idle",
+        answer=(
+            Field("Shadow_Count", INT32, unit="counts", side=_ROTOR, path="axis0.encoder.shadow_count"),
+            Field("Count_In_Cpr", INT32, 32, "counts", side=_ROTOR, path="axis0.encoder.count_in_cpr"),
+        ),
+        asked=Asked.EMPTY,
+        heard=Heard.YES,
+    ),
+    Message(
+        0x0B,
+        "Set_Controller_Mode",
+        "what is controlled, and how set-points are led to it",
+        (
+            Field("Control_Mode", UINT32, values=CONTROL_MODES, path=f"{_CONFIG}.control_mode"),
+            Field("Input_Mode", UINT32, 32, values=INPUT_MODES, path=f"{_CONFIG}.input_mode"),
+        ),
+        heard=Heard.YES,
+    ),
+    Message(
+        0x0C,
+        "Set_Input_Pos",
+        "target position, with velocity and torque to be fed forward",
+        (
+            _float("Input_Pos", 0, "turns", "axis0.controller.input_pos"),
+            Field("Vel_FF", INT16, 32, "turns/s", 1000, _ROTOR, path="axis0.controller.input_vel"),
+            Field("Torque_FF", INT16, 48, "N·m", 1000, _ROTOR, path="axis0.controller.input_torque"),
+        ),
+        heard=Heard.YES,
+    ),
+    Message(
+        0x0D,
+        "Set_Input_Vel",
+        "target velocity, with torque to be fed forward",
+        (
+            _float("Input_Vel", 0, "turns/s", "axis0.controller.input_vel"),
+            _float("Torque_FF", 4, "N·m", "axis0.controller.input_torque"),
+        ),
+        heard=Heard.YES,
+    ),
+    Message(
+        0x0E,
+        "Set_Input_Torque",
+        "target torque",
+        (_float("Input_Torque", 0, "N·m", "axis0.controller.input_torque"),),
+    ),
+    Message(
+        0x0F,
+        "Set_Limits",
+        "limits of velocity and motor current",
+        (
+            _positive("Velocity_Limit", 0, "turns/s", f"{_CONFIG}.vel_limit"),
+            Field(
+                "Current_Limit",
+                FLOAT32,
+                32,
+                "A",
+                low=0.0,
+                high=HIGHEST_CURRENT,
+                path="axis0.motor.config.current_lim",
+            ),
+        ),
+        heard=Heard.YES,
+    ),
+    Message(0x10, "Start_Anticogging", "measures the ripple of the torque", effect=Effect.TURNS),
+    Message(
+        0x11,
+        "Set_Traj_Vel_Limit",
+        "velocity of trapezoidal trajectories",
+        (_positive("Traj_Vel_Limit", 0, "turns/s", f"{_TRAJECTORY}.vel_limit"),),
+    ),
+    Message(
+        0x12,
+        "Set_Traj_Accel_Limits",
+        "acceleration and deceleration of trapezoidal trajectories",
+        (
+            _positive("Traj_Accel_Limit", 0, "turns/s²", f"{_TRAJECTORY}.accel_limit"),
+            _positive("Traj_Decel_Limit", 4, "turns/s²", f"{_TRAJECTORY}.decel_limit"),
+        ),
+    ),
+    Message(
+        0x13,
+        "Set_Traj_Inertia",
+        "inertia, for the torque that is fed forward",
+        (_positive("Traj_Inertia", 0, "N·m per turn/s²", f"{_CONFIG}.inertia"),),
+    ),
+    Message(
+        0x14,
+        "Get_Iq",
+        "current that makes torque, demanded and measured",
+        answer=(
+            _float("Iq_Setpoint", 0, "A", "axis0.motor.current_control.Idq_setpoint", Side.NONE),
+            _float("Iq_Measured", 4, "A", "axis0.motor.current_control.Iq_measured", Side.NONE),
+        ),
+        asked=Asked.EMPTY,
+        heard=Heard.YES,
+    ),
+    Message(0x16, "Reboot", "restarts the module", effect=Effect.REBOOTS),
+    Message(
+        0x17,
+        "Get_Bus_Voltage_Current",
+        "supply voltage and current",
+        answer=(
+            _float("Bus_Voltage", 0, "V", "vbus_voltage", Side.NONE),
+            _float("Bus_Current", 4, "A", "ibus", Side.NONE),
+        ),
+        asked=Asked.EMPTY,
+        heard=Heard.YES,
+    ),
+    Message(0x18, "Clear_Errors", "clears all errors", heard=Heard.YES),
+    Message(
+        0x19,
+        "Set_Linear_Count",
+        "sets the encoder's position, in counts",
+        (
+            Field(
+                "Linear_Count",
+                INT32,
+                unit="counts",
+                side=_ROTOR,
+                low=1 - _COUNTS,
+                high=_COUNTS - 1,
+                path="axis0.encoder.set_linear_count",
+            ),
+        ),
+        effect=Effect.SHIFTS_ZERO,
+    ),
+    Message(
+        0x1A,
+        "Set_Pos_Gain",
+        "proportional gain of the position loop",
+        (_positive("Pos_Gain", 0, "(turns/s)/turn", f"{_CONFIG}.pos_gain"),),
+        heard=Heard.YES,
+    ),
+    Message(
+        0x1B,
+        "Set_Vel_Gains",
+        "proportional and integral gain of the velocity loop",
+        (
+            _positive("Vel_Gain", 0, "N·m per turn/s", f"{_CONFIG}.vel_gain"),
+            _positive("Vel_Integrator_Gain", 4, "N·m per turn", f"{_CONFIG}.vel_integrator_gain"),
+        ),
+        heard=Heard.YES,
+    ),
+    Message(
+        0x1C,
+        "Get_Torques",
+        "torque, demanded and present",
+        answer=(
+            _float("Torque_Setpoint", 0, "N·m", "axis0.controller.torque_setpoint"),
+            _float("Torque", 4, "N·m", ""),
+        ),
+        asked=Asked.EMPTY,
+    ),
+    Message(
+        0x1D,
+        "Get_Powers",
+        "electrical and mechanical power",
+        answer=(
+            _float("Electrical_Power", 0, "W", "axis0.controller.electrical_power", Side.NONE),
+            _float("Mechanical_Power", 4, "W", "axis0.controller.mechanical_power", Side.NONE),
+        ),
+        asked=Asked.EMPTY,
+    ),
+    Message(
+        0x1E,
+        "Disable_Can",
+        "switches CAN off and restarts the module: after it there is USB only",
+        effect=Effect.REBOOTS,
+    ),
+    Message(
+        0x1F, "Save_Configuration", "saves the configuration and restarts the module", effect=Effect.REBOOTS
+    ),
+)
+
+BY_COMMAND = {each.command: each for each in MESSAGES}
+BY_NAME = {each.name: each for each in MESSAGES}
+
+
+def named(name: str) -> Message:
+    """Return a message by the manual's name of it.
+
+    Raises:
+        ArgumentError: there is none of that name.
+    """
+    if name not in BY_NAME:
+        raise ArgumentError(f"CAN Simple has no message {name!r}", remedy=f"there are {', '.join(BY_NAME)}")
+    return BY_NAME[name]

@@ -1,0 +1,64 @@
+"""Taking a distance that is to be laid over what leads the axis, and its halt."""
+
+from __future__ import annotations
+
+from axisbus.errors import Replaced, StateError
+from axisbus.motion import commands as c
+from axisbus.motion.axis.accept_motion import require_motion
+from axisbus.motion.axis.core import AxisCore
+from axisbus.motion.cyclic.ramps import VelocityRamp
+from axisbus.motion.group.gate import Gate
+from axisbus.motion.moves.follow import Follow
+from axisbus.motion.states import AxisState
+from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.ticket import Ticket
+
+
+def move(core: AxisCore, command: c.MoveSuperimposed, ticket: Ticket, _: Gate) -> None:
+    """MC_MoveSuperimposed."""
+    require_motion(core, ticket)
+    path = core.activity
+    if core.ladder is not None:
+        raise StateError(
+            f"{ticket.name}: {core.parameters.name} is being halted",
+            remedy="wait until it stands, then move_relative",
+        )
+    if not isinstance(path, Follow) or path.leads_now is not path:
+        raise _nothing_leads(core, ticket)
+    _end_before(core, f"was replaced by {ticket.name}")
+    addition = Addition(command, core.parameters.scan_period)
+    path.lay_over(addition)
+    core.running.lay_over(addition, ticket)
+
+
+def halt(core: AxisCore, command: c.HaltSuperimposed, ticket: Ticket, _: Gate) -> None:
+    """MC_HaltSuperimposed; where nothing is laid over anything there is nothing to halt, and that is success."""
+    addition = core.running.addition
+    if addition is None:
+        core.finish(ticket)
+        return
+    _end_before(core, f"was halted by {ticket.name}")
+    addition.halt(deceleration=command.deceleration)
+    core.running.lay_over(addition, ticket)
+
+
+def _end_before(core: AxisCore, how: str) -> None:
+    addition, ticket = core.running.addition, core.running.take_addition()
+    if ticket is None or addition is None:
+        return
+    unit = core.parameters.units.position.unit
+    seen = f"{addition.value:g} of {addition.distance:g} {unit} had been laid over what leads the axis"
+    core.finish(ticket, Replaced(f"{ticket.name} {how}", observed=seen))
+
+
+def _nothing_leads(core: AxisCore, ticket: Ticket) -> StateError:
+    """Return why nothing can be laid over what the axis does, and the way out."""
+    name = core.parameters.name
+    if core.state is AxisState.STANDSTILL:
+        observed, remedy = f"{name} stands", "use move_relative"
+    elif isinstance(core.led_along, VelocityRamp):
+        observed, remedy = "it is led by velocities, not along a path", "ask for another velocity meanwhile"
+    else:
+        observed = "its drive plans the present motion by itself (or has not been given the lead yet)"
+        remedy = "use move_additive; or let the master lead it: on a line of a group of one, a trajectory, a gear or a cam"
+    return StateError(f"{ticket.name}: nothing leads {name} along a path", observed=observed, remedy=remedy)

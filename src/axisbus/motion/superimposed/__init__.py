@@ -1,0 +1,1 @@
+"""Distances that are laid over what leads an axis."""

@@ -1,0 +1,252 @@
+"""The axis of a module: its states, its error words, what makes it give up by itself, and its calibrations, advanced by dt.
+
+Theory of operation
+-------------------
+``request`` is what Set_Axis_State says. Only state 8 and the calibrations energise the motor; a module that has any error refuses
+state 8 in silence, and an error that appears takes the power away at once: the motor coasts. Error words stay until ``clear``; what
+their cause keeps up comes back with the next step. Two watchdogs count the time since the last set-point, in every state.
+"""
+
+from __future__ import annotations
+
+import math
+
+from axisbus.sim.can_simple.controller import Controller
+from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.firmware import MIT_RANGES, Firmware
+from axisbus.sim.can_simple.numbers import (
+    AxisError,
+    AxisState,
+    ControllerError,
+    EncoderError,
+    MotorError,
+    SystemWord,
+)
+from axisbus.sim.can_simple.parameters import CALIBRATED, Parameters
+from axisbus.sim.can_simple.shaft import Shaft
+
+# What a calibration runs through: the states that it shows (never 3), and for how many seconds.
+_MOTOR = (AxisState.MOTOR_CALIBRATION, 4.0)
+_ENCODER = (AxisState.ENCODER_CALIBRATION, 6.0)
+_CALIBRATIONS = {
+    AxisState.FULL_CALIBRATION: (_MOTOR, _ENCODER),
+    AxisState.MOTOR_CALIBRATION: (_MOTOR,),
+    AxisState.ENCODER_CALIBRATION: (_ENCODER,),
+}
+_TURNED = 1.0  # rotor turns forward and back while the encoder is calibrated
+_RESISTANCE = 0.25  # ohm, of what heats
+
+
+class ModuleAxis:
+    """Holds state, error words and timers."""
+
+    def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleDials, firmware: Firmware) -> None:
+        self.shaft = shaft
+        self.controller = Controller(shaft, parameters, dials)
+        self._parameters = parameters
+        self._dials = dials
+        self._firmware = firmware
+        self.state: int = AxisState.IDLE
+        self.clear()
+        self._since_input = 0.0
+        self._sequence: list[tuple[AxisState, float]] = []
+        self._time = 0.0  # in the present part of a calibration
+        self._place = 0.0
+
+    # Commands.
+
+    def request(self, state: int) -> None:
+        """Take ``requested_state``."""
+        if state == AxisState.UNDEFINED or (state == self.state and not self._sequence):
+            return
+        if state == AxisState.IDLE:
+            self._release()
+        elif state == AxisState.CLOSED_LOOP:
+            self._start()
+        elif state in _CALIBRATIONS:
+            self._calibrate(AxisState(state))
+        else:
+            self.error |= AxisError.INVALID_STATE
+            self._release()
+
+    def estop(self) -> None:
+        """Power away, and an error that stays."""
+        self.error |= AxisError.ESTOP_REQUESTED
+        self._release()
+
+    def clear(self) -> None:
+        """Clear all error words."""
+        self.error = AxisError(0)
+        self.motor_error = MotorError(0)
+        self.encoder_error = EncoderError(0)
+        self.controller_error = ControllerError(0)
+        self.system_error = SystemWord(0)
+
+    def feed(self) -> None:
+        """A set-point came: the watchdogs begin anew."""
+        self._since_input = 0.0
+
+    def restart(self) -> None:
+        """Power-up: idle, no errors, nothing commanded."""
+        self._release()
+        self.clear()
+        self._since_input = 0.0
+        self.controller = Controller(self.shaft, self._parameters, self._dials)
+
+    # What is told.
+
+    @property
+    def energised(self) -> bool:
+        """Whether there is power on the motor."""
+        return self.state != AxisState.IDLE
+
+    @property
+    def faulty(self) -> bool:
+        """Whether any error word is not 0."""
+        words = self.error, self.motor_error, self.encoder_error, self.controller_error, self.system_error
+        return any(words)
+
+    @property
+    def current(self) -> float:
+        """Iq in A."""
+        return self.shaft.torque / self._torque_constant if self.energised else 0.0
+
+    @property
+    def current_setpoint(self) -> float:
+        """The target of Iq in A."""
+        return self.controller.torque_setpoint / self._torque_constant if self.energised else 0.0
+
+    @property
+    def mechanical_power(self) -> float:
+        """W at the rotor."""
+        return self.shaft.torque * self.shaft.speed * 2.0 * math.pi if self.energised else 0.0
+
+    @property
+    def electrical_power(self) -> float:
+        """W from the supply."""
+        return self.mechanical_power + self.current * self.current * _RESISTANCE
+
+    # Time.
+
+    def step(self, dt: float) -> None:
+        """Let ``dt`` s pass."""
+        dials, shaft = self._dials, self.shaft
+        shaft.motor.blocked = dials.blocked
+        shaft.freeze(dials.encoder_frozen)
+        self._since_input += dt
+        self._supervise()
+        if self.faulty and self.energised:
+            self._release()
+        if dt <= 0.0:
+            return
+        if self.state == AxisState.CLOSED_LOOP:
+            self._run(dt)
+        elif self._sequence:
+            self._calibrating(dt)
+        else:
+            shaft.push(0.0, dt)
+
+    def _run(self, dt: float) -> None:
+        axis, motor, controller = self.controller.step(dt, self._torque_limit)
+        self.error |= axis
+        self.motor_error |= motor
+        self.controller_error |= controller
+        self._summarise()
+        if self.faulty:
+            self._release()
+
+    # Errors.
+
+    def _supervise(self) -> None:
+        dials, get = self._dials, self._parameters
+        if dials.bus_voltage < get["config.dc_bus_undervoltage_trip_level"]:
+            self.system_error |= SystemWord.DC_BUS_UNDER_VOLTAGE
+        if dials.bus_voltage > get["config.dc_bus_overvoltage_trip_level"]:
+            self.system_error |= SystemWord.DC_BUS_OVER_VOLTAGE
+        too_hot = dials.temperature > get["axis0.motor.fet_thermistor.config.temp_limit_upper"]
+        if too_hot and get["axis0.motor.fet_thermistor.config.enabled"]:
+            self.motor_error |= MotorError.FET_THERMISTOR_OVER_TEMP
+            self.error |= AxisError.OVER_TEMP
+        self.encoder_error |= EncoderError(dials.encoder_error)
+        self.motor_error |= MotorError(dials.motor_error)
+        self._watch_inputs()
+        self._summarise()
+
+    def _watch_inputs(self) -> None:
+        get = self._parameters
+        works = self._dials.watchdog_works
+        works = self._firmware < MIT_RANGES if works is None else works
+        if works and get["axis0.config.enable_watchdog"]:
+            timeout = get["axis0.config.watchdog_timeout"]
+            if timeout > 0.0 and self._since_input > timeout + 1e-9:
+                self.error |= AxisError.WATCHDOG_TIMER_EXPIRED
+        silence = get["can.config.break_timeout"] / 1000.0 or self._dials.break_when_zero
+        if silence > 0.0 and self._since_input > silence + 1e-9:
+            self.error |= AxisError.CAN_BUS_FAILED
+
+    def _summarise(self) -> None:
+        """The axis's word says which of the others is not 0."""
+        if self.system_error:
+            self.motor_error |= MotorError.SYSTEM_LEVEL
+        if self.motor_error:
+            self.error |= AxisError.MOTOR_FAILED
+        if self.encoder_error:
+            self.error |= AxisError.ENCODER_FAILED
+        if self.controller_error:
+            self.error |= AxisError.CONTROLLER_FAILED
+
+    # States.
+
+    def _start(self) -> None:
+        if self.faulty or self._dials.wont_start:
+            return
+        if not all(self._parameters[path] for path in CALIBRATED):
+            self.error |= AxisError.INVALID_STATE
+            self._release()
+            return
+        self._sequence = []
+        self.state = AxisState.CLOSED_LOOP
+        self.controller.start()
+
+    def _release(self) -> None:
+        self._sequence = []
+        self.state = AxisState.IDLE
+        self.controller.stop()
+
+    def _calibrate(self, state: AxisState) -> None:
+        if self.faulty:
+            return
+        self.controller.stop()
+        self._sequence = list(_CALIBRATIONS[state])
+        self._enter_part()
+
+    def _enter_part(self) -> None:
+        self.state, self._time = self._sequence[0][0], 0.0
+        self._place = self.shaft.seize()
+
+    def _calibrating(self, dt: float) -> None:
+        state, duration = self._sequence[0]
+        self._time += dt
+        if state == AxisState.ENCODER_CALIBRATION:
+            turned = 0.5 - 0.5 * math.cos(2.0 * math.pi * min(1.0, self._time / duration))
+            self.shaft.lead(self._place + _TURNED * turned, dt, self._torque_limit)
+        else:
+            self.shaft.lead(self._place, dt, self._torque_limit)
+        if self._time < duration:
+            return
+        self._sequence.pop(0)
+        if self._sequence:
+            self._enter_part()
+        else:
+            self._release()
+
+    @property
+    def _torque_constant(self) -> float:
+        """N·m/A at the rotor; one that is none counts as 1, which makes amperes of N·m (manual 3.1.3)."""
+        constant = self._parameters["axis0.motor.config.torque_constant"]
+        return constant if 0.0 < constant < math.inf else 1.0
+
+    @property
+    def _torque_limit(self) -> float:
+        current = self._parameters["axis0.motor.config.current_lim"]
+        return min(current * self._torque_constant, 1e6) if current > 0.0 else 0.0

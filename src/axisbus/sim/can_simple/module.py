@@ -1,0 +1,315 @@
+"""A module on the wire: it speaks the protocol that it was saved with, restarts when told to, and keeps its motor through all that.
+
+Theory of operation
+-------------------
+``on_frame`` takes what came, ``step`` lets time pass, ``take_frames`` returns what is to be sent, as of every stand-in. By
+``can.config.protocol`` it is a CAN Simple module, or the CANopen stand-in of its EDS on the same motor, or it only beats in the
+29-bit protocol. A change takes effect with the restart that saving brings. ``usb_read``, ``usb_write`` and ``usb_call`` are the
+other way in: the maker's tool on the USB port, which works whatever the bus speaks. In CANopen node ID 0 is none: it is silent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from axisbus.eds.model import Eds
+from axisbus.sim.build import device_from_eds, motor_from_eds
+from axisbus.sim.can_simple.axis import ModuleAxis
+from axisbus.sim.can_simple.beacon import Beacon
+from axisbus.sim.can_simple.dials import ModuleDials
+from axisbus.sim.can_simple.endpoints import Endpoints
+from axisbus.sim.can_simple.firmware import EXTENDED, FACTORY, Firmware
+from axisbus.sim.can_simple.numbers import AxisState, Protocol
+from axisbus.sim.can_simple.parameters import Parameters, Value, list_of
+from axisbus.sim.can_simple.shaft import Shaft
+from axisbus.sim.can_simple.talk import Frame, Talk, Wishes
+from axisbus.sim.compliant import make_motor
+from axisbus.sim.device import Device
+from axisbus.sim.motor import MotorParams
+from axisbus.sim.node.slave import Slave
+
+_LONGEST = 0.02  # s of one step of the plant
+_STANDARD = 0x7FF
+_PROTOCOL = "can.config.protocol"
+
+
+class Module:
+    """One GIM6010-8; holds its motor, its parameters, and who speaks for it."""
+
+    def __init__(
+        self,
+        node_id: int = 0,
+        *,
+        firmware: Firmware = FACTORY,
+        params: MotorParams | None = None,
+        dials: ModuleDials | None = None,
+        eds: Eds | None = None,
+        serial: int = 0x3936_3232_3334,
+        **parameters: Value,
+    ) -> None:
+        """Make a module that runs already; ``parameters`` by the last part of their path, as ``break_timeout=500`` (saved).
+
+        ``eds`` is of the CANopen stand-in that it becomes; without, it is silent in CANopen. A firmware from 0.6.8 on begins in the
+        29-bit protocol unless ``protocol`` says otherwise.
+        """
+        if firmware >= EXTENDED:
+            parameters.setdefault("protocol", Protocol.EXTENDED)
+        self.dials = dials or ModuleDials()
+        self.firmware = firmware
+        self.parameters = Parameters(node_id=node_id, serial_number=serial, **parameters)
+        self.motor = make_motor(params or (MotorParams() if eds is None else motor_from_eds(eds)))
+        self.shaft = Shaft(self.motor)
+        self.axis = ModuleAxis(self.shaft, self.parameters, self.dials, firmware)
+        self.endpoints = Endpoints(self.parameters, list_of(firmware), self._live(), self._acts())
+        wishes = Wishes(reboot=self.restart, save=self._save, disable_can=self._disable_can)
+        self._talk = Talk(self.axis, self.parameters, self.endpoints, self.dials, firmware, wishes)
+        self._beacon = Beacon()
+        self._eds = eds
+        self._params = params
+        self.device: Device | None = None  # while it speaks CANopen
+        self._slave: Slave | None = None
+        self.restarts = 0
+        self._silent_for = 0.0
+        self._now: float | None = None
+        self._begin()
+
+    # The plant, for whoever looks at it.
+
+    @property
+    def position(self) -> float:
+        """Where the motor truly is, in rotor turns from where it stood when it was made."""
+        return self.shaft.turns
+
+    @property
+    def energised(self) -> bool:
+        """Whether there truly is power on the motor."""
+        if self.device is not None:
+            return self.device.drive.power.effort.value != 0
+        return self.axis.energised
+
+    @property
+    def node_id(self) -> int:
+        """The node ID that holds now."""
+        return self.parameters.node_id
+
+    @property
+    def protocol(self) -> int:
+        """The protocol that is spoken now."""
+        return self._spoken
+
+    # The wire.
+
+    def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
+        """Take a frame that came at ``now``; nothing that comes raises."""
+        if can_id > _STANDARD or not self._hears:
+            return
+        if self._slave is not None:
+            self._slave.on_frame(can_id, data, now, remote=remote)
+        elif self._spoken == Protocol.CAN_SIMPLE:
+            self._talk.on_frame(can_id, data, remote=remote)
+
+    def step(self, now: float) -> None:
+        """Let time pass until ``now``, in s of any steady clock."""
+        left = 0.0 if self._now is None else max(0.0, now - self._now)
+        at = now - left
+        while True:
+            dt = min(left, _LONGEST)
+            left, at = left - dt, at + dt
+            self._step(dt, now if left <= 1e-12 else at)
+            if left <= 1e-12:
+                break
+        self._now = now
+
+    def serve(self, now: float) -> None:
+        """Answer what is due, without time passing."""
+        if self._slave is not None and self._hears:
+            self._slave.serve(now)
+
+    @property
+    def next_answer(self) -> float | None:
+        """When an answer is due that waits; None: there is none."""
+        return self._slave.next_answer if self._slave is not None and self._hears else None
+
+    def take_frames(self) -> list[Frame]:
+        """Return the frames to be sent, as (identifier, data), and forget them; one above 7FFh has 29 bits."""
+        sources: list[list[Frame]] = [self._talk.frames, self._beacon.frames]
+        frames = [frame for source in sources for frame in source]
+        for source in sources:
+            source.clear()
+        if self._slave is not None:
+            frames += self._slave.take_frames()
+        return frames if self._speaks else []
+
+    # USB.
+
+    def usb_read(self, path: str) -> Value:
+        """Read a parameter by its path in the USB tree.
+
+        Raises:
+            KeyError: there is none of this name.
+        """
+        return self.endpoints.read(path)
+
+    def usb_write(self, path: str, value: Value) -> None:
+        """Write a parameter by its path in the USB tree; raises as ``usb_read``."""
+        self.endpoints.write(path, value)
+
+    def usb_call(self, path: str, argument: Value = 0) -> None:
+        """Call a function by its path in the USB tree: ``save_configuration``, ``reboot``; raises as ``usb_read``."""
+        self.endpoints.write(path, argument)
+
+    def json(self) -> list[dict[str, Any]]:
+        """Return the list of endpoints of this firmware, as ``json.dumps`` takes it."""
+        return self.endpoints.as_json()
+
+    # Restarts.
+
+    def restart(self) -> None:
+        """Power-up, with what was saved; silent for ``restart_time``, then idle. The motor coasts."""
+        self.restarts += 1
+        self.parameters.load()
+        self._silent_for = self.dials.restart_time
+        self._begin()
+
+    def _begin(self) -> None:
+        get = self.parameters
+        self._wired = bool(get["config.enable_can_a"]) and get["config.comm_intf_mux"] == 0
+        self._bitrate = get["can.config.baud_rate"]
+        self.shaft.restart(self._zero(), self.dials.shadow_offset)
+        self.axis.restart()
+        self._talk.restart()
+        self._beacon.restart()
+        self._speak(int(self.parameters[_PROTOCOL]))
+
+    def _zero(self) -> float:
+        """The user's zero within a turn, and what owners saw of restarts."""
+        branch = self.dials.branch if self.restarts % 2 else 0.0
+        offset = self.parameters["axis0.encoder.config.index_offset"]
+        used = self.parameters["axis0.encoder.config.use_index_offset"]
+        return (offset if used and abs(offset) < 1e9 else 0.0) - branch
+
+    def _speak(self, protocol: int) -> None:
+        self._spoken = protocol
+        self.device = self._slave = None
+        if protocol == Protocol.CANOPEN and self._eds is not None and self.node_id > 0:
+            self.device = self._as_canopen(self._eds)
+            self._slave = Slave(self.device)
+
+    def _as_canopen(self, eds: Eds) -> Device:
+        device = device_from_eds(eds, self.node_id, self._params)
+        axis = device.drive.axis
+        axis.motor, axis.position = self.motor, self.motor.position
+        self.motor.brake_closed = False
+        return device
+
+    # Time.
+
+    def _step(self, dt: float, now: float) -> None:
+        if self.dials.protocol_at_once and self._spoken != self.parameters[_PROTOCOL]:
+            self.axis.restart()
+            self._speak(int(self.parameters[_PROTOCOL]))
+        if self._silent_for > 0.0:
+            self._silent_for = max(0.0, self._silent_for - dt)
+            self._coast(dt)
+            return
+        if self._slave is not None and self.device is not None:
+            self.device.drive.dials.blocked = self.dials.blocked
+            self.device.dials.dead = self.dials.dead
+            self._slave.step(now)
+            return
+        self.axis.step(dt)
+        self._speak_up(now)
+
+    def _speak_up(self, now: float) -> None:
+        if self._spoken == Protocol.CAN_SIMPLE:
+            self._talk.step(now)
+        elif self._spoken == Protocol.EXTENDED:
+            self._beacon.step(now, self.node_id)
+
+    def _coast(self, dt: float) -> None:
+        self.motor.blocked = self.dials.blocked
+        self.shaft.push(0.0, dt)
+
+    @property
+    def _speaks(self) -> bool:
+        """Whether it is on the bus at all."""
+        line = self.dials.line_bitrate
+        return self._wired and line in (None, self._bitrate) and not self.dials.dead
+
+    @property
+    def _hears(self) -> bool:
+        return self._speaks and self._silent_for <= 0.0
+
+    # What commands and endpoints want of it.
+
+    def _save(self) -> None:
+        """Saving restarts (manual 3.1.6); a module with power on its motor does not save."""
+        if not self.energised:
+            self.parameters.save()
+            self.restart()
+
+    def _disable_can(self) -> None:
+        if not self.energised:
+            self.parameters["config.enable_can_a"] = 0
+            self._save()
+
+    def _erase(self) -> None:
+        self.parameters.erase()
+        self.restart()
+
+    def _request(self, state: Value) -> None:
+        if self.device is None:  # in CANopen the power is the controlword's
+            self.axis.request(int(state))
+
+    def _mode_written(self) -> None:
+        if self.axis.state == AxisState.CLOSED_LOOP:
+            self.axis.controller.mode_changed()
+
+    def _acts(self) -> dict[str, Callable[[Value], None]]:
+        axis = self.axis
+        controller = "axis0.controller."
+
+        def gain(name: str) -> Callable[[Value], None]:
+            return lambda value: setattr(self.axis.controller, name, float(value))
+
+        return {
+            "axis0.requested_state": self._request,
+            controller + "input_pos": lambda value: axis.controller.take(pos=float(value)),
+            controller + "input_vel": lambda value: axis.controller.take(vel=float(value)),
+            controller + "input_torque": lambda value: axis.controller.take(torque=float(value)),
+            controller + "input_mit_kp": gain("kp"),
+            controller + "input_mit_kd": gain("kd"),
+            controller + "config.control_mode": lambda _: self._mode_written(),
+            controller + "config.input_mode": lambda _: self._mode_written(),
+            "axis0.encoder.set_linear_count": lambda value: self.shaft.set_linear_count(int(value)),
+            "save_configuration": lambda _: self._save(),
+            "erase_configuration": lambda _: self._erase(),
+            "reboot": lambda _: self.restart(),
+            "clear_errors": lambda _: axis.clear(),
+        }
+
+    def _live(self) -> dict[str, Callable[[], Value]]:
+        axis, shaft, dials = self.axis, self.shaft, self.dials
+        return {
+            "error": lambda: int(axis.system_error),
+            "vbus_voltage": lambda: dials.bus_voltage,
+            "ibus": lambda: self._talk.bus_current,
+            "fw_version_major": lambda: self.firmware.major,
+            "fw_version_minor": lambda: self.firmware.minor,
+            "fw_version_revision": lambda: self.firmware.revision,
+            "axis0.error": lambda: int(axis.error),
+            "axis0.current_state": lambda: axis.state,
+            "axis0.motor.error": lambda: int(axis.motor_error),
+            "axis0.motor.fet_thermistor.temperature": lambda: dials.temperature,
+            "axis0.controller.error": lambda: int(axis.controller_error),
+            "axis0.controller.trajectory_done": lambda: axis.controller.trajectory_done,
+            "axis0.controller.input_pos": lambda: axis.controller.input_pos,
+            "axis0.controller.input_vel": lambda: axis.controller.input_vel,
+            "axis0.controller.input_torque": lambda: axis.controller.input_torque,
+            "axis0.encoder.error": lambda: int(axis.encoder_error),
+            "axis0.encoder.shadow_count": lambda: shaft.shadow_count,
+            "axis0.encoder.count_in_cpr": lambda: shaft.count_in_turn,
+            "axis0.encoder.pos_estimate": lambda: shaft.estimate,
+            "axis0.encoder.vel_estimate": lambda: shaft.velocity,
+        }

@@ -1,0 +1,59 @@
+"""What a core counts, read in another process's way: from the memory that both have."""
+
+from __future__ import annotations
+
+import mmap
+
+from axisbus.cia301.frame import Carried
+from axisbus.core.lateness import Cause, Lateness
+from axisbus.core.process import tally
+from axisbus.core.process.tally import Tally
+from axisbus.session import LatenessReport
+
+AXES, POINTS = 3, 2
+
+
+def memory() -> mmap.mmap:
+    return mmap.mmap(-1, tally.offset(AXES, POINTS) + tally.SIZE)
+
+
+def test_before_the_first_cycle_there_is_nothing():
+    reader = Tally(memory(), AXES, POINTS)
+    assert reader.lateness == LatenessReport()
+    assert reader.carried is None
+
+
+def test_what_was_counted_before_and_after_it_is_shared_is_read_by_others():
+    shared = memory()
+    lateness, reader = Lateness(), Tally(shared, AXES, POINTS)
+    lateness.note(0.002)
+    Tally(shared, AXES, POINTS).take(lateness)
+    lateness.note(0.001)
+    lateness.skip(3, Cause.COLLECTOR)
+    assert reader.lateness == lateness.report()
+    assert (reader.lateness.cycles, reader.lateness.skipped, reader.lateness.worst) == (2, 3, 0.002)
+    assert reader.lateness.causes == {"the garbage collector": 3}
+
+
+def test_what_the_bus_has_carried_is_that_of_the_last_cycle():
+    shared = memory()
+    now = Carried(1.0, 10, 80)
+    write = Tally(shared, AXES, POINTS).writer(lambda: now)
+    reader = Tally(shared, AXES, POINTS)
+    write(1.0, {})
+    now = Carried(2.0, 2**40, 2**43)
+    assert reader.carried == Carried(1.0, 10, 80)
+    write(2.0, {})
+    assert reader.carried == now
+
+
+def test_it_disturbs_no_image():
+    """The numbers lie behind whatever else is in the memory."""
+    shared = memory()
+    before = shared[: tally.offset(AXES, POINTS)]
+    lateness = Lateness()
+    Tally(shared, AXES, POINTS).take(lateness)
+    for number in range(1000):
+        lateness.note(number * 1e-5)
+    Tally(shared, AXES, POINTS).writer(lambda: Carried(1.0, 2**63, 2**63))()
+    assert shared[: tally.offset(AXES, POINTS)] == before

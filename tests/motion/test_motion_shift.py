@@ -1,0 +1,81 @@
+"""A distance that is gone on ramps, as a function: its end is met, and no rate or ramp is more than was asked for."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from axisbus.motion.commands import MoveSuperimposed
+from axisbus.motion.superimposed.addition import Addition
+from axisbus.motion.superimposed.shift import Shift
+
+SAME = settings(deadline=None, derandomize=True, max_examples=60)
+PERIOD = 0.01
+ENDS = st.floats(-50.0, 50.0)
+FAST, HARD = st.floats(5.0, 200.0), st.floats(20.0, 2000.0)
+
+
+def gone(shift: Shift, most: int = 20000) -> int:
+    """Go on to rest; return the cycles that it took."""
+    for number in range(most):
+        if shift.at_rest:
+            return number
+        shift.go(shift.wanted())
+    raise AssertionError("it does not come to rest")
+
+
+@SAME
+@given(ENDS, FAST, HARD, HARD)
+def test_an_end_is_come_to_from_rest_and_never_gone_beyond(end, velocity, up, down):
+    shift, rates, places = Shift(PERIOD), [0.0], []
+    shift.aim(end, velocity, up, down)
+    while not shift.at_rest:
+        shift.go(shift.wanted())
+        rates.append(shift.rate)
+        places.append(shift.value)
+        assert len(rates) < 20000
+    assert shift.value == end
+    assert max(map(abs, rates)) <= velocity * (1.0 + 1e-9)
+    assert all(abs(place) <= abs(end) * (1.0 + 1e-9) for place in places)
+    for before, after in pairwise(rates):
+        ramp = up if abs(after) > abs(before) else down
+        assert abs(after - before) <= ramp * PERIOD * (1.0 + 1e-9) + 1e-9
+
+
+@SAME
+@given(ENDS, ENDS, st.integers(0, 60), FAST, HARD)
+def test_another_end_is_come_to_from_any_rate(first, second, cycles, velocity, ramp):
+    shift = Shift(PERIOD)
+    shift.aim(first, velocity, ramp, ramp)
+    for _ in range(cycles):
+        shift.go(shift.wanted())
+    before = shift.rate
+    shift.aim(second, velocity, ramp, ramp)
+    assert abs(shift.wanted() - before) <= ramp * PERIOD * (1.0 + 1e-9)
+    gone(shift)
+    assert shift.value == second
+
+
+@SAME
+@given(ENDS, HARD, st.lists(st.floats(-1.0, 1.0), min_size=20, max_size=400))
+def test_a_sum_is_never_beyond_what_a_path_within_it_leaves(distance, ramp, changes):
+    """The path changes its speed at will, as hard and as fast as the axis itself may be."""
+    fastest, hardest = 100.0, 1000.0
+    addition = Addition(MoveSuperimposed(distance, fastest, ramp, ramp), PERIOD)
+    below = total = 0.0
+    for change in changes:
+        below = min(max(below + change * hardest * PERIOD, -fastest), fastest)
+        low, high = max(-fastest, total - hardest * PERIOD), min(fastest, total + hardest * PERIOD)
+        now = below + addition.step(below, low, high)
+        assert abs(now) <= fastest + 1e-6
+        assert abs(now - total) <= hardest * PERIOD + 1e-6
+        total = now
+    for _ in range(20000):  # the path goes on at rest
+        below -= min(max(below, -0.9 * hardest * PERIOD), 0.9 * hardest * PERIOD)
+        low, high = max(-fastest, total - hardest * PERIOD), min(fastest, total + hardest * PERIOD)
+        total = below + addition.step(below, low, high)
+        if addition.over:
+            break
+    assert addition.value == distance
