@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from axisbus.errors import ArgumentError, LimitError
+from axisbus.errors import ArgumentError, LimitError, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.commanding import Commanding
 from axisbus.machine.handle import Handle
@@ -31,6 +31,7 @@ from axisbus.session import Target
 from axisbus.wording import counted
 
 _KEPT = 256  # commands of which the ends are kept: more cannot be under way
+_REFUSALS = (ArgumentError, LimitError, StateError)  # of a command that has moved nothing
 
 
 class _Path(NamedTuple):
@@ -298,7 +299,11 @@ class Group:
         there, within ``position_window`` (a tenth of ``standstill_window`` where that is not known), else the handle ends with a
         StateError: nothing goes on with what was moved meanwhile, or has left its way by a stop of the drive's own.
         """
-        return self._submit("resume()", GroupContinue(tuple(self._axes)))
+        left = [end for handle, end in self._ends_at if not isinstance(handle.error, _REFUSALS)]
+        handle = self._submit("resume()", GroupContinue(tuple(self._axes)))
+        if left:
+            self._ends_at.append((handle, left[-1]))  # so that points can be added behind it
+        return handle
 
     def stream(
         self,

@@ -22,6 +22,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from axisbus.motion.blending.mode import BufferMode
+from axisbus.motion.group.bent import Bent
 from axisbus.motion.group.pieces import Corner, Piece, Place, Straight, corner, direction
 from axisbus.motion.group.travel import Asked, Travel
 from axisbus.motion.group.way import Cycle, Way, way_of
@@ -209,7 +210,7 @@ def _reckon_one(rows: _Rows, number: int) -> None:
     rows.exits[number] = min(rows.exits[number], math.sqrt(rows.exits[behind] ** 2 + gain))
 
 
-def _shortened(piece: Piece, by: float, *, at_end: bool) -> Piece:
+def _shortened(piece: Piece | Bent, by: float, *, at_end: bool) -> Piece | Bent:
     if not by:
         return piece
     assert isinstance(piece, Straight)
@@ -225,7 +226,7 @@ def _between(a: Place, b: Place, share: float) -> Place:
 
 
 def _whole(
-    way: Way, bent: Way | None, tail: Way, rows: _Rows, pieces: list[Piece], starts: list[float]
+    way: Way, bent: Way | None, tail: Way, rows: _Rows, pieces: list[Piece | Bent], starts: list[float]
 ) -> Way:
     parts = [part for part in (way, bent, tail) if part is not None]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from axisbus.errors import StateError
 from axisbus.motion.blending.join import Following
 from axisbus.motion.group.line import MOST, Line
+from axisbus.wording import counted
 
 COMMANDS = 100  # that share one motion
 
@@ -32,7 +33,7 @@ def require_joint(line: Line, following: Following, name: str) -> None:
     if line.commands >= COMMANDS or line.pieces + len(following.way.pieces) > MOST:
         raise StateError(
             f"{name}: too much is ahead of the axes already",
-            observed=f"{line.commands} commands with {line.pieces} lines and corners; allowed are {COMMANDS} with {MOST}",
+            observed=f"{counted(line.commands, 'command')}, pieces of the way: {line.pieces}; allowed are {COMMANDS} and {MOST}",
             remedy="wait for some of the handles before giving more",
         )
     why = line.why_not(following)
