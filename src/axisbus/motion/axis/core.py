@@ -48,7 +48,7 @@ from axisbus.motion.override.factor import Override
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.probing.probes import Probes
 from axisbus.motion.snapshot import Snapshot
-from axisbus.motion.states import MOVING, AxisState
+from axisbus.motion.states import AxisState
 from axisbus.motion.stop.aftermath import Aftermath
 from axisbus.motion.stop.diagnosis import FaultStory, History, chained, enrich, join_remedies
 from axisbus.motion.stop.ladder import Rung, StopLadder, Then
@@ -192,9 +192,12 @@ class AxisCore:
                 self._leave_no_old_target(image, order)
         elif self.state is _SYNCHRONIZED:
             self.last_target = order.target_position
-        image.led.note(
-            image.now, image.mode, image.demand, order.target_position, bool(order.bits & cw.NEW_SET_POINT)
-        )
+        is_edge = bool(order.bits & cw.NEW_SET_POINT)
+        if (
+            is_edge or order.target_velocity or order.target_torque
+        ):  # a target in csp pulls as long as the axis is not there
+            self.stopping.set_going_at = image.now
+        image.led.note(image.now, image.mode, image.demand, order.target_position, is_edge)
         outputs = order.outputs(image.state)
         if outputs.controlword != image.flight.word or outputs.mode is not None:
             image.flight.note(outputs, image.now)
@@ -446,8 +449,6 @@ class AxisCore:
         self._arrival.begin(activity, self.image.now)
         if state is not None:
             self.state = state
-        if state in MOVING:
-            self.stopping.set_going_at = self.image.now
 
     def go_on(self, ticket: Ticket) -> None:
         """Let what runs go on for another command, which it has been given; the one before ends as replaced."""

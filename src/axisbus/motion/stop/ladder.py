@@ -85,7 +85,7 @@ class StopLadder:
 
         ``leaving``: a change out of its mode that the drive has been asked for. The drive may have taken it already, and to be
         called back for a cycle would be a jolt: it is seen through, along the path. ``resisted_since``: see ``Activity``.
-        ``set_going_at``: when the axis was last given a motion, in seconds of the scan's clock.
+        ``set_going_at``: when its drive was last asked for motion, in seconds of the scan's clock.
         """
         self._parameters = parameters
         self._then = then

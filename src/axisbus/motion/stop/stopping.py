@@ -51,7 +51,7 @@ class Stopping:
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was asked for: the axis stays in Stopping
         self.reason = ""
-        self.set_going_at = -math.inf  # when the axis was last given a motion
+        self.set_going_at = -math.inf  # when its drive was last asked for motion
 
     @property
     def name(self) -> str:
