@@ -826,8 +826,8 @@ class Axis:
             raise ArgumentError(
                 f"{self.name}.{name}: its drive would stop between both moves",
                 observed=f'buffer is "{mode.value}", and moves of one axis are planned by its drive, each to its own rest',
-                remedy="let the master lead it: as a group of this axis alone, which goes along straight lines; or let it begin from "
-                'rest: buffer="buffered"',
+                remedy="let the master lead it: as a group of this axis alone, which goes along straight lines; or let it "
+                'begin from rest: buffer="buffered"',
             )
         return self._submit(name, command if mode is None else c.Buffered(command))
 
