@@ -6,6 +6,13 @@
 from __future__ import annotations
 
 import os
+import signal
+
+_LONGEST = 300  # seconds: a core that nothing ends must not outlive a test that was killed itself
+
+
+def _live_no_longer() -> None:
+    signal.alarm(_LONGEST)
 
 
 def _nothing(*_: object) -> None:
@@ -31,5 +38,7 @@ def _cut(name: str) -> None:
         raise SystemExit(f"no such net: {name}")
 
 
+_live_no_longer()
+os.register_at_fork(after_in_child=_live_no_longer)
 for _name in filter(None, os.environ.get("AXISBUS_CUT", "").split(";")):
     _cut(_name)
