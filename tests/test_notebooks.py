@@ -316,10 +316,31 @@ def test_the_end_of_a_kernel_stops_its_axes(tmp_path, way):
         assert stands(bench, at)
 
 
+# It tells that it has begun only where it is within the call: an interrupt before it halts, and leaves the machine open.
+CLOSES = """
+import sys, threading
+main = threading.main_thread().ident
+
+def called():
+    frame = sys._current_frames()[main]
+    while frame is not None and frame.f_code is not type(cell).close.__code__:
+        frame = frame.f_back
+    return frame is not None
+
+def tell():
+    while not called():
+        time.sleep(0.001)
+    print("begun", flush=True)
+
+threading.Thread(target=tell, daemon=True).start()
+cell.close()
+"""
+
+
 def test_an_interrupt_while_a_machine_is_closed_waits_until_all_stands(tmp_path):
     with kernel(folder_with(tmp_path), AXISBUS_PROCESS="own") as of:
         bench = turning(tmp_path, of)
-        cell = of.begin("print('begun', flush=True)\ncell.close()")
+        cell = of.begin(CLOSES)
         of.interrupt()
         assert of.end(cell).error == "KeyboardInterrupt"
         assert not bench.turns()

@@ -277,7 +277,7 @@ def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
 
 def test_a_module_of_another_protocol_stands_beside_the_devices(channel):
     module = Module(16, eds=drive_eds())
-    with StandIns(channel, [Device(drive_eds(), 40)], guests=[module]):
+    with StandIns(devices=[Device(drive_eds(), 40)], guests=[module], **options(channel)):
         master = Master(channel)
         try:
             master.until(lambda message: message.arbitration_id == 16 << 5 | 1, "its heartbeat")
