@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import pytest
@@ -12,7 +12,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from axisbus.motion.group.path import polyline, window
-from axisbus.motion.group.softened import Soft
+from axisbus.motion.group.pieces import corner
+from axisbus.motion.group.softened import Soft, softened
+from axisbus.motion.group.stretch import Stretch
 from axisbus.motion.group.travel import Travel
 from axisbus.motion.group.way import Cycle, Way, way_of
 from axisbus.motion.parameters import Limits
@@ -105,6 +107,38 @@ def test_the_jerk_is_used_where_corners_are_what_limits():
     assert 0.9 * 5000.0 < trip.highest(3, 0.004) <= 5000.0 * (1 + 1e-6)
     through = min(math.hypot(*row) for row in differences(trip.places, 1, 0.004)[100:-100])
     assert through > 10.0  # and no corner is stopped at
+
+
+@pytest.mark.parametrize(
+    ("turn", "length", "blend", "hard", "mean"),
+    [(0.32, 60.0, 0.05, 2000.0, 0.45), (0.2, 20.0, 0.3, 200.0, 0.45)],
+)
+def test_what_is_asked_of_a_short_corner_holds_as_far_before_and_behind_as_the_mean_reaches(
+    turn, length, blend, hard, mean
+):
+    points = [(0.0, 0.0), (length, 0.0), (length * (1.0 + math.cos(turn)), length * math.sin(turn))]
+    jerk = 2.0 * hard / mean
+    trip = gone(*planned(points, blend, [Limits()] * 2, 200.0, hard, jerk, 0.004), 200.0, 0.004)
+    assert trip.highest(3, 0.004) <= jerk * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.5, 2.9])
+@pytest.mark.parametrize("hard", [100.0, 5000.0])
+def test_through_a_corner_what_speeds_up_and_what_turns_together_make_the_jerk(turn, hard):
+    """At its highest speed and acceleration, and that changing, either way: by differences of its places in a very short time."""
+    soft, t = Soft(2.0 * hard / 0.3, 0.3, hard), 1e-4
+    found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, room=50.0)
+    assert found is not None
+    part = softened(found, [Stretch(0, found.length, 1e9, 1e9)], soft)[0]
+    v, times = part.top, [-1.5 * t, -0.5 * t, 0.5 * t, 1.5 * t]
+    jerks = []
+    for a, j in product(
+        (part.ramp, -part.ramp), (2.0 * part.ramp / soft.seconds, -2.0 * part.ramp / soft.seconds)
+    ):
+        for begin in (found.length * n / 400 for n in range(20, 381)):
+            places = [found.at(begin + d * (v + d * (0.5 * a + d * j / 6.0))) for d in times]
+            jerks.append(math.hypot(*differences(places, 3, t)[0]))
+    assert 0.9 * soft.jerk < max(jerks) <= 1.001 * soft.jerk
 
 
 def test_a_mean_without_slower_corners_would_be_more_sudden():
