@@ -9,8 +9,9 @@ from itertools import pairwise
 import pytest
 
 from axisbus.eds.builtin import resolve
-from axisbus.errors import ArgumentError, DriveError, LimitError, StateError
+from axisbus.errors import ArgumentError, DriveError, Interrupted, LimitError, StateError
 from axisbus.motion.states import AxisState
+from axisbus.motion.trajectory import Trapezoid
 from axisbus.sim.device import Device
 from kit.cell import GENERIC, MODULE, cell_text
 from kit.virtual import virtual
@@ -217,6 +218,97 @@ def test_a_led_move_is_overridden_held_and_keeps_its_jerk(story):
     assert cell.where("x") == pytest.approx(300.0, abs=NEAR)
 
 
+@pytest.mark.parametrize("moment", [0.0, 0.02, 0.15, 0.5, 1.0])
+@pytest.mark.parametrize("target", [300.0, 40.0, -50.0])
+def test_a_led_move_takes_over_from_another_without_a_jump(story, moment, target):
+    """In the midst of speeding up or on its way, farther, back, and to where it cannot stop any more."""
+    cell = soft(story, MODULE)
+    led = Led(cell)
+    first = cell.x.move_absolute(200.0)
+    cell.run(moment)
+    begun = cell.x.velocity
+    second = cell.x.move_absolute(target)
+    cell.run(0.1)
+    assert isinstance(first.exception(), Interrupted)
+    assert moment < 0.3 or cell.x.velocity > 0.5 * begun
+    assert cell.end_of(second) is None
+    assert cell.where("x") == pytest.approx(target, abs=NEAR)
+    assert led.worst(3) <= JERK * 1.001
+    assert led.worst(2) <= 500.0 * 1.001
+
+
+def test_a_led_move_with_another_jerk_takes_over_velocity_and_acceleration(story):
+    cell = soft(story, MODULE)
+    led = Led(cell)
+    cell.x.move_absolute(200.0)
+    cell.run(0.3)
+    assert cell.end_of(cell.x.move_absolute(-40.0, jerk=2.0 * JERK)) is None
+    assert led.worst(2) <= 500.0 * 1.001
+    assert led.worst(3) <= 2.0 * JERK * 1.001
+
+
+def test_out_of_a_trajectory_a_led_move_goes_on_with_its_velocity(story):
+    cell = soft(story, MODULE)
+    led = Led(cell)
+    cell.x.follow(Trapezoid(0.0, 200.0, 100.0, 500.0))
+    cell.run(1.2)
+    assert cell.x.velocity == pytest.approx(100.0, abs=2.0)
+    led.forget()
+    assert cell.end_of(cell.x.move_absolute(60.0)) is None
+    assert cell.where("x") == pytest.approx(60.0, abs=NEAR)
+    assert led.worst(2) <= 500.0 * 1.001
+    assert led.worst(3) <= JERK * 1.001
+
+
+def test_out_of_a_led_move_a_line_may_begin_only_at_rest_and_a_move_without_jerk_goes_on(story):
+    cell = soft(story, MODULE)
+    cell.x.move_absolute(200.0)
+    cell.run(0.6)
+    assert cell.end_of(cell.x.move_absolute(20.0, jerk=math.inf)) is None
+    assert cell.where("x") == pytest.approx(20.0, abs=NEAR)
+
+
+def test_a_target_that_would_lead_a_led_move_beyond_its_limits_is_refused(story):
+    cell = soft(story, MODULE, axis="position_limits = [-10.0, 205.0]")
+    first = cell.x.move_absolute(200.0, velocity=300.0)
+    cell.run(0.62)
+    error = cell.failure_of(cell.x.move_absolute(100.0, acceleration=150.0))
+    assert isinstance(error, LimitError)
+    assert "could not stop within the position limits" in str(error)
+    assert cell.end_of(first) is None
+    assert cell.where("x") == pytest.approx(200.0, abs=NEAR)
+
+
+def test_a_halt_out_of_a_led_move_that_took_over_brakes_as_hard_as_without(story):
+    cell = soft(story, MODULE)
+    cell.x.move_absolute(200.0)
+    cell.run(0.5)
+    cell.x.move_absolute(300.0)
+    cell.run(0.3)
+    begun, speed = cell.now, cell.x.velocity
+    assert cell.end_of(cell.x.halt()) is None
+    assert cell.now - begun < speed / 500.0 + 0.3
+    assert cell.end_of(cell.x.move_absolute(0.0)) is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_targets_on_the_way_keep_jerk_and_acceleration(story, seed):
+    cell, chance = soft(story, MODULE), random.Random(seed)
+    led, target, handles = Led(cell), 0.0, []
+    for _ in range(25):
+        target = chance.choice([chance.uniform(-150.0, 150.0), target + 0.5])
+        handles.append(cell.x.move_absolute(target, velocity=chance.choice([30.0, 150.0, 300.0])))
+        cell.run(chance.choice([0.0, 0.01, 0.05, 0.3, 1.0]))
+        if chance.random() < 0.3:
+            cell.x.set_override(chance.choice([0.0, 0.3, 1.0, 1.5])).wait()
+    cell.x.set_override(1.0).wait()
+    assert cell.end_of(handles[-1]) is None
+    assert all(not handle.busy for handle in handles)
+    assert cell.where("x") == pytest.approx(target, abs=NEAR)
+    assert led.worst(3) <= JERK * 1.001
+    assert led.worst(2) <= 500.0 * 1.001
+
+
 def test_a_virtual_axis_is_led_softly_too(story):
     cell = story.simulated(text=cell_text("", more=virtual("max_velocity = 400.0")))
     v = cell["v"]
@@ -243,9 +335,9 @@ def test_several_axes_move_directly_each_in_its_own_way(story):
 # -- what is refused, and told ---------------------------------------------------------------------------------------------
 
 
-def test_a_led_move_begins_at_rest_and_says_why(story):
+def test_a_led_move_does_not_take_over_from_what_the_drive_plans_and_says_why(story):
     cell = soft(story, MODULE)
-    first = cell.x.move_absolute(300.0)
+    first = cell.x.move_absolute(300.0, jerk=math.inf)
     cell.run(0.5)
     error = cell.failure_of(cell.x.move_absolute(0.0))
     assert isinstance(error, StateError)

@@ -27,6 +27,13 @@ class Clock(Protocol):
         """Go on by one cycle of ``period`` seconds."""
 
 
+class Guided(Clock, Protocol):
+    """A clock that knows by itself how to come to rest."""
+
+    def brake(self) -> None:
+        """Come to rest; a second call changes nothing."""
+
+
 class PathClock:
     """The time along a trajectory. It advances by one period per executed cycle, and can be slowed, held, and braked to a stop.
 

@@ -17,7 +17,6 @@ from axisbus.motion.braking import Course
 from axisbus.motion.coupling.coupled import Coupled, LetGo
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.path import window
 from axisbus.motion.jerk.shape import Shaped
 from axisbus.motion.jerk.soft import SoftMove
 from axisbus.motion.leading import Leading
@@ -98,15 +97,20 @@ def _move_softly(core: AxisCore, target: int, profile: Profile, ticket: Ticket, 
             + ("how its velocity counts is not known" if not profile.speed else "it has not that mode"),
             remedy=f"move without jerk (leave it out of the command, and out of [axes.{parameters.name}.defaults])",
         )
+    soft = core.activity if isinstance(core.activity, SoftMove) else None
+    before = path_of(core) or (soft if soft is not None and soft.has_begun else None)
     try:
         require_cyclic(core, ticket, _M.CYCLIC_SYNC_POSITION)
-        require_rest(core, ticket)
+        if soft is None or not soft.waits:
+            require_rest(core, ticket, before)
     except StateError as error:
         error.observed = "; ".join(text for text in (error.observed, lacking) if text)
         raise
-    unit = abs(parameters.units.position.factor)
-    window(profile.ramp / unit, profile.softness, parameters.scan_period, ticket.name)
-    core.begin(SoftMove(target, profile, parameters, gate, ticket.name), ticket, AxisState.DISCRETE_MOTION)
+    move = SoftMove(target, profile, parameters, gate, ticket.name, before)
+    if before is not None:
+        _go_on(core, move, ticket)
+    else:
+        core.begin(move, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
 
 

@@ -128,7 +128,7 @@ class Travel:
         number = way.number(self._ahead)
         slowest = self.speed - way.ramps[number] * period
         top, leave, left = way.tops[number], way.leaves[number], way.marks[number + 1] - self._ahead
-        bound = self._bound_by(leave, way.ramps[number], left, period)
+        bound = slow_enough(self.speed, leave, way.ramps[number], left, period)
         return slowest <= min(top, bound) + _LEAST * top or self.speed == 0.0
 
     @property
@@ -187,7 +187,7 @@ class Travel:
         """Return the highest speed after ``period`` with which the stretch can be left as slowly as it must."""
         way = self._way
         left = way.marks[number + 1] - self._ahead
-        return self._bound_by(way.leaves[number], way.ramps[number], left, period)
+        return slow_enough(self.speed, way.leaves[number], way.ramps[number], left, period)
 
     def _ask(self, asked: Asked, period: float) -> None:
         """Find the velocity that is asked for now, so that the stretch is left with what is asked for there."""
@@ -195,14 +195,14 @@ class Travel:
         ramp, left = self._way.ramps[number], self._way.marks[number + 1] - self._ahead
         self.velocity = asked.velocities[number]
         if asked.exits[number] < self.velocity and factor > 0.0:
-            bound = self._bound_by(factor * asked.exits[number], ramp, left, period)
+            bound = slow_enough(self.speed, factor * asked.exits[number], ramp, left, period)
             self.velocity = min(self.velocity, bound / factor)
 
-    def _bound_by(self, leave: float, ramp: float, left: float, period: float) -> float:
-        """Return the same for a stretch of which ``left`` is ahead, and that is to be left with ``leave``."""
-        v = self.speed
-        half = 0.5 * ramp * period
-        more = leave * leave + ramp * (
-            2.0 * left - v * period
-        )  # than half²: as it is, so that nothing is lost by a difference
-        return more / (math.sqrt(half * half + more) + half) if more > 0.0 else 0.0
+
+def slow_enough(v: float, leave: float, ramp: float, left: float, period: float) -> float:
+    """Return the highest speed after ``period``, from ``v``, with which ``left`` can be left with ``leave`` at most."""
+    half = 0.5 * ramp * period
+    more = leave * leave + ramp * (
+        2.0 * left - v * period
+    )  # than half²: as it is, so that nothing is lost by a difference
+    return more / (math.sqrt(half * half + more) + half) if more > 0.0 else 0.0

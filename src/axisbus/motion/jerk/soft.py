@@ -2,84 +2,137 @@
 
 Theory of operation
 -------------------
-It is a line of one axis: its travel, with the mean of the last cycles (``group.travel``), is that of a group's line. So an override
-changes its speed within the same jerk. A halt does not wait for that: it brakes with the axis's own deceleration, as hard as it
-would without.
+The axis is led by a ``Walk``, from rest or from what leads it already: from another such move without a jump of its acceleration,
+from all else with an acceleration that is 0 at once. A halt does not wait for that: it brakes with the axis's own deceleration, as
+hard as it would without.
 """
 
 from __future__ import annotations
 
-from axisbus.errors import MotionTimeout
+import math
+from dataclasses import dataclass
+
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
-from axisbus.motion.group.along import Along, Share
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.path import plan_line, window_of
-from axisbus.motion.group.travel import Travel
-from axisbus.motion.moves.activity import where_text
+from axisbus.motion.group.path import window
+from axisbus.motion.jerk.walk import Gait, Led, Walk, walk_from
 from axisbus.motion.moves.follow import Follow
+from axisbus.motion.moves.goingon import GoingOn
+from axisbus.motion.moves.onward import Onward, Start
 from axisbus.motion.moves.profile import Profile
-from axisbus.motion.override.factor import FASTER, spared
+from axisbus.motion.override.factor import FASTER
 from axisbus.motion.parameters import AxisParameters
 
 
-class SoftMove(Follow):
-    """One axis on its way from rest to a position in csp; holds its goal and its deadline."""
+@dataclass(frozen=True, slots=True)
+class _Walked:
+    """Where a walk leads an axis, as a trajectory: it is asked for the present place alone."""
 
-    foresees = False
+    walk: Walk
+    span: tuple[float, float]
+    top_speed: float
+    top_acceleration: float
+    duration: float = 1.0
+
+    def position(self, _t: float) -> float:
+        """Return the place of this cycle."""
+        return self.walk.led.place
+
+
+class SoftMove(GoingOn):
+    """One axis on its way to a position in csp; holds its walk, once it has begun."""
 
     def __init__(
-        self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, name: str
+        self,
+        target: int,
+        profile: Profile,
+        parameters: AxisParameters,
+        gate: Gate,
+        name: str,
+        before: Follow | None = None,
     ) -> None:
-        """``target`` in unwrapped increments; ``profile`` with all of its ratios, and a jerk; ``name`` says what was asked for."""
-        super().__init__(None, parameters, gate, Travel())
-        self._goal = target
-        self._profile = profile
-        self._name = name
-        self._deadline: float | None = None
+        """``target`` in unwrapped increments; ``profile`` with all of its ratios, and a jerk.
+
+        ``name`` says what was asked for; ``before``: what leads the axis now, None at rest.
+
+        Raises:
+            LimitError: the jerk is so small that it takes seconds until anything happens.
+        """
+        super().__init__(target, profile, parameters, gate, before)
+        unit = abs(self._units.factor)
+        assert profile.speed
+        assert profile.ramp
+        speed, limit = profile.speed / unit, parameters.limits.velocity or math.inf
+        self._gait = Gait(speed, profile.ramp / unit, min(FASTER * speed, limit))
+        self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
+        self.walk: Walk | None = None
 
     def step(self, image: Image, order: Order) -> bool:
         """Return True when the axis has come up with its target."""
-        travel = self._travel
-        if travel is not None:
-            travel.factor = image.override
-            if self._running:
-                travel.advance(self._period)
-            elif self._prepared and self._trajectory is None:
-                self._plan(travel, image)
-        if super().step(image, order):
-            return True
-        self._check_deadline(image)
-        return False
+        walk = self.walk
+        if walk is not None:
+            walk.factor = image.override
+            if self._running and self.clock is walk:
+                walk.advance(self._period)
+        elif self._before is None and self._prepared:
+            here = self._units.to_units(self.reference(image) - image.origin)
+            self._walk_from(Led(here), image.origin)
+        return super().step(image, order)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether it leads the axis, or holds it where it ends."""
+        return self._before is None and self._running
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has moved nothing yet, and the axis stood when it was asked for."""
+        return self._before is None and not self._running
 
     def begin_braking(self) -> bool:
         """Begin to brake by the axis's own deceleration, as hard as without a limit of jerk; along the way where none is known."""
-        return self.brake_alone() or super().begin_braking()
+        if self._before is None and self.brake_alone():
+            return True
+        return super().begin_braking()
 
-    def _plan(self, travel: Travel, image: Image) -> None:
-        units, profile, name = self._parameters.units.position, self._profile, self._parameters.name
-        start, end = (units.to_units(place - image.origin) for place in (self.reference(image), self._goal))
-        assert profile.speed
-        assert profile.ramp
-        unit = abs(units.factor)
-        asked = profile.speed / unit, profile.ramp / unit
-        way, velocity = plan_line({name: start}, {name: end}, {name: self._parameters}, *asked, self._name)
-        window = window_of(way, abs(end - start), profile.softness, self._period, self._name)
-        along = Along(way, 0.0, (start,))
-        self.begin(Share(along, 0, FASTER * velocity))
-        travel.begin(way, velocity, 0.0, window)
+    def plan(self, origin: int) -> Onward:
+        """Return how what is in front goes to the target without a limit of jerk; it needs room, and the axis no more."""
+        walk, gait = self.walk or self._soft_before, self._gait
+        start = Start(*self.last_step) if walk is None else Start(walk.ahead, walk.speed)
+        return Onward(start, self._units.to_units(self._goal - origin), gait.velocity, gait.ramp, gait.ramp)
 
-    def _check_deadline(self, image: Image) -> None:
-        timeout = self._profile.timeout
-        if timeout is None:
-            return
-        self._deadline = image.now + timeout if self._deadline is None else self._deadline
-        self._deadline += spared(image.override, self._period)
-        if image.now > self._deadline:
-            name, units = self._parameters.name, self._units
-            raise MotionTimeout(
-                f"{name}: has not arrived at {units.to_units(self._goal - image.origin):g} {units.unit}",
-                axis=name,
-                observed=f"position {where_text(image, self._parameters)}; the timeout of {timeout:g} s has passed",
-                remedy="give more time, or look whether the axis is blocked",
-            )
+    @property
+    def _soft_before(self) -> Walk | None:
+        """The walk that leads the axis now, with the places where the axis is led to."""
+        before = self._before
+        if not isinstance(before, SoftMove) or before.walk is None or before.clock is not before.walk:
+            return None
+        if before._addition is not None:
+            return None
+        return before.walk.turned(before.walk.target, before._gait, before.shifted)
+
+    def _take_over(self, before: Follow, image: Image) -> None:
+        walk, goal = self._soft_before, self._units.to_units(self._goal - image.origin)
+        if walk is not None and walk.window == self._window:
+            self._take(walk.turned(goal, self._gait, 0.0), image.origin)
+        else:
+            step = before.last_step
+            self._walk_from(Led(step.position, step.velocity) if walk is None else walk.led, image.origin)
+        self.resume(before)
+        self._before = None
+        assert self.walk is not None
+        self.walk.factor = image.override
+        self.walk.advance(self._period)
+
+    def _walk_from(self, led: Led, origin: int) -> None:
+        goal = self._units.to_units(self._goal - origin)
+        self._take(walk_from(led, goal, self._gait, self._window, self._period), origin)
+
+    def _take(self, walk: Walk, origin: int) -> None:
+        """Be led by a walk from now on."""
+        self.walk = walk
+        path = self.plan(origin)
+        places = (*path.span, walk.led.place)
+        speed = max(self._gait.top, abs(walk.speed))
+        self.guide_by(walk, _Walked(walk, (min(places), max(places)), speed, self._gait.ramp))

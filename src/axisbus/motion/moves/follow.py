@@ -14,7 +14,6 @@ from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.image import Image
 from axisbus.motion.axis.order import Order
 from axisbus.motion.group.gate import Gate
-from axisbus.motion.group.travel import Travel
 from axisbus.motion.leading import Leading
 from axisbus.motion.moves.activity import Activity, ModeSwitch, require_position, where_text
 from axisbus.motion.moves.guarded import Guarded
@@ -27,7 +26,7 @@ from axisbus.motion.moves.streamed import Streamed
 from axisbus.motion.override.factor import FASTER
 from axisbus.motion.pace import Pace, Ramped, Step, TooMuch, brakes_smoothly, pace_of
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.pathclock import Clock, PathClock
+from axisbus.motion.pathclock import Clock, Guided, PathClock
 from axisbus.motion.superimposed.addition import Addition
 from axisbus.motion.superimposed.room import admit, look_ahead
 from axisbus.motion.trajectory import Trajectory
@@ -59,7 +58,7 @@ class Follow(Activity):
         trajectory: Trajectory | None,
         parameters: AxisParameters,
         gate: Gate,
-        travel: Travel | None = None,
+        travel: Guided | None = None,
     ) -> None:
         """``trajectory`` None: the group sets it with ``begin`` while all wait at the gate, and goes on along its own ``travel``.
 
@@ -72,7 +71,7 @@ class Follow(Activity):
         self._units = parameters.units.position
         self._period = parameters.scan_period
         self._gate = gate
-        self._travel = travel
+        self._travel: Guided | None = travel
         self._own_clock = travel is None
         self._time = PathClock()
         self.clock: Clock = travel or self._time
@@ -219,6 +218,12 @@ class Follow(Activity):
         if isinstance(trajectory, Streamed):
             self._stream = trajectory
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
+
+    def guide_by(self, guide: Guided, trajectory: Trajectory) -> None:
+        """Be led by what goes on by itself, not by time."""
+        self._travel = self.clock = guide
+        self._own_clock = False
+        self.begin(trajectory)
 
     def take_stepped(self) -> bool:
         """Return whether it was stepped, by its axis's command or stop, since the last call."""

@@ -36,7 +36,7 @@ class GoingOn(Follow):
     foresees = False
 
     def __init__(
-        self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, before: Follow
+        self, target: int, profile: Profile, parameters: AxisParameters, gate: Gate, before: Follow | None
     ) -> None:
         """``target`` in unwrapped increments; ``profile`` with ``speed``, ``up`` and ``down`` known."""
         super().__init__(None, parameters, gate)
