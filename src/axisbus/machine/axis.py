@@ -356,7 +356,7 @@ class Axis:
         """Move to ``position`` (MC_MoveAbsolute, profile position mode).
 
         ``jerk`` (unit/s³): the acceleration changes by no more in a second; ``math.inf``: at once, whatever the default is. A drive
-        with 60A4h and 6086h limits it; any other, and a virtual axis, is led by the master in csp, from rest. A halt and a stop are
+        with 60A4h and 6086h limits it; any other, and a virtual axis, is led by the master in csp. A halt and a stop are
         as without.
         ``direction`` is for endless axes (``modulo``): 0 shortest way, 1 positive, -1 negative. ``timeout`` in seconds replaces the
         deadline that the master works out.
