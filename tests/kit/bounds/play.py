@@ -1,4 +1,4 @@
-"""One random play of three axes: lines, paths, blended moves, circles, streams, trajectories, gears, replans, overrides, halts and resumes."""
+"""One random play of three axes: ways, blended moves, streams, trajectories, gears, replans, overrides, halts and resumes."""
 
 from __future__ import annotations
 
